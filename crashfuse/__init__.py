@@ -1,0 +1,1 @@
+"""crashfuse: fuse CAE crash pulses with a handful of physical tests, and prove how good the result is."""

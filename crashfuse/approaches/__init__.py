@@ -1,0 +1,1 @@
+"""One file an approach, one contract for all."""

@@ -1,0 +1,79 @@
+"""The contract that all approaches share: fit on a campaign without the held-out test, predict at a condition."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Self
+
+import numpy as np
+
+from crashfuse.campaign import Campaign
+from crashfuse.progress import SILENT, Watch
+from crashfuse.pulse import GRID_S, Condition, FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The pulse that an approach expects at a condition.
+
+    Parameters
+    ----------
+    condition : Condition
+    accel_mps2 : ndarray, shape (1250,)
+        The central prediction on :data:`crashfuse.pulse.GRID_S`, m/s².
+    draws_mps2 : ndarray, shape (n_draws, 1250), optional
+        Equally likely whole pulses; None where the approach has no band.
+    notes : tuple of str
+        What the reader must know: extrapolation, where the CAE pulse came from, a fit that had to be retried.
+    """
+
+    condition: Condition
+    accel_mps2: FloatArray
+    draws_mps2: FloatArray | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def time_s(self) -> FloatArray:
+        """The study grid in s, shape (1250,)."""
+        return GRID_S
+
+    def band(self, level: float = 0.95) -> tuple[FloatArray, FloatArray] | None:
+        """Central prediction interval at each time as (lower, upper) in m/s², or None."""
+        if self.draws_mps2 is None:
+            return None
+        tail = (1 - level) / 2
+        lower, upper = np.quantile(self.draws_mps2, [tail, 1 - tail], axis=0)
+        return lower, upper
+
+
+class Approach(ABC):
+    """One way to predict a pulse. Learned attributes end in an underscore; hyperparameters are a frozen config.
+
+    Attributes
+    ----------
+    name : str
+        The name in every file and call.
+    label : str
+        The name in figures and tables.
+    """
+
+    name: ClassVar[str]
+    label: ClassVar[str]
+
+    @abstractmethod
+    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+        """Learn from the campaign as it is handed over: held-out tests have been taken out of it already."""
+
+    @abstractmethod
+    def predict(self, condition: Condition) -> Prediction:
+        """Predict the pulse at a condition.
+
+        Raises
+        ------
+        NotFittedError
+            If called before :meth:`fit`.
+        """
+
+    @property
+    def state(self) -> dict[str, object]:
+        """What the fit found, as plain JSON values, for study.json and the pages."""
+        return {}

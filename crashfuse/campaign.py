@@ -1,0 +1,138 @@
+"""The campaign: the CAE runs and the tests of one vehicle, and the fingerprint that names their exact content."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from crashfuse.errors import UsageError
+from crashfuse.pulse import GRID_S, Condition, FloatArray, Pulse
+from crashfuse.units import LB, MPH
+
+_SAME_CONDITION = 1e-4  # relative: a table's rounding, well below any weighing
+_AXES = (("speed", MPH, "mph"), ("front weight", LB, "lb"), ("rear weight", LB, "lb"))
+
+
+@dataclass(frozen=True, eq=False)
+class CrashTest:
+    """A physical test: its id, its condition and its pulse on the study grid."""
+
+    id: str
+    condition: Condition
+    pulse: Pulse
+
+
+@dataclass(frozen=True, eq=False)
+class CaeLibrary:
+    """All CAE runs of a campaign.
+
+    Parameters
+    ----------
+    ids : tuple of str
+    conditions : tuple of Condition
+    accel_mps2 : ndarray of float32, shape (n_runs, 1250)
+        Signed acceleration in m/s² on :data:`crashfuse.pulse.GRID_S`.
+    """
+
+    ids: tuple[str, ...]
+    conditions: tuple[Condition, ...]
+    accel_mps2: npt.NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @cached_property
+    def vectors(self) -> FloatArray:
+        """Conditions as rows [v0, wf, wr] in m/s and kg, shape (n_runs, 3)."""
+        return np.array([condition.vector for condition in self.conditions])
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of ids, conditions and every sample."""
+        digest = hashlib.sha256()
+        for run_id, condition in zip(self.ids, self.conditions, strict=True):
+            digest.update(f"{run_id}|{condition!r}\n".encode())
+        digest.update(np.ascontiguousarray(self.accel_mps2).tobytes())
+        return digest.hexdigest()
+
+    def paired_run(self, condition: Condition) -> int | None:
+        """Index of the run made at this very condition (to 1e-4 of its values), or None."""
+        target = condition.vector
+        gap = np.abs(self.vectors - target) / np.abs(target)
+        same = np.flatnonzero((gap < _SAME_CONDITION).all(axis=1))
+        return int(same[0]) if same.size else None
+
+    def extrapolation(self, condition: Condition) -> tuple[str, ...]:
+        """One sentence for every input that lies outside the range the CAE runs cover; empty when none does."""
+        low, high = self.vectors.min(axis=0), self.vectors.max(axis=0)
+        notes = []
+        for (name, unit, symbol), x, lo, hi in zip(_AXES, condition.vector, low, high, strict=True):
+            tolerance = _SAME_CONDITION * hi
+            if x < lo - tolerance or x > hi + tolerance:
+                notes.append(
+                    f"Extrapolation: {name} {x / unit:.4g} {symbol} lies outside the CAE runs' "
+                    f"{lo / unit:.4g}–{hi / unit:.4g} {symbol}."
+                )
+        return tuple(notes)
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Everything known about one vehicle: CAE runs and tests, all on the study grid.
+
+    Parameters
+    ----------
+    name : str
+    cae : CaeLibrary
+    tests : tuple of CrashTest
+    notice : str
+        A sentence to show wherever the campaign is shown ("synthetic", say); empty for none.
+    warnings : tuple of str
+        What the check noticed that is allowed but worth knowing.
+    """
+
+    name: str
+    cae: CaeLibrary
+    tests: tuple[CrashTest, ...]
+    notice: str = ""
+    warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of the CAE runs and the tests: equal content, equal fingerprint, whatever the files looked like."""
+        digest = hashlib.sha256(self.cae.fingerprint.encode())
+        for test in self.tests:
+            digest.update(f"{test.id}|{test.condition!r}\n".encode())
+            digest.update(test.pulse.accel_mps2.tobytes())
+        return digest.hexdigest()
+
+    @property
+    def test_ids(self) -> tuple[str, ...]:
+        """Ids of the tests in the order of the table."""
+        return tuple(test.id for test in self.tests)
+
+    def test(self, test_id: str) -> CrashTest:
+        """The test with this id.
+
+        Raises
+        ------
+        UsageError
+            If there is none.
+        """
+        for test in self.tests:
+            if test.id == test_id:
+                return test
+        raise UsageError(f"There is no test {test_id!r} in {self.name}; it has {', '.join(self.test_ids)}.")
+
+    def without(self, test_ids: Sequence[str]) -> "Campaign":
+        """The campaign with these tests held out: what predicts them may see this and nothing else."""
+        held_out = {self.test(test_id).id for test_id in test_ids}
+        return replace(self, tests=tuple(test for test in self.tests if test.id not in held_out))
+
+    @property
+    def time_s(self) -> FloatArray:
+        """The common time grid in s, shape (1250,)."""
+        return GRID_S

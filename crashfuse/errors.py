@@ -1,0 +1,68 @@
+"""The one tree of exceptions: catch :class:`CrashfuseError` and you have caught them all."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+class CrashfuseError(Exception):
+    """Base of every error that crashfuse raises on purpose; its text is a sentence for the user."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing that is wrong with the data, and what to do about it.
+
+    Parameters
+    ----------
+    where : str
+        The file (relative to the campaign folder), upload or signal.
+    expected, found : str
+        What the contract asks for and what is there instead.
+    advice : str
+        What to do, as an instruction.
+    column, row : str, int, optional
+        Where in the file; rows count the header as row 1, as a spreadsheet does.
+    """
+
+    where: str
+    expected: str
+    found: str
+    advice: str
+    column: str | None = None
+    row: int | None = None
+
+    def __str__(self) -> str:
+        place = self.where
+        if self.column is not None:
+            place += f", column {self.column}"
+        if self.row is not None:
+            place += f", row {self.row}"
+        return f"{place}: expected {self.expected}, found {self.found}; {self.advice}."
+
+
+class DataError(CrashfuseError):
+    """The data are wrong. Holds every problem that was found, not only the first (exit code 1).
+
+    Parameters
+    ----------
+    problems : Problem or sequence of Problem
+    """
+
+    def __init__(self, problems: Problem | Sequence[Problem]) -> None:
+        self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+    def __reduce__(self) -> tuple[type["DataError"], tuple[tuple[Problem, ...]]]:
+        return type(self), (self.problems,)  # a worker process hands it back whole
+
+
+class UsageError(CrashfuseError):
+    """What was asked for does not exist or makes no sense (exit code 2)."""
+
+
+class NotFittedError(CrashfuseError):
+    """A prediction was asked of an approach that has not been fitted."""
+
+
+class Cancelled(CrashfuseError):
+    """The user stopped the computation; nothing was lost, finished parts stay in the cache."""

@@ -1,0 +1,56 @@
+"""How long computations tell what they do, and are told to stop."""
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from crashfuse.errors import Cancelled
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """One report: ``done`` of ``total`` units of ``step``, and numbers worth showing (a loss, say)."""
+
+    step: str
+    done: int
+    total: int
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def fraction(self) -> float:
+        """Share of the step that is done, 0 to 1."""
+        return self.done / self.total if self.total else 1.0
+
+
+class Watch:
+    """Handed to everything that takes long: it reports here, and here it learns that it should stop.
+
+    Parameters
+    ----------
+    on_progress : callable, optional
+        Called with a :class:`Progress` at each report, in the computing thread.
+    cancel : threading.Event, optional
+        Once set, the next report raises :class:`crashfuse.errors.Cancelled`.
+    """
+
+    def __init__(
+        self, on_progress: Callable[[Progress], None] | None = None, cancel: threading.Event | None = None
+    ) -> None:
+        self._on_progress = on_progress
+        self._cancel = cancel
+
+    def report(self, step: str, done: int, total: int, **values: float) -> None:
+        """Tell how far ``step`` is.
+
+        Raises
+        ------
+        Cancelled
+            If the user asked to stop.
+        """
+        if self._cancel is not None and self._cancel.is_set():
+            raise Cancelled(f"Stopped on request during: {step}.")
+        if self._on_progress is not None:
+            self._on_progress(Progress(step, done, total, values))
+
+
+SILENT = Watch()
