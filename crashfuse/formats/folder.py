@@ -1,0 +1,144 @@
+"""The campaign folder: settings, both condition tables, both sources of pulses, checked as a whole."""
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.errors import DataError, Problem
+from crashfuse.formats.pulses import PulseSource
+from crashfuse.formats.tables import ConditionTable, read_conditions
+from crashfuse.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
+from crashfuse.units import KPH, MPH, G
+
+_FEWEST_RUNS = 10
+_TEST_STOPS = (0.7, 1.6)  # ΔV over v0: from "not yet stopped at 100 ms" to more rebound than any car has
+_RUN_STOPS = (0.3, 2.5)
+_CREEP_MPS = 1.0  # below this speed noise decides ΔV over v0
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    name: str
+    notice: str = ""
+    channel_filter_class: float | None = None
+
+
+def load_campaign(folder: str | Path) -> Campaign:
+    """Read and check a campaign folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+        With ``tests.csv`` and ``cae.csv``, the pulses of each as ``<source>/<id>.csv`` (or ``.parquet``) or
+        ``<source>_pulses.parquet`` (or ``.csv``), and optionally ``campaign.toml``.
+
+    Returns
+    -------
+    Campaign
+        All pulses on the study grid, m/s².
+
+    Raises
+    ------
+    DataError
+        With every problem of the folder, not only the first.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise DataError(Problem(str(folder), "a campaign folder", "no such folder", "check the path"))
+    problems: list[Problem] = []
+    warnings: list[str] = []
+    settings = _read_settings(folder, problems, warnings)
+    tables: dict[str, ConditionTable] = {}
+    pulses: dict[str, FloatArray] = {}
+    for source in ("tests", "cae"):
+        table = read_conditions(folder / f"{source}.csv", standstill_allowed=source == "cae", problems=problems)
+        if table is None:
+            continue
+        reader = PulseSource(folder, source, settings.channel_filter_class)
+        tables[source], pulses[source] = table, reader.read(table.ids)
+        if not reader.problems:
+            _check_physics(source, table, pulses[source], reader.problems)
+        problems.extend(reader.problems)
+        warnings.extend(_shortened(reader.warnings))
+    _check_counts(tables, problems)
+    if problems:
+        raise DataError(problems)
+    cae = CaeLibrary(tables["cae"].ids, tables["cae"].conditions, pulses["cae"].astype(np.float32, copy=False))
+    cae.accel_mps2.flags.writeable = False
+    tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
+    crash_tests = tuple(CrashTest(test_id, condition, Pulse(GRID_S, accel)) for test_id, condition, accel in tests)
+    return Campaign(settings.name, cae, crash_tests, settings.notice, tuple(warnings))
+
+
+def _read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> _Settings:
+    path = folder / "campaign.toml"
+    if not path.is_file():
+        return _Settings(folder.resolve().name)
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        problems.append(Problem(path.name, "a TOML file in UTF-8", str(error), "correct the file"))
+        return _Settings(folder.resolve().name)
+    cfc = values.pop("channel_filter_class", "none")
+    if cfc != "none" and (isinstance(cfc, bool) or not isinstance(cfc, int | float) or not 1 <= cfc <= 1000):
+        expected = 'a channel filter class such as 60 or 180, or "none"'
+        problems.append(Problem(path.name, expected, repr(cfc), "correct the value", "channel_filter_class"))
+        cfc = "none"
+    name, notice = str(values.pop("name", folder.resolve().name)), str(values.pop("notice", ""))
+    if values:
+        warnings.append(f"{path.name}: {', '.join(values)} is not a setting that crashfuse knows; it is left alone.")
+    return _Settings(name, notice, None if cfc == "none" else float(cfc))
+
+
+def _check_counts(tables: dict[str, ConditionTable], problems: list[Problem]) -> None:
+    if "tests" in tables and len(tables["tests"].ids) < 2:
+        advice = "add a test: leaving the only one out leaves nothing to learn from"
+        problems.append(Problem("tests.csv", "at least 2 tests", "1", advice))
+    if "cae" in tables and len(tables["cae"].ids) < _FEWEST_RUNS:
+        found = str(len(tables["cae"].ids))
+        problems.append(Problem("cae.csv", f"at least {_FEWEST_RUNS} CAE runs", found, "add runs"))
+
+
+def _check_physics(source: str, table: ConditionTable, accel: FloatArray, problems: list[Problem]) -> None:
+    """Compare each pulse's change of velocity with the speed it is said to have been run at."""
+    low, high = _TEST_STOPS if source == "tests" else _RUN_STOPS
+    speed = np.array([condition.speed_mps for condition in table.conditions])
+    velocity = kinematics(accel, 0.0, DT_S).velocity_mps
+    biggest = velocity[np.arange(len(speed)), np.abs(velocity).argmax(axis=1)]
+    ratio = -biggest / np.maximum(speed, 1e-9)
+    for row in np.flatnonzero(((ratio < low) | (ratio > high)) & (speed > _CREEP_MPS))[:20]:
+        v0, delta_v = speed[row], biggest[row]
+        found = f"a change of {delta_v / MPH:+.1f} mph ({delta_v / KPH:+.1f} km/h)"
+        expected = f"a pulse that takes off about the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
+        problems.append(
+            Problem(
+                f"{source}.csv",
+                expected,
+                found,
+                _likely_cause(float(ratio[row]), low, high),
+                f"id {table.ids[row]}",
+                int(row) + 2,
+            )
+        )
+
+
+def _likely_cause(ratio: float, low: float, high: float) -> str:
+    """Advice from how far ΔV over v0 is off."""
+    causes = {
+        "flip the sign of the acceleration (braking is negative)": -1.0,
+        "check the unit of the acceleration (m/s² under a name that ends in _g?)": G,
+        "check the unit of the acceleration (g under a name that ends in _mps2?)": 1 / G,
+        "check the unit of the speed (km/h under a name that ends in _mph?)": KPH / MPH,
+        "check the unit of the speed (mph under a name that ends in _kph?)": MPH / KPH,
+    }
+    likely = [advice for advice, factor in causes.items() if low <= ratio / factor <= high]
+    return likely[0] if likely else "check the speed, the units and time zero of this pulse"
+
+
+def _shortened(warnings: list[str], most: int = 5) -> list[str]:
+    if len(warnings) <= most:
+        return warnings
+    return [*warnings[:most], f"{warnings[0].partition(':')[0].split(',')[0]}: {len(warnings) - most} more like these."]

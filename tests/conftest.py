@@ -1,0 +1,105 @@
+"""What many tests need: a small campaign with closed-form pulses, in memory and as a folder, and a cache of their own."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.pulse import GRID_S, Condition, FloatArray, Pulse
+from crashfuse.units import LB, MPH, MS, G
+
+N_RUNS = 24
+TEST_SPEEDS_MPH = (15.0, 25.0, 26.0, 35.0)
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No test reads or writes the user's cache."""
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.mktemp("cache")))
+
+
+def half_sine(condition: Condition, duration_s: float) -> FloatArray:
+    """A half-sine pulse that stops the vehicle and throws it back at a tenth of its speed."""
+    peak = 1.1 * condition.speed_mps * np.pi / (2 * duration_s)
+    return np.where(GRID_S < duration_s, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0)
+
+
+def cae_pulse(condition: Condition) -> FloatArray:
+    """The CAE model: a half sine that lasts longer the heavier the vehicle is."""
+    return half_sine(condition, 80 * MS * condition.mass_kg / 1700)
+
+
+def test_pulse(condition: Condition) -> FloatArray:
+    """The real car: stiffer, so a shorter half sine."""
+    return half_sine(condition, 70 * MS * condition.mass_kg / 1700)
+
+
+test_pulse.__test__ = False  # type: ignore[attr-defined] # a name that pytest would collect
+
+
+def make_campaign() -> Campaign:
+    """A campaign of 24 CAE runs, four of them paired, and 4 tests."""
+    tests = tuple(
+        CrashTest(f"T{i + 1}", condition, Pulse(GRID_S, test_pulse(condition)))
+        for i, condition in enumerate(
+            Condition(v * MPH, (2000 + 40 * i) * LB, (1450 + 50 * i) * LB, (("drive", "FWD"),))
+            for i, v in enumerate(TEST_SPEEDS_MPH)
+        )
+    )
+    rng = np.random.default_rng(1)
+    spread = rng.uniform([5.0, 1950.0, 1400.0], [36.0, 2180.0, 1700.0], (N_RUNS - len(tests), 3))
+    conditions = [Condition(v * MPH, f * LB, r * LB) for v, f, r in spread.tolist()]
+    conditions += [Condition(*test.condition.vector.tolist()) for test in tests]
+    accel = np.array([cae_pulse(condition) for condition in conditions], dtype=np.float32)
+    return Campaign("Tiny", CaeLibrary(tuple(f"C{i:02d}" for i in range(N_RUNS)), tuple(conditions), accel), tests)
+
+
+@pytest.fixture(scope="session")
+def campaign() -> Campaign:
+    """The small campaign."""
+    return make_campaign()
+
+
+@pytest.fixture
+def campaign_folder(campaign: Campaign, tmp_path: Path) -> Path:
+    """The small campaign as a folder: one CSV a test, one Parquet table for the CAE runs."""
+    folder = tmp_path / "campaign"
+    (folder / "tests").mkdir(parents=True)
+    condition_table([(test.id, test.condition) for test in campaign.tests]).to_csv(folder / "tests.csv", index=False)
+    condition_table(zip(campaign.cae.ids, campaign.cae.conditions, strict=True)).to_csv(
+        folder / "cae.csv", index=False
+    )
+    for test in campaign.tests:
+        pulse_table(test.pulse.accel_mps2).to_csv(folder / "tests" / f"{test.id}.csv", index=False)
+    tidy_table(campaign).to_parquet(folder / "cae_pulses.parquet", index=False)
+    return folder
+
+
+def condition_table(rows: object) -> pd.DataFrame:
+    """Ids and conditions as a table in mph and lb, with the factors as columns."""
+    return pd.DataFrame(
+        {
+            "id": run_id,
+            "speed_mph": c.speed_mps / MPH,
+            "front_weight_lb": c.front_weight_kg / LB,
+            "rear_weight_lb": c.rear_weight_kg / LB,
+            **dict(c.factors),
+        }
+        for run_id, c in rows  # type: ignore[attr-defined]
+    )
+
+
+def pulse_table(accel_mps2: FloatArray) -> pd.DataFrame:
+    """One pulse as a table in ms and g."""
+    return pd.DataFrame({"time_ms": (GRID_S / MS).round(6), "acceleration_g": accel_mps2 / G})
+
+
+def tidy_table(campaign: Campaign) -> pd.DataFrame:
+    """All CAE pulses as one tidy table."""
+    tables = [
+        pulse_table(accel.astype(float)).assign(id=i)
+        for i, accel in zip(campaign.cae.ids, campaign.cae.accel_mps2, strict=True)
+    ]
+    return pd.concat(tables)[["id", "time_ms", "acceleration_g"]]
