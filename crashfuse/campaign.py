@@ -66,8 +66,14 @@ class CaeLibrary:
         return int(same[0]) if same.size else None
 
     def extrapolation(self, condition: Condition) -> tuple[str, ...]:
-        """One sentence for every input that lies outside the range the CAE runs cover; empty when none does."""
-        low, high = self.vectors.min(axis=0), self.vectors.max(axis=0)
+        """One sentence for every input that lies outside the range of all other CAE runs; empty when none does.
+
+        A run made at this very condition gives the pulse there, but no support around it, so it does not count.
+        """
+        others = np.delete(self.vectors, [] if (own := self.paired_run(condition)) is None else [own], axis=0)
+        if not len(others):
+            return ("Extrapolation: there is no other CAE run to judge this condition by.",)
+        low, high = others.min(axis=0), others.max(axis=0)
         notes = []
         for (name, unit, symbol), x, lo, hi in zip(_AXES, condition.vector, low, high, strict=True):
             tolerance = _SAME_CONDITION * hi

@@ -68,9 +68,7 @@ def campaign_folder(campaign: Campaign, tmp_path: Path) -> Path:
     folder = tmp_path / "campaign"
     (folder / "tests").mkdir(parents=True)
     condition_table([(test.id, test.condition) for test in campaign.tests]).to_csv(folder / "tests.csv", index=False)
-    condition_table(zip(campaign.cae.ids, campaign.cae.conditions, strict=True)).to_csv(
-        folder / "cae.csv", index=False
-    )
+    condition_table(zip(campaign.cae.ids, campaign.cae.conditions, strict=True)).to_csv(folder / "cae.csv", index=False)
     for test in campaign.tests:
         pulse_table(test.pulse.accel_mps2).to_csv(folder / "tests" / f"{test.id}.csv", index=False)
     tidy_table(campaign).to_parquet(folder / "cae_pulses.parquet", index=False)

@@ -1,1 +1,59 @@
-"""One file an approach, one contract for all."""
+"""One file an approach, one contract for all: :class:`crashfuse.approaches.base.Approach`."""
+
+from typing import Literal, get_args
+
+from crashfuse.approaches.base import Approach, Prediction
+from crashfuse.approaches.cae import Cae
+from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.time_domain import LfTcn, TcnConfig, TimeDomain
+from crashfuse.cache import Cache
+from crashfuse.errors import UsageError
+
+Preset = Literal["fast", "paper"]
+PRESETS: tuple[Preset, ...] = get_args(Preset)
+
+_CLASSES: dict[str, type[Approach]] = {
+    approach.name: approach for approach in (Cae, LfTcn, TimeDomain, DisplacementDomain)
+}
+APPROACHES: tuple[str, ...] = tuple(_CLASSES)
+"""Names of all approaches, the uncorrected CAE first."""
+
+LABELS: dict[str, str] = {name: approach.label for name, approach in _CLASSES.items()}
+"""What figures and tables call them."""
+
+CAE_ONLY: dict[str, str] = {"cae": "cae", "lf_tcn": "lf_tcn", "time_domain": "lf_tcn", "displacement_domain": "cae"}
+"""For each approach the one that does, from the CAE runs alone, the work that all its folds share."""
+
+
+def create(name: str, *, preset: Preset = "fast", seed: int = 0, cache: Cache | None = None) -> Approach:
+    """An unfitted approach.
+
+    Parameters
+    ----------
+    name : str
+        One of :data:`APPROACHES`.
+    preset : {"fast", "paper"}
+        ``paper`` takes the settings of Tables 2 and 4, ``fast`` ours.
+    seed : int
+    cache : Cache, optional
+        Where what doesn't depend on the tests (LF training, emulator) is kept.
+
+    Raises
+    ------
+    UsageError
+        If there is no approach or preset of that name.
+    """
+    if name not in _CLASSES:
+        raise UsageError(f"There is no approach {name!r}; choose from {', '.join(APPROACHES)}.")
+    if preset not in PRESETS:
+        raise UsageError(f"There is no preset {preset!r}; choose from {', '.join(PRESETS)}.")
+    if name == Cae.name:
+        return Cae(cache=cache)
+    if name == DisplacementDomain.name:
+        displacement = DisplacementConfig.paper() if preset == "paper" else DisplacementConfig.fast()
+        return DisplacementDomain(displacement, seed=seed, cache=cache)
+    network = TcnConfig.paper() if preset == "paper" else TcnConfig.fast()
+    return (LfTcn if name == LfTcn.name else TimeDomain)(network, seed=seed, cache=cache)
+
+
+__all__ = ["APPROACHES", "CAE_ONLY", "LABELS", "PRESETS", "Approach", "Prediction", "Preset", "create"]

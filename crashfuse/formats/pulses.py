@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 from crashfuse.errors import DataError, Problem
 from crashfuse.filters import cfc_filter
 from crashfuse.formats.tables import find_column, not_a_number
-from crashfuse.pulse import GRID_S, N_SAMPLES, FloatArray
+from crashfuse.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.units import ACCELERATION, MS, TIME
 
 _BATCH_ROWS = 1_000_000
@@ -170,7 +170,7 @@ class PulseSource:
         time, accel, first_row = signal
         if not (np.isfinite(time).all() and np.isfinite(accel).all()):
             return None  # reported cell by cell already
-        trouble = _time_trouble(time, where, first_row)
+        trouble = _time_trouble(time, where, first_row) or _cover_trouble(time, where)
         if trouble is not None:
             self.problems.append(trouble)
             return None
@@ -197,6 +197,27 @@ class PulseSource:
         if len(missing) > 20:
             found = f"{len(missing) - 20} more without one"
             self.problems.append(Problem(f"{self.source}.csv", "a pulse for each row", found, "add them", "id"))
+
+
+def read_pulse(path: Path) -> Pulse:
+    """Read one pulse from a CSV or Parquet file as it is sampled there.
+
+    Raises
+    ------
+    DataError
+        With every problem of the file.
+    """
+    if not path.is_file():
+        raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
+    source = PulseSource(path.parent, "", None)
+    parts = [signal for _, signal in source._batches(path, str(path), with_id=False)]
+    if not source.problems:
+        time, accel, first_row = _joined(parts)
+        trouble = _time_trouble(time, str(path), first_row)
+        if trouble is None:
+            return Pulse(time, accel)
+        source.problems.append(trouble)
+    raise DataError(source.problems)
 
 
 def _frames(path: Path) -> Iterator[pd.DataFrame]:
@@ -242,8 +263,14 @@ def _time_trouble(time: FloatArray, where: str, first_row: int) -> Problem | Non
     if step > _SLOWEST_S * (1 + _UNEVEN):
         found = f"{1 / step:.0f} Hz"
         return Problem(where, "at least 1000 samples a second", found, "export at a higher rate", "time")
-    if time[0] > step or time[-1] < _SHORTEST_S - step:
-        found = f"{time[0] / MS:.4g} to {time[-1] / MS:.4g} ms"
-        advice = "export the whole record, with time zero at first contact"
-        return Problem(where, "a record from 0 to at least 60 ms (100 ms is best)", found, advice, "time")
     return None
+
+
+def _cover_trouble(time: FloatArray, where: str) -> Problem | None:
+    """Say what part of the study grid a record misses, if too much."""
+    step = time[1] - time[0]
+    if time[0] <= step and time[-1] >= _SHORTEST_S - step:
+        return None
+    found = f"{time[0] / MS:.4g} to {time[-1] / MS:.4g} ms"
+    advice = "export the whole record, with time zero at first contact"
+    return Problem(where, "a record from 0 to at least 60 ms (100 ms is best)", found, advice, "time")

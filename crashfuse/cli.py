@@ -1,0 +1,251 @@
+"""The command line: parse, call the library, print. Nothing is computed here."""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from crashfuse.errors import CrashfuseError, DataError, UsageError
+from crashfuse.version import __version__
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DONE, WRONG_DATA, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code (0 done, 1 the data are wrong, 2 wrong usage)."""
+    arguments = _parser().parse_args(argv)
+    command: Callable[[argparse.Namespace], None] = arguments.run
+    try:
+        command(arguments)
+    except DataError as error:
+        count = len(error.problems)
+        _say(*map(str, error.problems), f"{count} problem{'s' if count > 1 else ''} found; nothing was written.")
+        return WRONG_DATA
+    except UsageError as error:
+        _say(f"crashfuse: {error}")
+        return WRONG_USAGE
+    except (CrashfuseError, OSError) as error:
+        _say(f"crashfuse: {error}")
+        return WRONG_DATA
+    except KeyboardInterrupt:
+        _say("Stopped. What was finished is in the cache; the same command with --resume goes on from there.")
+        return INTERRUPTED
+    return DONE
+
+
+def _app(arguments: argparse.Namespace) -> None:
+    environment = os.environ.copy()
+    if arguments.campaign is not None:
+        if not arguments.campaign.is_dir():
+            raise UsageError(f"There is no folder {arguments.campaign}.")
+        environment["CRASHFUSE_CAMPAIGN"] = str(arguments.campaign.resolve())
+    here = Path(__file__).resolve().parent
+    app = next(path for path in (here / "dashboard" / "app.py", here.parent / "app.py") if path.is_file())
+    options = {
+        "server.address": "127.0.0.1",
+        "server.port": str(arguments.port),
+        "server.showEmailPrompt": "false",
+        "browser.gatherUsageStats": "false",
+    }
+    flags = [f"--{name}={value}" for name, value in options.items()]
+    command = [sys.executable, "-m", "streamlit", "run", str(app), *flags]
+    subprocess.run(command, env=environment, cwd=app.parent, check=False)  # noqa: S603 - our own interpreter and files
+
+
+def _sample(arguments: argparse.Namespace) -> None:
+    from crashfuse.synthetic import write_sample
+
+    write_sample(arguments.folder)
+    print(f"The sample campaign is in {arguments.folder}. It is synthetic: simulated, no real vehicle.")
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    from crashfuse.formats.folder import load_campaign
+
+    campaign = load_campaign(arguments.campaign)
+    print(f"{campaign.name}: {len(campaign.tests)} tests, {len(campaign.cae)} CAE runs.")
+    if campaign.notice:
+        print(campaign.notice)
+    for test in campaign.tests:
+        pair = campaign.cae.paired_run(test.condition)
+        source = "no paired run" if pair is None else f"paired with {campaign.cae.ids[pair]}"
+        print(f"  {test.id}: {test.condition}; {source}")
+        for note in campaign.cae.extrapolation(test.condition):
+            print(f"    {note}")
+    for warning in campaign.warnings:
+        print(f"Note: {warning}")
+    print(f"Fingerprint {campaign.fingerprint}")
+    print("Nothing is wrong.")
+
+
+def _study(arguments: argparse.Namespace) -> None:
+    from crashfuse.formats.folder import load_campaign
+    from crashfuse.progress import Watch
+    from crashfuse.progress_bar import ProgressBar
+    from crashfuse.results import begin_study, read_record, scores_table, write_study
+    from crashfuse.study import StudyConfig, check_study, run_study
+
+    campaign = load_campaign(arguments.campaign)
+    given = {
+        name: value
+        for name, value in (
+            ("approaches", arguments.approach and tuple(arguments.approach)),
+            ("preset", arguments.preset),
+            ("seed", arguments.seed),
+            ("windows_ms", arguments.windows_ms and tuple(arguments.windows_ms)),
+        )
+        if value is not None
+    }
+    config = StudyConfig(**given)
+    held_out = arguments.held_out or campaign.test_ids
+    if arguments.resume:
+        record = read_record(arguments.out)
+        differing = [name for name, value in given.items() if getattr(record.config, name) != value]
+        if arguments.held_out and tuple(arguments.held_out) != record.held_out:
+            differing.append("held_out")
+        if record.fingerprint != campaign.fingerprint:
+            differing.append("the campaign's data")
+        if differing:
+            raise UsageError(
+                f"The study in {arguments.out} was begun with other settings ({', '.join(differing)}); "
+                "resume it with its own, or start another without --resume."
+            )
+        config, held_out = record.config, record.held_out
+    check_study(campaign, config, held_out)
+    begin_study(arguments.out, campaign, held_out, config)
+    with ProgressBar() as bar:
+        study = run_study(campaign, config, held_out=held_out, watch=Watch(bar.show), workers=arguments.workers)
+    write_study(study, arguments.out)
+    _print_means(scores_table(study))
+    if campaign.notice:
+        print(campaign.notice)
+    print(f"Written to {arguments.out}: scores.csv, pulses.csv, metrics.csv, study.json, report.html")
+
+
+def _predict(arguments: argparse.Namespace) -> None:
+    from crashfuse.formats.folder import load_campaign
+    from crashfuse.progress import Watch
+    from crashfuse.progress_bar import ProgressBar
+    from crashfuse.pulse import Condition
+    from crashfuse.results import write_prediction
+    from crashfuse.study import StudyConfig, estimate_at
+    from crashfuse.units import LB, MPH
+
+    for flag in ("speed_mph", "front_weight_lb", "rear_weight_lb"):
+        if not 0 < getattr(arguments, flag) < float("inf"):
+            raise UsageError(f"--{flag.replace('_', '-')} must be a number above 0.")
+    campaign = load_campaign(arguments.campaign)
+    condition = Condition(arguments.speed_mph * MPH, arguments.front_weight_lb * LB, arguments.rear_weight_lb * LB)
+    config = StudyConfig(preset=arguments.preset or "fast", seed=arguments.seed or 0)
+    names = tuple(dict.fromkeys(arguments.approach or config.approaches))
+    with ProgressBar() as bar:
+        estimates = [estimate_at(campaign, condition, name, config, watch=Watch(bar.show)) for name in names]
+    metrics = write_prediction(campaign, estimates, config, arguments.out)
+    print(metrics.drop(columns="held_out").to_string(index=False, na_rep="", float_format="{:.4g}".format))
+    for note in dict.fromkeys(note for estimate in estimates for note in estimate.prediction.notes):
+        print(note)
+    if campaign.notice:
+        print(campaign.notice)
+    print(f"Written to {arguments.out}: pulses.csv, metrics.csv, report.html")
+
+
+def _rate(arguments: argparse.Namespace) -> None:
+    from crashfuse.formats.pulses import read_pulse
+    from crashfuse.rating import rate_windows
+
+    reference, comparison = read_pulse(arguments.reference), read_pulse(arguments.comparison)
+    ratings = rate_windows(reference, comparison, arguments.windows_ms or (20.0, 40.0, 60.0))
+    if arguments.json:
+        print(json.dumps([{"window_ms": window, **asdict(rating)} for window, rating in ratings.items()], indent=2))
+        return
+    print("ISO/TS 18571   overall  corridor   phase  magnitude   slope  grade")
+    for window, r in ratings.items():
+        scores = f"{r.overall:>9.3f}{r.corridor:>10.3f}{r.phase:>8.3f}{r.magnitude:>11.3f}{r.slope:>8.3f}"
+        print(f"{f'0–{window:g} ms':<13}{scores}  {r.grade}")
+
+
+def _print_means(scores: "pd.DataFrame") -> None:
+    """Print the mean overall rating of each approach over each window."""
+    from crashfuse.approaches import LABELS
+
+    means = scores.groupby(["approach", "window_ms"], sort=False)["overall"].mean().unstack(sort=False)
+    means.index = [LABELS[name] for name in means.index]
+    means.columns = [f"0–{window:g} ms" for window in means.columns]
+    print("Mean ISO/TS 18571 rating over the held-out tests")
+    print(means.to_string(float_format="{:.3f}".format))
+
+
+def _say(*lines: str) -> None:
+    for line in lines:
+        print(line, file=sys.stderr)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="crashfuse",
+        description="Fuse CAE crash pulses with physical full-frontal barrier tests; predict and rate pulses.",
+    )
+    parser.add_argument("--version", action="version", version=f"crashfuse {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    app = commands.add_parser("app", help="start the dashboard on 127.0.0.1")
+    app.add_argument("--port", type=int, default=8501, help="port to listen on (default: %(default)s)")
+    app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
+    app.set_defaults(run=_app)
+
+    sample = commands.add_parser("sample", help="write the synthetic sample campaign")
+    sample.add_argument("folder", type=Path, metavar="DIR", help="folder to make; it must not hold anything yet")
+    sample.set_defaults(run=_sample)
+
+    check = commands.add_parser("check", help="say what a campaign holds and what is wrong with it")
+    check.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    check.set_defaults(run=_check)
+
+    study = commands.add_parser("study", help="leave out each test in turn, predict it, rate the prediction")
+    study.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    study.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
+    _add_model_options(study)
+    study.add_argument(
+        "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
+    )
+    study.add_argument("--workers", type=_positive, metavar="N", help="processes (default: one a core)")
+    study.add_argument("--resume", action="store_true", help="go on with the study that was begun in DIR")
+    study.set_defaults(run=_study)
+
+    predict = commands.add_parser("predict", help="predict the pulse at a condition that was never tested")
+    predict.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    for name, unit in (("speed", "mph"), ("front-weight", "lb"), ("rear-weight", "lb")):
+        predict.add_argument(f"--{name}-{unit}", type=float, required=True, metavar=name[0].upper())
+    predict.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    _add_model_options(predict)
+    predict.set_defaults(run=_predict)
+
+    rate = commands.add_parser("rate", help="rate one pulse against another by ISO/TS 18571")
+    rate.add_argument("reference", type=Path, metavar="REFERENCE.csv", help="time_ms or _s, acceleration_g or _mps2")
+    rate.add_argument("comparison", type=Path, metavar="COMPARISON.csv")
+    rate.add_argument("--windows-ms", nargs="+", type=float, metavar="W", help="over 0 to W ms (default: 20 40 60)")
+    rate.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    rate.set_defaults(run=_rate)
+    return parser
+
+
+def _add_model_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--approach", nargs="+", metavar="NAME", help="cae, lf_tcn, time_domain, displacement_domain")
+    parser.add_argument("--preset", choices=("fast", "paper"), help="settings: ours (default) or the paper's")
+    parser.add_argument("--seed", type=int, help="seed of everything random (default: 0)")
+
+
+def _positive(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError("must be 1 or more")
+    return number

@@ -1,0 +1,413 @@
+"""Figures of pulses and ratings: data in, Plotly figure out, one colour for each approach everywhere.
+
+Data stay in SI up to here; figures show ms, mm, km/h and g (or m/s²). A curve has one point a sample and is handed over
+as float32; many pulses are shown as a band, never one by one.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it half-way, in several threads at once)
+import plotly.graph_objects as go
+from plotly.colors import sample_colorscale
+
+from crashfuse.approaches import LABELS, Prediction
+from crashfuse.campaign import CaeLibrary, CrashTest
+from crashfuse.pulse import GRID_S, FloatArray, Kinematics, Pulse, kinematics
+from crashfuse.units import G, KPH, MPH, MS
+
+Unit = Literal["g", "m/s²"]
+
+MEASURED_COLOUR = "#000000"
+COLOURS: Mapping[str, str] = {  # Okabe & Ito's palette, which colour-blind readers can tell apart
+    "cae": "#7f7f7f",
+    "lf_tcn": "#CC79A7",
+    "time_domain": "#0072B2",
+    "displacement_domain": "#D55E00",
+    "fused": "#009E73",
+}
+_DASHES: Mapping[str, str] = {"cae": "dash", "lf_tcn": "dot"}  # what has not seen a test is not drawn solid
+
+GRADES: Mapping[str, tuple[float, str]] = {
+    "Poor": (0.58, "#F4B183"),
+    "Fair": (0.80, "#FBE3D0"),
+    "Good": (0.94, "#CFE3F2"),
+    "Excellent": (1.0, "#7FB6DC"),
+}
+"""Grade words of ISO/TS 18571 with the rating each reaches up to and the colour behind it (black text reads on all)."""
+
+_FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
+_GRID = "#E3E6EA"
+_INK = "#262A33"
+_MAX_RUNS = 2000  # quantiles of that many runs don't move visibly when more are taken
+
+
+def overlay(
+    measured: Pulse | None,
+    predictions: Mapping[str, Prediction],
+    *,
+    window_ms: float | None = None,
+    unit: Unit = "g",
+    deceleration: bool = False,
+) -> go.Figure:
+    """Draw the measured pulse, every approach's prediction and its 95 % band over each other.
+
+    Parameters
+    ----------
+    measured : Pulse or None
+        The test's pulse, black; None where nothing was measured.
+    predictions : mapping of str to Prediction
+        By approach name.
+    window_ms : float, optional
+        Shade the rated window [0, window_ms).
+    unit : {"g", "m/s²"}
+    deceleration : bool
+        Flip the sign.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = _figure(height=460)
+    scale = _scale(unit, deceleration)
+    for name, prediction in predictions.items():
+        _band(figure, name, prediction.band(), scale)
+    for name, prediction in predictions.items():
+        _curve(figure, name, prediction.accel_mps2 * scale)
+    if measured is not None:
+        _measured(figure, measured.time_s, measured.accel_mps2 * scale)
+    figure.update_yaxes(title=_accel_title(unit, deceleration))
+    _shade_window(figure, window_ms)
+    return figure
+
+
+def motion(
+    measured: Pulse | None,
+    predictions: Mapping[str, Prediction],
+    *,
+    speed_mps: float,
+    window_ms: float | None = None,
+    unit: Unit = "g",
+    deceleration: bool = False,
+) -> go.Figure:
+    """Stack acceleration, velocity and displacement over one time axis, with one cursor through all three.
+
+    Parameters
+    ----------
+    measured, predictions, window_ms, unit, deceleration
+        As in :func:`overlay`.
+    speed_mps : float
+        Impact speed in m/s, from which both integrals start.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = _figure(height=820)
+    scale = _scale(unit, deceleration)
+    for name, prediction in predictions.items():
+        _band(figure, name, prediction.band(), scale)
+        if prediction.draws_mps2 is not None:
+            moved = kinematics(prediction.draws_mps2, speed_mps, GRID_S[1])
+            _band(figure, name, _central(moved.velocity_mps), 1 / KPH, row=2)
+            _band(figure, name, _central(moved.displacement_m), 1000, row=3)
+    for name, prediction in predictions.items():
+        _curve(figure, name, prediction.accel_mps2 * scale)
+        for row, values in _motion_rows(kinematics(prediction.accel_mps2, speed_mps, GRID_S[1])):
+            _curve(figure, name, values, row=row)
+    if measured is not None:
+        _measured(figure, measured.time_s, measured.accel_mps2 * scale)
+        for row, values in _motion_rows(measured.kinematics(speed_mps)):
+            _measured(figure, measured.time_s, values, row=row)
+    figure.update_layout(
+        hoversubplots="axis",
+        xaxis={"anchor": "y3"},
+        yaxis={"domain": [0.62, 1.0], "title": _accel_title(unit, deceleration)},
+        yaxis2={"domain": [0.31, 0.58], "title": "Velocity (km/h)"},
+        yaxis3={"domain": [0.0, 0.27], "title": "Displacement (mm)"},
+    )
+    _shade_window(figure, window_ms)
+    return figure
+
+
+def tests_overview(
+    tests: Sequence[CrashTest],
+    *,
+    highlight: str | None = None,
+    window_ms: float | None = None,
+    unit: Unit = "g",
+    deceleration: bool = False,
+) -> go.Figure:
+    """Draw all tests, coloured by speed.
+
+    Parameters
+    ----------
+    tests : sequence of CrashTest
+    highlight : str, optional
+        Id of the test to draw thick (the held-out one).
+    window_ms, unit, deceleration
+        As in :func:`overlay`.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = _figure(height=460)
+    scale = _scale(unit, deceleration)
+    colours = _speed_colours(tests)
+    for test in sorted(tests, key=lambda test: test.condition.speed_mps):
+        thick = test.id == highlight
+        _line(
+            figure,
+            test.pulse.time_s,
+            test.pulse.accel_mps2 * scale,
+            name=f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph" + (" (held out)" if thick else ""),
+            line={"color": colours[test.id], "width": 3.5 if thick else 1.7},
+        )
+    figure.update_layout(legend={"title": "Test · speed"})
+    figure.update_yaxes(title=_accel_title(unit, deceleration))
+    _shade_window(figure, window_ms)
+    return figure
+
+
+def library_band(
+    library: CaeLibrary,
+    tests: Sequence[CrashTest] = (),
+    *,
+    window_ms: float | None = None,
+    unit: Unit = "g",
+    deceleration: bool = False,
+) -> go.Figure:
+    """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired to tests on top.
+
+    Parameters
+    ----------
+    library : CaeLibrary
+    tests : sequence of CrashTest
+        Tests whose paired runs are drawn, coloured by speed.
+    window_ms, unit, deceleration
+        As in :func:`overlay`.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = _figure(height=460)
+    scale = _scale(unit, deceleration)
+    some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
+    lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * scale
+    _fill(figure, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs", showlegend=True)
+    _line(figure, GRID_S, median, name="Median run", line={"color": COLOURS["cae"], "width": 2.5})
+    colours = _speed_colours(tests)
+    for test in sorted(tests, key=lambda test: test.condition.speed_mps):
+        if (run := library.paired_run(test.condition)) is not None:
+            _line(
+                figure,
+                GRID_S,
+                library.accel_mps2[run] * scale,
+                name=f"{library.ids[run]} · {test.condition.speed_mps / MPH:.1f} mph",
+                line={"color": colours[test.id], "width": 1.5},
+            )
+    figure.update_yaxes(title=_accel_title(unit, deceleration))
+    _shade_window(figure, window_ms)
+    return figure
+
+
+def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
+    """Draw overall ratings as a table of test by approach, coloured by grade, with the mean over the tests at the foot.
+
+    Parameters
+    ----------
+    scores : mapping of str to mapping of str to float
+        Overall rating by test id, then by approach name.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    tests = list(scores)
+    approaches = list(scores[tests[0]])
+    z = np.array([[scores[test][name] for name in approaches] for test in tests])
+    z = np.vstack([z, z.mean(axis=0)])
+    rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
+    text = [[f"{value:.3f}  {grade(value)}" for value in row] for row in z]
+    figure = _figure(height=130 + 34 * len(rows))
+    figure.add_heatmap(
+        z=z.astype(np.float32),
+        x=[LABELS[name] for name in approaches],
+        y=rows,
+        text=text,
+        texttemplate="%{text}",
+        textfont={"color": "#000000"},
+        hovertemplate="%{y}, %{x}: %{z:.3f}<extra></extra>",
+        colorscale=_grade_scale(),
+        zmin=0,
+        zmax=1,
+        xgap=2,
+        ygap=2,
+        showscale=False,
+    )
+    figure.update_layout(hovermode="closest", margin={"t": 40})
+    figure.update_xaxes(side="top", title=None, range=None, ticks="", showgrid=False, showspikes=False)
+    figure.update_yaxes(autorange="reversed", type="category", zeroline=False, showgrid=False)
+    return figure
+
+
+def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: str) -> go.Figure:
+    """Draw what a training reports as it goes (losses, say) on a logarithmic axis.
+
+    Parameters
+    ----------
+    curves : mapping of str to sequence of (int, float)
+        By the value's name: how far the step was, and the value.
+    step : str
+        What is being done.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = _figure(height=260)
+    for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
+        done, values = np.array(points, dtype=np.float32).T
+        figure.add_scatter(x=done, y=values, name=name, mode="lines", line={"color": colour, "width": 2})
+    figure.update_xaxes(title=step, range=None, ticksuffix="", rangemode="tozero")
+    figure.update_yaxes(type="log", exponentformat="power")
+    return figure
+
+
+def grade(rating: float) -> str:
+    """Grade word of an overall rating (ISO/TS 18571): Excellent above 0.94, Good above 0.80, Fair above 0.58."""
+    return next((word for word, (upper, _) in GRADES.items() if rating <= upper), "Excellent")
+
+
+def _figure(height: int) -> go.Figure:
+    """An empty figure over time in ms, in the one look that all figures share."""
+    axis = {"gridcolor": _GRID, "zerolinecolor": "#9AA1AC", "linecolor": "#9AA1AC", "automargin": True}
+    figure = go.Figure()
+    figure.update_layout(
+        template="none",
+        height=height,
+        font={"family": _FONT, "size": 14, "color": _INK},
+        paper_bgcolor="#FFFFFF",
+        plot_bgcolor="#FFFFFF",
+        margin={"l": 64, "r": 16, "t": 24, "b": 52},
+        hovermode="x unified",
+        hoverlabel={"namelength": -1},
+        legend={"orientation": "v", "x": 1.01, "y": 1, "xanchor": "left"},
+    )
+    figure.update_xaxes(
+        **axis,
+        title="Time (ms)",
+        range=[0, 100],
+        ticks="outside",
+        showspikes=True,
+        spikemode="across",
+        spikesnap="cursor",
+        spikethickness=1,
+        spikecolor="#5B6270",
+    )
+    figure.update_yaxes(**axis)
+    return figure
+
+
+def _scale(unit: Unit, deceleration: bool) -> float:
+    return (1 / G if unit == "g" else 1.0) * (-1 if deceleration else 1)
+
+
+def _accel_title(unit: Unit, deceleration: bool) -> str:
+    return f"{'Deceleration' if deceleration else 'Acceleration'} ({unit})"
+
+
+def _line(figure: go.Figure, time_s: FloatArray, values: FloatArray, *, row: int = 1, **style: object) -> None:
+    x, y = (time_s / MS).astype(np.float32), values.astype(np.float32)
+    template = "%{y:.1f}" if row == 1 else "%{y:.0f}"
+    # one x axis for all rows: that is what makes one cursor run through all of them
+    figure.add_scatter(x=x, y=y, mode="lines", yaxis=_y_axis(row), hovertemplate=template, **style)
+
+
+def _curve(figure: go.Figure, approach: str, values: FloatArray, *, row: int = 1) -> None:
+    line = {"color": COLOURS[approach], "width": 2, "dash": _DASHES.get(approach, "solid")}
+    name = LABELS[approach]
+    _line(figure, GRID_S, values, row=row, name=name, line=line, legendgroup=approach, showlegend=row == 1)
+
+
+def _measured(figure: go.Figure, time_s: FloatArray, values: FloatArray, *, row: int = 1) -> None:
+    line = {"color": MEASURED_COLOUR, "width": 2.5}
+    _line(figure, time_s, values, row=row, name="Test", line=line, legendgroup="test", showlegend=row == 1)
+
+
+def _band(
+    figure: go.Figure, approach: str, band: tuple[FloatArray, FloatArray] | None, scale: float, *, row: int = 1
+) -> None:
+    if band is None:
+        return
+    name = f"{LABELS[approach]}, 95 % band"
+    lower, upper = band[0] * scale, band[1] * scale
+    _fill(figure, lower, upper, colour=COLOURS[approach], name=name, row=row, legendgroup=approach, showlegend=row == 1)
+
+
+def _fill(
+    figure: go.Figure, lower: FloatArray, upper: FloatArray, *, colour: str, name: str, row: int = 1, **style: object
+) -> None:
+    """Shade between two curves on the study grid, as one closed outline."""
+    time_ms = GRID_S / MS
+    figure.add_scatter(
+        x=np.concatenate([time_ms, time_ms[::-1]]).astype(np.float32),
+        y=np.concatenate([lower, upper[::-1]]).astype(np.float32),
+        name=name,
+        mode="lines",
+        line={"width": 0, "color": colour},
+        fill="toself",
+        fillcolor=f"rgba({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))}, 0.18)",
+        hoverinfo="skip",
+        yaxis=_y_axis(row),
+        **style,
+    )
+
+
+def _y_axis(row: int) -> str:
+    return "y" if row == 1 else f"y{row}"
+
+
+def _motion_rows(moved: Kinematics) -> tuple[tuple[int, FloatArray], ...]:
+    """Velocity in km/h and displacement in mm, with the rows they are drawn in."""
+    return (2, moved.velocity_mps / KPH), (3, moved.displacement_m * 1000)
+
+
+def _central(draws: FloatArray) -> tuple[FloatArray, FloatArray]:
+    lower, upper = np.quantile(draws, [0.025, 0.975], axis=0)
+    return lower, upper
+
+
+def _shade_window(figure: go.Figure, window_ms: float | None) -> None:
+    if window_ms is None:
+        return
+    figure.add_shape(
+        type="rect", xref="x", yref="paper", x0=0, x1=window_ms, y0=0, y1=1, layer="below",
+        fillcolor="#FFF4CC", opacity=0.55, line_width=0,
+    )  # fmt: skip
+    figure.add_annotation(
+        x=window_ms, xref="x", y=1, yref="paper", xanchor="right", yanchor="bottom", showarrow=False,
+        text=f"rated: 0–{window_ms:g} ms", font={"size": 12, "color": "#6B5900"},
+    )  # fmt: skip
+
+
+def _speed_colours(tests: Sequence[CrashTest]) -> dict[str, str]:
+    """A colour for each test, dark for slow, on a scale that colour-blind readers can follow."""
+    if not tests:
+        return {}
+    speeds = np.array([test.condition.speed_mps for test in tests])
+    share = (speeds - speeds.min()) / max(float(np.ptp(speeds)), 1e-9)
+    colours = sample_colorscale("Viridis", (0.92 * share).tolist())  # the bright end is lost on white
+    return {test.id: colour for test, colour in zip(tests, colours, strict=True)}
+
+
+def _grade_scale() -> list[tuple[float, str]]:
+    """Four flat steps between 0 and 1."""
+    scale, start = [], 0.0
+    for upper, colour in GRADES.values():
+        scale += [(start, colour), (upper, colour)]
+        start = upper
+    return scale

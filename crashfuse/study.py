@@ -1,0 +1,249 @@
+"""Leave one test out: the straight line from a campaign to rated predictions.
+
+hold out → fit → predict → rate. The held-out test's pulse is touched in the last step only: everything before it
+works on ``campaign.without(test)``, whose fingerprint is also the key under which the prediction is cached.
+"""
+
+import json
+import os
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import joblib
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from crashfuse.approaches import APPROACHES, CAE_ONLY, Prediction, Preset, create
+from crashfuse.cache import Cache
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.errors import UsageError
+from crashfuse.metrics import Metric, pulse_metrics
+from crashfuse.progress import SILENT, Watch
+from crashfuse.pulse import DT_S, Condition, Pulse
+from crashfuse.rating import Rating, rate_windows
+
+WINDOWS_MS = (20.0, 40.0, 60.0)
+
+
+@dataclass(frozen=True, slots=True)
+class StudyConfig:
+    """What a study computes.
+
+    Parameters
+    ----------
+    approaches : tuple of str
+    preset : {"fast", "paper"}
+    seed : int
+    windows_ms : tuple of float
+        The rating is taken over [0, w) for each w, in ms.
+    """
+
+    approaches: tuple[str, ...] = APPROACHES
+    preset: Preset = "fast"
+    seed: int = 0
+    windows_ms: tuple[float, ...] = WINDOWS_MS
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """An approach's prediction at one condition, with what its fit found and how long both took."""
+
+    approach: str
+    prediction: Prediction
+    state: dict[str, object]
+    seconds: float
+
+    @property
+    def metrics(self) -> tuple[Metric, ...]:
+        """Pulse metrics of the prediction, with intervals where it has draws."""
+        p = self.prediction
+        return pulse_metrics(p.accel_mps2, p.condition.speed_mps, dt_s=DT_S, draws_mps2=p.draws_mps2)
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """One held-out test: what each approach predicted for it, and how that rates against what was measured."""
+
+    held_out: str
+    estimates: tuple[Estimate, ...]
+    ratings: dict[str, dict[float, Rating]]
+    """By approach, then by window in ms."""
+
+    def estimate(self, approach: str) -> Estimate:
+        """The estimate of this approach."""
+        return next(estimate for estimate in self.estimates if estimate.approach == approach)
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A finished study: one fold for each held-out test, in the order of the campaign."""
+
+    campaign: Campaign
+    config: StudyConfig
+    folds: tuple[Fold, ...]
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def fold(self, held_out: str) -> Fold:
+        """The fold of this test."""
+        return next(fold for fold in self.folds if fold.held_out == held_out)
+
+    def mean_rating(self, approach: str, window_ms: float) -> float:
+        """Overall rating of an approach over one window, averaged over the held-out tests."""
+        return float(np.mean([fold.ratings[approach][window_ms].overall for fold in self.folds]))
+
+
+def run_study(
+    campaign: Campaign,
+    config: StudyConfig = StudyConfig(),
+    *,
+    held_out: Sequence[str] = (),
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+    workers: int | None = None,
+) -> Study:
+    """Leave out each test in turn, predict it with every approach from all the others, and rate the predictions.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    config : StudyConfig
+    held_out : sequence of str
+        Ids of the tests to leave out in turn; empty for all.
+    cache : Cache, optional
+        Finished predictions are read from it and kept in it, so a study that was killed continues where it was.
+    watch : Watch
+    workers : int, optional
+        Processes for the folds; default one for each core. The numbers don't depend on it.
+
+    Raises
+    ------
+    UsageError
+        If a name, a window or the number of tests makes the study impossible.
+    Cancelled
+        If the watch was told to stop.
+    """
+    check_study(campaign, config, held_out)
+    tests = [campaign.test(test_id) for test_id in dict.fromkeys(held_out or campaign.test_ids)]
+    cache = cache or Cache()
+    start = time.perf_counter()
+    _prepare(campaign, config, cache, watch)
+    prepared = time.perf_counter()
+
+    tasks = [(test, name) for test in tests for name in config.approaches]
+    estimates: dict[tuple[str, str], Estimate] = {}
+    watch.report("Held-out tests", 0, len(tasks))
+    workers = workers or (1 if len(tests) == 1 else os.cpu_count() or 1)  # processes take seconds to start
+    for test_id, estimate in _completed(campaign, tasks, config, cache, watch, workers):
+        estimates[test_id, estimate.approach] = estimate
+        watch.report("Held-out tests", len(estimates), len(tasks))
+
+    folds = []
+    for test in tests:
+        ratings = {
+            name: rate_windows(
+                test.pulse, Pulse(campaign.time_s, estimates[test.id, name].prediction.accel_mps2), config.windows_ms
+            )
+            for name in config.approaches
+        }
+        folds.append(Fold(test.id, tuple(estimates[test.id, name] for name in config.approaches), ratings))
+    finished = time.perf_counter()
+    return Study(campaign, config, tuple(folds), {"prepare": prepared - start, "held_out_tests": finished - prepared})
+
+
+def estimate_at(
+    campaign: Campaign,
+    condition: Condition,
+    approach: str,
+    config: StudyConfig = StudyConfig(),
+    *,
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+) -> Estimate:
+    """Fit an approach on the whole campaign that is handed over and predict at a condition; kept in the cache.
+
+    Raises
+    ------
+    UsageError
+        If there is no such approach or preset.
+    Cancelled
+        If the watch was told to stop.
+    """
+    cache = cache or Cache()
+    unfitted = create(approach, preset=config.preset, seed=config.seed, cache=cache)
+    key = {
+        "campaign": campaign.fingerprint,
+        "condition": condition,
+        "approach": approach,
+        "preset": config.preset,
+        "seed": config.seed,
+    }
+    if (entry := cache.get("predictions", key)) is not None:
+        text = json.loads(str(entry["text"]))
+        draws = entry.get("draws_mps2")
+        prediction = Prediction(condition, entry["accel_mps2"], draws, tuple(text["notes"]))
+        return Estimate(approach, prediction, text["state"], text["seconds"])
+    start = time.perf_counter()
+    fitted = unfitted.fit(campaign, watch)
+    prediction = fitted.predict(condition)
+    if prediction.draws_mps2 is not None:  # as it will come out of the cache
+        prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
+    estimate = Estimate(approach, prediction, fitted.state, time.perf_counter() - start)
+    text = json.dumps({"notes": prediction.notes, "state": estimate.state, "seconds": estimate.seconds})
+    arrays = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
+    if prediction.draws_mps2 is not None:
+        arrays["draws_mps2"] = prediction.draws_mps2
+    cache.put("predictions", key, arrays)
+    return estimate
+
+
+def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str] = ()) -> None:
+    """Say what makes a study impossible before anything is computed.
+
+    Raises
+    ------
+    UsageError
+        If a name, a window or the number of tests makes it so.
+    """
+    campaign.without(held_out)
+    if len(campaign.tests) < 2:
+        raise UsageError("Leaving a test out takes at least 2 tests: one to predict and one to learn from.")
+    if not config.approaches:
+        raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
+    for name in config.approaches:
+        create(name, preset=config.preset)  # raises what is wrong with a name before anything is computed
+    for window in config.windows_ms:
+        if not 10 <= window <= 100:
+            raise UsageError(f"A rating window of {window:g} ms is not possible; choose 10 to 100 ms.")
+
+
+def _prepare(campaign: Campaign, config: StudyConfig, cache: Cache, watch: Watch) -> None:
+    """Fit once what only the CAE runs decide, with all cores; the folds then find it in the cache."""
+    cae_only = campaign.without(campaign.test_ids)
+    for name in dict.fromkeys(CAE_ONLY[name] for name in config.approaches):
+        create(name, preset=config.preset, seed=config.seed, cache=cache).fit(cae_only, watch)
+
+
+def _completed(
+    campaign: Campaign,
+    tasks: Sequence[tuple[CrashTest, str]],
+    config: StudyConfig,
+    cache: Cache,
+    watch: Watch,
+    workers: int,
+) -> Iterator[tuple[str, Estimate]]:
+    """Yield the tasks' estimates as they get done, each with its held-out test's id."""
+    if workers == 1:
+        for test, name in tasks:
+            yield _hold_out(campaign, test, name, config, cache, watch)
+        return
+    pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
+    yield from pool(joblib.delayed(_hold_out)(campaign, test, name, config, cache) for test, name in tasks)
+
+
+def _hold_out(
+    campaign: Campaign, test: CrashTest, approach: str, config: StudyConfig, cache: Cache, watch: Watch = SILENT
+) -> tuple[str, Estimate]:
+    with threadpool_limits(1):  # contended BLAS threads cost many times the CPU, and other numbers
+        rest = campaign.without([test.id])
+        return test.id, estimate_at(rest, test.condition, approach, config, cache=cache, watch=watch)

@@ -1,0 +1,343 @@
+"""The campaign folder: every form is read alike, and everything that is wrong is said in sentences."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from crashfuse.campaign import Campaign
+from crashfuse.errors import DataError
+from crashfuse.formats.folder import load_campaign
+from crashfuse.pulse import GRID_S
+from crashfuse.units import KPH, LB, MPH, MS, G
+
+
+def assert_same(one: Campaign, other: Campaign) -> None:
+    """Compare two campaigns to float32 precision."""
+    assert one.cae.ids == other.cae.ids
+    np.testing.assert_allclose(one.cae.vectors, other.cae.vectors, rtol=1e-12)
+    np.testing.assert_allclose(one.cae.accel_mps2, other.cae.accel_mps2, rtol=1e-5, atol=1e-3)
+    for a, b in zip(one.tests, other.tests, strict=True):
+        assert (a.id, a.condition.factors) == (b.id, b.condition.factors)
+        np.testing.assert_allclose(a.pulse.accel_mps2, b.pulse.accel_mps2, rtol=1e-5, atol=1e-3)
+
+
+def test_a_folder_holds_what_was_written(campaign: Campaign, campaign_folder: Path) -> None:
+    """Reading gives the very conditions and pulses, in SI, in float32, with nothing to warn of."""
+    loaded = load_campaign(campaign_folder)
+    assert_same(loaded, campaign)
+    assert loaded.cae.accel_mps2.dtype == np.float32
+    assert loaded.warnings == ()
+    assert loaded.name == "campaign"
+
+
+def _cae_as_csv(folder: Path) -> None:
+    pd.read_parquet(folder / "cae_pulses.parquet").to_csv(folder / "cae_pulses.csv", index=False)
+    (folder / "cae_pulses.parquet").unlink()
+
+
+def _cae_as_files(folder: Path) -> None:
+    (folder / "cae").mkdir()
+    for i, (run_id, rows) in enumerate(pd.read_parquet(folder / "cae_pulses.parquet").groupby("id")):
+        rows = rows.drop(columns="id")
+        if i % 2:
+            rows.to_csv(folder / "cae" / f"{run_id}.csv", index=False)
+        else:
+            rows.to_parquet(folder / "cae" / f"{run_id}.parquet", index=False)
+    (folder / "cae_pulses.parquet").unlink()
+
+
+def _tests_as_table(folder: Path) -> None:
+    files = sorted((folder / "tests").iterdir())
+    pd.concat([pd.read_csv(file).assign(id=file.stem) for file in files]).to_parquet(folder / "tests_pulses.parquet")
+    shutil.rmtree(folder / "tests")
+
+
+def _categorical_ids(folder: Path) -> None:
+    frame = pd.read_parquet(folder / "cae_pulses.parquet")
+    frame.assign(id=frame["id"].astype("category")).to_parquet(folder / "cae_pulses.parquet", row_group_size=777)
+
+
+def _small_batches(folder: Path) -> None:
+    frame = pd.read_parquet(folder / "cae_pulses.parquet")
+    frame.to_parquet(folder / "cae_pulses.parquet", row_group_size=1000)
+
+
+@pytest.mark.parametrize("rewrite", [_cae_as_csv, _cae_as_files, _tests_as_table, _categorical_ids, _small_batches])
+def test_every_form_of_the_folder_gives_the_same_campaign(
+    campaign_folder: Path, rewrite: Callable[[Path], None]
+) -> None:
+    """One file a pulse or one tidy table, CSV or Parquet: the numbers are the same."""
+    before = load_campaign(campaign_folder)
+    rewrite(campaign_folder)
+    assert_same(load_campaign(campaign_folder), before)
+
+
+def test_runs_cut_by_a_batch_are_joined(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A batch that ends within a run changes nothing."""
+    before = load_campaign(campaign_folder)
+    monkeypatch.setattr("crashfuse.formats.pulses._BATCH_ROWS", 700)
+    assert_same(load_campaign(campaign_folder), before)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("kph", KPH), ("mps", 1.0)])
+def test_speed_is_converted_by_its_columns_ending(campaign_folder: Path, unit: str, factor: float) -> None:
+    """The same speed in another unit is the same campaign."""
+    before = load_campaign(campaign_folder)
+    for name in ("tests.csv", "cae.csv"):
+        table = pd.read_csv(campaign_folder / name)
+        table[f"speed_{unit}"] = table.pop("speed_mph") * MPH / factor
+        table["front_weight_kg"] = table.pop("front_weight_lb") * LB
+        table.to_csv(campaign_folder / name, index=False)
+    assert_same(load_campaign(campaign_folder), before)
+
+
+def test_pulses_are_converted_by_their_columns_endings(campaign_folder: Path) -> None:
+    """Seconds and m/s² give the same campaign as milliseconds and g."""
+    before = load_campaign(campaign_folder)
+    for path in (campaign_folder / "tests").iterdir():
+        table = pd.read_csv(path)
+        table["time_s"] = table.pop("time_ms") * MS
+        table["acceleration_mps2"] = table.pop("acceleration_g") * G
+        table.to_csv(path, index=False)
+    assert_same(load_campaign(campaign_folder), before)
+
+
+def test_a_long_fast_record_is_cropped_and_resampled(campaign: Campaign, campaign_folder: Path) -> None:
+    """A record of -50 to 200 ms at 20 kHz keeps its acceleration on the study grid."""
+    time = np.arange(-0.05, 0.2, 5e-5)
+    accel = np.interp(time, GRID_S, campaign.tests[0].pulse.accel_mps2, left=0, right=0)
+    table = pd.DataFrame({"time_s": time.round(9), "acceleration_mps2": accel})
+    table.to_csv(campaign_folder / "tests" / "T1.csv", index=False)
+    pulse = load_campaign(campaign_folder).tests[0].pulse
+    np.testing.assert_allclose(pulse.accel_mps2, campaign.tests[0].pulse.accel_mps2, atol=0.5)
+
+
+def test_the_filter_class_of_the_settings_is_applied_to_the_whole_record(campaign_folder: Path) -> None:
+    """CFC 60 takes a 2 kHz ripple out of a test and leaves its change of velocity."""
+    path = campaign_folder / "tests" / "T1.csv"
+    table = pd.read_csv(path)
+    clean = load_campaign(campaign_folder).tests[0].pulse.accel_mps2
+    table["acceleration_g"] += 20 * np.sin(2 * np.pi * 2000 * table["time_ms"] * MS)
+    table.to_csv(path, index=False)
+    (campaign_folder / "campaign.toml").write_text('name = "Filtered"\nchannel_filter_class = 60\n')
+    loaded = load_campaign(campaign_folder)
+    assert loaded.name == "Filtered"
+    np.testing.assert_allclose(loaded.tests[0].pulse.accel_mps2[50:-50], clean[50:-50], atol=0.04 * np.abs(clean).max())
+
+
+def test_a_record_that_ends_early_goes_on_without_acceleration_and_says_so(campaign_folder: Path) -> None:
+    """92 ms are enough to work with, but the reader is told."""
+    path = campaign_folder / "tests" / "T2.csv"
+    pd.read_csv(path).query("time_ms <= 92").to_csv(path, index=False)
+    loaded = load_campaign(campaign_folder)
+    assert "tests/T2.csv: the record ends at 92 ms" in loaded.warnings[0]
+    assert not loaded.tests[1].pulse.accel_mps2[GRID_S > 0.0925].any()
+
+
+def test_pulses_without_a_row_are_left_out_with_a_warning(campaign_folder: Path) -> None:
+    """A stray file does no harm."""
+    shutil.copy(campaign_folder / "tests" / "T1.csv", campaign_folder / "tests" / "T9.csv")
+    loaded = load_campaign(campaign_folder)
+    assert loaded.test_ids == ("T1", "T2", "T3", "T4")
+    assert loaded.warnings == ("1 pulses of tests have no row in tests.csv and are left out.",)
+
+
+def _edit(name: str, change: Callable[[pd.DataFrame], pd.DataFrame | None]) -> Callable[[Path], None]:
+    """Change a CSV file of the folder in place."""
+
+    def edit(folder: Path) -> None:
+        table = pd.read_csv(folder / name).astype(object)
+        changed = change(table)
+        (table if changed is None else changed).to_csv(folder / name, index=False)
+
+    return edit
+
+
+def _set(name: str, row: int, column: str, value: object) -> Callable[[Path], None]:
+    """Put a value into a cell (0 is the first row of data)."""
+    return _edit(
+        name, lambda table: table.__setitem__(column, [*table[column][:row], value, *table[column][row + 1 :]])
+    )
+
+
+BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
+    "no tests table": (
+        lambda f: (f / "tests.csv").unlink(),
+        "tests.csv: expected this file, found no such file; add it to the campaign folder.",
+    ),
+    "missing column": (
+        _edit("tests.csv", lambda t: t.drop(columns="rear_weight_lb")),
+        "tests.csv: expected one column rear_weight_lb or rear_weight_kg, found the columns id, speed_mph, "
+        "front_weight_lb, drive; let the column's name end in its unit.",
+    ),
+    "unknown unit": (
+        _edit("cae.csv", lambda t: t.rename(columns={"speed_mph": "speed_knots"})),
+        "cae.csv: expected one column speed_mph or speed_kph or speed_mps, found speed_knots;",
+    ),
+    "two units": (
+        _edit("cae.csv", lambda t: t.assign(speed_kph=1)),
+        "found speed_mph, speed_kph; keep one of them.",
+    ),
+    "pulse without unit": (
+        _edit("tests/T1.csv", lambda t: t.rename(columns={"acceleration_g": "acceleration"})),
+        "tests/T1.csv: expected one column acceleration_g or acceleration_mps2, found acceleration;",
+    ),
+    "missing pulse": (
+        lambda f: (f / "tests" / "T3.csv").unlink(),
+        "tests.csv, column id: expected a pulse for T3, found none in tests/ or tests_pulses;",
+    ),
+    "no pulses": (
+        lambda f: (f / "cae_pulses.parquet").unlink(),
+        "cae: expected the pulses either in cae_pulses.parquet (or .csv) or in cae/<id>.csv, found neither;",
+    ),
+    "pulses twice": (
+        lambda f: (f / "cae").mkdir(),
+        "found cae_pulses.parquet and cae/; keep one form.",
+    ),
+    "duplicate id": (
+        _set("tests.csv", 2, "id", "T1"),
+        "tests.csv, column id, row 4: expected each id once, found 'T1' a second time;",
+    ),
+    "id that leaves the folder": (
+        _set("tests.csv", 0, "id", "../T1"),
+        "tests.csv, column id, row 2: expected an id that can name a file, found '../T1';",
+    ),
+    "text in a number": (
+        _set("tests.csv", 1, "speed_mph", "fast"),
+        "tests.csv, column speed_mph, row 3: expected a number, found 'fast'; correct the cell.",
+    ),
+    "NaN in a table": (
+        _set("cae.csv", 5, "front_weight_lb", "nan"),
+        "cae.csv, column front_weight_lb, row 7: expected a number, found 'nan';",
+    ),
+    "empty cell in a pulse": (
+        _set("tests/T2.csv", 10, "acceleration_g", None),
+        "tests/T2.csv, column acceleration_g, row 12: expected a number, found an empty cell;",
+    ),
+    "text in a pulse": (
+        _set("tests/T2.csv", 10, "acceleration_g", "n/k"),
+        "tests/T2.csv, column acceleration_g, row 12: expected a number, found 'n/k';",
+    ),
+    "unsorted time": (
+        _edit("tests/T1.csv", lambda t: pd.concat([t[:5], t[5:7][::-1], t[7:]])),
+        "tests/T1.csv, column time, row 8: expected time that increases from row to row, found 0.4 ms after 0.48 ms;",
+    ),
+    "uneven time": (
+        _edit("tests/T1.csv", lambda t: t.drop(index=100)),
+        "tests/T1.csv, column time, row 102: expected evenly sampled time, found a step of 0.16 ms among steps of 0.08",
+    ),
+    "short record": (
+        _edit("tests/T1.csv", lambda t: t[t.time_ms < 50]),
+        "tests/T1.csv, column time: expected a record from 0 to at least 60 ms (100 ms is best), found 0 to 49.92 ms;",
+    ),
+    "late start": (
+        _edit("tests/T1.csv", lambda t: t[t.time_ms > 5]),
+        "tests/T1.csv, column time: expected a record from 0 to at least 60 ms (100 ms is best), found 5.04 to",
+    ),
+    "slow sampling": (
+        _edit("tests/T1.csv", lambda t: t[::25]),
+        "expected at least 1000 samples a second, found 500 Hz;",
+    ),
+    "empty table": (
+        _edit("tests.csv", lambda t: t[:0]),
+        "tests.csv: expected a header and at least one row, found an empty table;",
+    ),
+    "empty pulse": (
+        _edit("tests/T1.csv", lambda t: t[:0]),
+        "tests/T1.csv: expected a header and rows, found an empty table;",
+    ),
+    "empty file": (
+        lambda f: (f / "tests" / "T1.csv").write_text(""),
+        "tests/T1.csv: expected a table with a header, found No columns to parse from file;",
+    ),
+    "no Parquet": (
+        lambda f: (f / "cae_pulses.parquet").write_text("id,time_ms\n"),
+        "cae_pulses.parquet: expected a table with a header, found",
+    ),
+    "test at standstill": (
+        _set("tests.csv", 0, "speed_mph", 0),
+        "tests.csv, column speed_mph, row 2: expected a number above 0, found 0",
+    ),
+    "negative run speed": (
+        _set("cae.csv", 0, "speed_mph", -1),
+        "cae.csv, column speed_mph, row 2: expected 0 or above, found -1",
+    ),
+    "wrong sign": (
+        _edit("tests/T1.csv", lambda t: t.assign(acceleration_g=-t.acceleration_g)),
+        "tests.csv, column id T1, row 2: expected a pulse that takes off about the impact speed of 15.0 mph (24.1 km/h)"
+        ", found a change of +16.5 mph (+26.6 km/h); flip the sign of the acceleration (braking is negative).",
+    ),
+    "m/s² called g": (
+        _edit("tests/T1.csv", lambda t: t.assign(acceleration_g=t.acceleration_g * G)),
+        "check the unit of the acceleration (m/s² under a name that ends in _g?).",
+    ),
+    "km/h called mph": (
+        _edit("tests.csv", lambda t: t.assign(speed_mph=t.speed_mph / KPH * MPH)),
+        "check the unit of the speed (km/h under a name that ends in _mph?).",
+    ),
+    "the only test": (
+        _edit("tests.csv", lambda t: t[:1]),
+        "tests.csv: expected at least 2 tests, found 1;",
+    ),
+    "few runs": (
+        _edit("cae.csv", lambda t: t[:9]),
+        "cae.csv: expected at least 10 CAE runs, found 9;",
+    ),
+    "bad settings": (
+        lambda f: (f / "campaign.toml").write_text("channel_filter_class = sixty"),
+        "campaign.toml: expected a TOML file in UTF-8, found",
+    ),
+    "bad filter class": (
+        lambda f: (f / "campaign.toml").write_text('channel_filter_class = "60 Hz"'),
+        'campaign.toml, column channel_filter_class: expected a channel filter class such as 60 or 180, or "none", found',
+    ),
+}
+
+
+@pytest.mark.parametrize(("spoil", "sentence"), BAD_FOLDERS.values(), ids=BAD_FOLDERS)
+def test_bad_input_gets_one_clear_sentence(
+    campaign_folder: Path, spoil: Callable[[Path], object], sentence: str
+) -> None:
+    """Each fault is named with file, column, row, what was expected, what was found, and what to do."""
+    spoil(campaign_folder)
+    with pytest.raises(DataError) as raised:
+        load_campaign(campaign_folder)
+    matching = [str(problem) for problem in raised.value.problems if sentence in str(problem)]
+    assert matching, str(raised.value)
+    assert matching[0].endswith(".")
+
+
+def test_a_fault_of_one_file_raises_no_false_alarm_elsewhere(campaign_folder: Path) -> None:
+    """One unreadable pulse is one problem: its test is not reported as missing too."""
+    (campaign_folder / "tests" / "T1.csv").write_text("")
+    with pytest.raises(DataError) as raised:
+        load_campaign(campaign_folder)
+    assert len(raised.value.problems) == 1
+
+
+def test_all_problems_are_listed_at_once(campaign_folder: Path) -> None:
+    """Three faults in three files come back together."""
+    for name in ("missing column", "no Parquet", "bad settings"):
+        BAD_FOLDERS[name][0](campaign_folder)
+    with pytest.raises(DataError) as raised:
+        load_campaign(campaign_folder)
+    assert {problem.where for problem in raised.value.problems} == {"tests.csv", "cae_pulses.parquet", "campaign.toml"}
+
+
+def test_a_thousand_bad_cells_are_counted_not_listed(campaign_folder: Path) -> None:
+    """The list stays readable."""
+    _edit("tests/T1.csv", lambda t: t.assign(acceleration_g="x"))(campaign_folder)
+    with pytest.raises(DataError) as raised:
+        load_campaign(campaign_folder)
+    assert len(raised.value.problems) == 21
+    assert "1230 more cells that are no number" in str(raised.value.problems[-1])
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    """The path is the message."""
+    with pytest.raises(DataError, match=r"nowhere: expected a campaign folder, found no such folder; check the path\."):
+        load_campaign(tmp_path / "nowhere")

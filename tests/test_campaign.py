@@ -1,0 +1,73 @@
+"""The campaign: pairing, extrapolation, holding out, fingerprints."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.errors import UsageError
+from crashfuse.pulse import Condition, Pulse
+from crashfuse.units import LB, MPH
+
+
+def test_a_run_at_a_tests_condition_is_its_pair(campaign: Campaign) -> None:
+    """The last four runs were made at the tests' conditions, whatever the extra columns say."""
+    pairs = [campaign.cae.paired_run(test.condition) for test in campaign.tests]
+    assert pairs == [20, 21, 22, 23]
+
+
+def test_a_condition_without_a_run_has_no_pair(campaign: Campaign) -> None:
+    """Half a mile per hour is another condition."""
+    condition = replace(campaign.tests[0].condition, speed_mps=15.5 * MPH)
+    assert campaign.cae.paired_run(condition) is None
+
+
+def test_a_weight_beyond_the_library_is_flagged(campaign: Campaign) -> None:
+    """The sentence names the input, its value and the range."""
+    condition = Condition(25 * MPH, 2400 * LB, 1500 * LB)
+    (note,) = campaign.cae.extrapolation(condition)
+    assert note.startswith("Extrapolation: front weight 2400 lb lies outside the CAE runs' 19")
+
+
+def test_a_pair_alone_does_not_stretch_the_range(campaign: Campaign) -> None:
+    """A run made at the one heavy test gives its pulse, but the neighbourhood is still empty."""
+    heavy = Condition(25 * MPH, 2400 * LB, 1500 * LB)
+    cae = replace(campaign.cae, conditions=(*campaign.cae.conditions[:-1], heavy))
+    assert cae.paired_run(heavy) is not None
+    assert len(cae.extrapolation(heavy)) == 1
+
+
+def test_a_condition_inside_the_library_is_not_flagged(campaign: Campaign) -> None:
+    """Nothing to say about the middle of the range."""
+    assert campaign.cae.extrapolation(Condition(20 * MPH, 2050 * LB, 1550 * LB)) == ()
+
+
+def test_holding_out_takes_the_test_and_leaves_the_rest(campaign: Campaign) -> None:
+    """The held-out test is gone, its paired run is not."""
+    rest = campaign.without(["T2"])
+    assert rest.test_ids == ("T1", "T3", "T4")
+    assert rest.cae is campaign.cae
+
+
+def test_an_unknown_test_is_named_with_those_there_are(campaign: Campaign) -> None:
+    """The message helps to pick one that exists."""
+    with pytest.raises(UsageError, match="no test 'T7' in Tiny; it has T1, T2, T3, T4"):
+        campaign.without(["T7"])
+
+
+def test_one_changed_sample_changes_the_fingerprint(campaign: Campaign) -> None:
+    """Every sample of every run and test counts."""
+    accel = campaign.cae.accel_mps2.copy()
+    accel[3, 700] = np.nextafter(accel[3, 700], np.float32(1))
+    assert replace(campaign, cae=replace(campaign.cae, accel_mps2=accel)).fingerprint != campaign.fingerprint
+    first = campaign.tests[0]
+    moved = first.pulse.accel_mps2.copy()
+    moved[17] += 1e-12
+    changed = CrashTest(first.id, first.condition, Pulse(first.pulse.time_s, moved))
+    assert replace(campaign, tests=(changed, *campaign.tests[1:])).fingerprint != campaign.fingerprint
+
+
+def test_name_and_notice_do_not_change_the_fingerprint(campaign: Campaign) -> None:
+    """The fingerprint names the data."""
+    assert replace(campaign, name="other", notice="x").fingerprint == campaign.fingerprint

@@ -1,0 +1,183 @@
+"""The study: nothing leaks, nothing is computed twice, and the numbers don't depend on how it is run."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches import APPROACHES
+from crashfuse.approaches.base import Approach
+from crashfuse.approaches.displacement_domain import DisplacementDomain
+from crashfuse.approaches.time_domain import TcnConfig
+from crashfuse.cache import Cache
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.errors import Cancelled, UsageError
+from crashfuse.progress import Progress, Watch
+from crashfuse.pulse import Pulse
+from crashfuse.rating import rate_iso18571
+from crashfuse.study import Study, StudyConfig, estimate_at, run_study
+
+CONFIG = StudyConfig(windows_ms=(20.0, 60.0))
+
+
+@pytest.fixture(scope="session")
+def finished(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> Study:
+    """A study of the small campaign with two tests held out, in one process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(TcnConfig, "fast", small_network)
+        cache = Cache(tmp_path_factory.mktemp("study"))
+        return run_study(campaign, CONFIG, held_out=["T2", "T4"], cache=cache, workers=1)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Networks of seconds, not minutes."""
+    monkeypatch.setattr(TcnConfig, "fast", small_network)
+
+
+def test_each_held_out_test_has_every_approach_rated_over_every_window(finished: Study) -> None:
+    """Two folds, four approaches, two windows."""
+    assert [fold.held_out for fold in finished.folds] == ["T2", "T4"]
+    for fold in finished.folds:
+        assert tuple(fold.ratings) == APPROACHES
+        assert all(tuple(ratings) == (20.0, 60.0) for ratings in fold.ratings.values())
+
+
+def test_the_rating_is_that_of_prediction_against_test(finished: Study) -> None:
+    """The figure in the table is ISO/TS 18571 of the two pulses at 10 kHz over the window."""
+    fold = finished.fold("T4")
+    at = np.arange(600) * 1e-4
+    test = finished.campaign.test("T4").pulse
+    predicted = fold.estimate("cae").prediction
+    pair = [np.interp(at, test.time_s, accel) for accel in (test.accel_mps2, predicted.accel_mps2)]
+    assert fold.ratings["cae"][60.0] == rate_iso18571(pair[0], pair[1], dt_s=1e-4)
+    assert finished.mean_rating("cae", 60.0) == pytest.approx(
+        np.mean([f.ratings["cae"][60.0].overall for f in finished.folds])
+    )
+
+
+def test_correcting_the_cae_model_helps(finished: Study) -> None:
+    """A shorter half sine is easily learnt: the displacement domain beats the uncorrected CAE clearly."""
+    assert finished.mean_rating("displacement_domain", 60.0) > finished.mean_rating("cae", 60.0) + 0.05
+
+
+@pytest.mark.parametrize("approach", APPROACHES)
+def test_the_held_out_pulse_does_not_reach_its_own_prediction(
+    campaign: Campaign, finished: Study, approach: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Another held-out pulse, computed afresh, gives the same prediction to the bit, and another rating."""
+    test = campaign.test("T2")
+    reversed_pulse = Pulse(test.pulse.time_s, 1.3 * test.pulse.accel_mps2[::-1])
+    tests = tuple(CrashTest(t.id, t.condition, reversed_pulse) if t.id == "T2" else t for t in campaign.tests)
+    changed = replace(campaign, tests=tests)
+    cache = Cache(tmp_path_factory.mktemp("fresh"))
+    config = replace(CONFIG, approaches=(approach,))
+    study = run_study(changed, config, held_out=["T2"], cache=cache, workers=1)
+    before, after = finished.fold("T2").estimate(approach), study.fold("T2").estimate(approach)
+    assert after.prediction.accel_mps2.tobytes() == before.prediction.accel_mps2.tobytes()
+    if before.prediction.draws_mps2 is not None:
+        assert after.prediction.draws_mps2 is not None
+        assert after.prediction.draws_mps2.tobytes() == before.prediction.draws_mps2.tobytes()
+    assert study.fold("T2").ratings[approach][60.0] != finished.fold("T2").ratings[approach][60.0]
+
+
+def test_another_training_pulse_does_reach_the_prediction(campaign: Campaign, finished: Study) -> None:
+    """The no-leak test above means something: what may be learnt from is learnt from."""
+    test = campaign.test("T3")
+    softer = Pulse(test.pulse.time_s, 0.8 * test.pulse.accel_mps2)
+    tests = tuple(CrashTest(t.id, t.condition, softer) if t.id == "T3" else t for t in campaign.tests)
+    changed = replace(campaign, tests=tests).without(["T2"])
+    for approach in ("time_domain", "displacement_domain"):
+        estimate = estimate_at(changed, campaign.test("T2").condition, approach, CONFIG)
+        before = finished.fold("T2").estimate(approach).prediction
+        assert np.abs(estimate.prediction.accel_mps2 - before.accel_mps2).max() > 1.0
+
+
+def test_workers_do_not_change_the_numbers(campaign: Campaign) -> None:
+    """Two processes give what one gives, to the bit, in the same order."""
+    config = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
+    caches = [Cache(Cache().folder / name) for name in ("one", "two")]
+    one = run_study(campaign, config, held_out=["T1", "T2"], cache=caches[0], workers=1)
+    two = run_study(campaign, config, held_out=["T1", "T2"], cache=caches[1], workers=2)
+    for a, b in zip(one.folds, two.folds, strict=True):
+        assert a.ratings == b.ratings
+        for x, y in zip(a.estimates, b.estimates, strict=True):
+            assert x.prediction.accel_mps2.tobytes() == y.prediction.accel_mps2.tobytes()
+
+
+def _count_fits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    fits: list[str] = []
+    original: Callable[..., Approach] = DisplacementDomain.fit
+
+    def counted(self: DisplacementDomain, campaign: Campaign, watch: Watch) -> Approach:
+        fits.append(campaign.name)
+        return original(self, campaign, watch)
+
+    monkeypatch.setattr(DisplacementDomain, "fit", counted)
+    return fits
+
+
+def test_a_second_run_is_answered_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same study again fits nothing and gives the same bits."""
+    fits = _count_fits(monkeypatch)
+    config = StudyConfig(approaches=("displacement_domain",))
+    first = run_study(campaign, config, held_out=["T3"], workers=1)
+    second = run_study(campaign, config, held_out=["T3"], workers=1)
+    assert len(fits) == 1
+    a, b = (study.fold("T3").estimate("displacement_domain") for study in (first, second))
+    assert a.prediction.accel_mps2.tobytes() == b.prediction.accel_mps2.tobytes()
+    assert a.prediction.draws_mps2 is not None
+    assert b.prediction.draws_mps2 is not None
+    assert a.prediction.draws_mps2.tobytes() == b.prediction.draws_mps2.tobytes()
+    assert a.state == b.state
+    assert a.prediction.notes == b.prediction.notes
+
+
+def test_a_study_that_was_stopped_goes_on_where_it_was(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cancelling between two folds keeps the first: only the second is computed afterwards."""
+    fits = _count_fits(monkeypatch)
+    config = StudyConfig(approaches=("displacement_domain",))
+    cancel = threading.Event()
+
+    def stop_after_one(progress: Progress) -> None:
+        if progress.step == "Held-out tests" and progress.done == 1:
+            cancel.set()
+
+    with pytest.raises(Cancelled):
+        run_study(campaign, config, held_out=["T1", "T2"], watch=Watch(stop_after_one, cancel), workers=1)
+    run_study(campaign, config, held_out=["T1", "T2"], workers=1)
+    assert len(fits) == 2
+
+
+@pytest.mark.parametrize(
+    ("config", "held_out", "sentence"),
+    [
+        (StudyConfig(), ["T9"], "There is no test 'T9' in Tiny; it has T1, T2, T3, T4"),
+        (StudyConfig(approaches=("magic",)), [], "There is no approach 'magic'; choose from cae, lf_tcn, time_domain"),
+        (StudyConfig(approaches=()), [], "Name at least one approach"),
+        (StudyConfig(preset="slow"), [], "There is no preset 'slow'; choose from fast, paper"),  # type: ignore[arg-type]
+        (StudyConfig(windows_ms=(5.0,)), [], "A rating window of 5 ms is not possible; choose 10 to 100 ms"),
+    ],
+)
+def test_an_impossible_study_is_refused_before_it_starts(
+    campaign: Campaign, config: StudyConfig, held_out: list[str], sentence: str
+) -> None:
+    """The message names what was asked and what there is."""
+    with pytest.raises(UsageError, match=sentence):
+        run_study(campaign, config, held_out=held_out)
+
+
+def test_a_single_test_cannot_be_left_out(campaign: Campaign) -> None:
+    """Nothing would remain to learn from."""
+    with pytest.raises(UsageError, match="at least 2 tests"):
+        run_study(campaign.without(["T1", "T2", "T3"]))
+
+
+_FULL = TcnConfig.fast()
+
+
+def small_network() -> TcnConfig:
+    """The fast network with few channels and epochs."""
+    return replace(_FULL, channels=8)
