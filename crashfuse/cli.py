@@ -21,7 +21,7 @@ DONE, WRONG_DATA, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 the data are wrong, 2 wrong usage)."""
-    arguments = _parser().parse_args(argv)
+    arguments = parser().parse_args(argv)
     command: Callable[[argparse.Namespace], None] = arguments.run
     try:
         command(arguments)
@@ -188,13 +188,14 @@ def _say(*lines: str) -> None:
         print(line, file=sys.stderr)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def parser() -> argparse.ArgumentParser:
+    """The command line as argparse knows it."""
+    root = argparse.ArgumentParser(
         prog="crashfuse",
         description="Fuse CAE crash pulses with physical full-frontal barrier tests; predict and rate pulses.",
     )
-    parser.add_argument("--version", action="version", version=f"crashfuse {__version__}")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    root.add_argument("--version", action="version", version=f"crashfuse {__version__}")
+    commands = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     app = commands.add_parser("app", help="start the dashboard on 127.0.0.1")
     app.add_argument("--port", type=int, default=8501, help="port to listen on (default: %(default)s)")
@@ -235,7 +236,7 @@ def _parser() -> argparse.ArgumentParser:
     rate.add_argument("--windows-ms", nargs="+", type=float, metavar="W", help="over 0 to W ms (default: 20 40 60)")
     rate.add_argument("--json", action="store_true", help="print JSON instead of a table")
     rate.set_defaults(run=_rate)
-    return parser
+    return root
 
 
 def _add_model_options(parser: argparse.ArgumentParser) -> None:

@@ -15,7 +15,8 @@ from plotly.colors import sample_colorscale
 from crashfuse.approaches import LABELS, Prediction
 from crashfuse.campaign import CaeLibrary, CrashTest
 from crashfuse.pulse import GRID_S, FloatArray, Kinematics, Pulse, kinematics
-from crashfuse.units import G, KPH, MPH, MS
+from crashfuse.rating import GRADES, grade
+from crashfuse.units import KPH, MPH, MS, G
 
 Unit = Literal["g", "m/s²"]
 
@@ -29,17 +30,22 @@ COLOURS: Mapping[str, str] = {  # Okabe & Ito's palette, which colour-blind read
 }
 _DASHES: Mapping[str, str] = {"cae": "dash", "lf_tcn": "dot"}  # what has not seen a test is not drawn solid
 
-GRADES: Mapping[str, tuple[float, str]] = {
-    "Poor": (0.58, "#F4B183"),
-    "Fair": (0.80, "#FBE3D0"),
-    "Good": (0.94, "#CFE3F2"),
-    "Excellent": (1.0, "#7FB6DC"),
+GRADE_COLOURS: Mapping[str, str] = {
+    "Poor": "#F4B183",
+    "Fair": "#FBE3D0",
+    "Good": "#CFE3F2",
+    "Excellent": "#7FB6DC",
 }
-"""Grade words of ISO/TS 18571 with the rating each reaches up to and the colour behind it (black text reads on all)."""
+"""Colour behind each grade word of ISO/TS 18571; black text reads on all of them."""
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
 _GRID = "#E3E6EA"
 _INK = "#262A33"
+_LEGEND_ABOVE = {
+    "legend": {"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},
+    "modebar": {"orientation": "v"},
+    "margin": {"l": 64, "r": 44, "t": 40, "b": 52},
+}
 _MAX_RUNS = 2000  # quantiles of that many runs don't move visibly when more are taken
 
 
@@ -74,9 +80,10 @@ def overlay(
     for name, prediction in predictions.items():
         _band(figure, name, prediction.band(), scale)
     for name, prediction in predictions.items():
-        _curve(figure, name, prediction.accel_mps2 * scale)
+        _curve(figure, name, prediction.accel_mps2 * scale, has_band=prediction.draws_mps2 is not None)
     if measured is not None:
         _measured(figure, measured.time_s, measured.accel_mps2 * scale)
+    figure.update_layout(_LEGEND_ABOVE)
     figure.update_yaxes(title=_accel_title(unit, deceleration))
     _shade_window(figure, window_ms)
     return figure
@@ -113,25 +120,27 @@ def motion(
             _band(figure, name, _central(moved.velocity_mps), 1 / KPH, row=2)
             _band(figure, name, _central(moved.displacement_m), 1000, row=3)
     for name, prediction in predictions.items():
-        _curve(figure, name, prediction.accel_mps2 * scale)
+        _curve(figure, name, prediction.accel_mps2 * scale, has_band=prediction.draws_mps2 is not None)
         for row, values in _motion_rows(kinematics(prediction.accel_mps2, speed_mps, GRID_S[1])):
             _curve(figure, name, values, row=row)
     if measured is not None:
         _measured(figure, measured.time_s, measured.accel_mps2 * scale)
         for row, values in _motion_rows(measured.kinematics(speed_mps)):
             _measured(figure, measured.time_s, values, row=row)
+    _join_hover(figure, unit)
     figure.update_layout(
         hoversubplots="axis",
+        **_LEGEND_ABOVE,
         xaxis={"anchor": "y3"},
         yaxis={"domain": [0.62, 1.0], "title": _accel_title(unit, deceleration)},
         yaxis2={"domain": [0.31, 0.58], "title": "Velocity (km/h)"},
         yaxis3={"domain": [0.0, 0.27], "title": "Displacement (mm)"},
     )
-    _shade_window(figure, window_ms)
+    _shade_window(figure, window_ms, rows=3)
     return figure
 
 
-def tests_overview(
+def measured_pulses(
     tests: Sequence[CrashTest],
     *,
     highlight: str | None = None,
@@ -155,7 +164,7 @@ def tests_overview(
     """
     figure = _figure(height=460)
     scale = _scale(unit, deceleration)
-    colours = _speed_colours(tests)
+    lines = _speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         thick = test.id == highlight
         _line(
@@ -163,7 +172,7 @@ def tests_overview(
             test.pulse.time_s,
             test.pulse.accel_mps2 * scale,
             name=f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph" + (" (held out)" if thick else ""),
-            line={"color": colours[test.id], "width": 3.5 if thick else 1.7},
+            line={**lines[test.id], "width": 4 if thick else 1.7},
         )
     figure.update_layout(legend={"title": "Test · speed"})
     figure.update_yaxes(title=_accel_title(unit, deceleration))
@@ -199,7 +208,7 @@ def library_band(
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * scale
     _fill(figure, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs", showlegend=True)
     _line(figure, GRID_S, median, name="Median run", line={"color": COLOURS["cae"], "width": 2.5})
-    colours = _speed_colours(tests)
+    lines = _speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         if (run := library.paired_run(test.condition)) is not None:
             _line(
@@ -207,7 +216,7 @@ def library_band(
                 GRID_S,
                 library.accel_mps2[run] * scale,
                 name=f"{library.ids[run]} · {test.condition.speed_mps / MPH:.1f} mph",
-                line={"color": colours[test.id], "width": 1.5},
+                line={**lines[test.id], "width": 1.7},
             )
     figure.update_yaxes(title=_accel_title(unit, deceleration))
     _shade_window(figure, window_ms)
@@ -273,13 +282,8 @@ def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: 
         done, values = np.array(points, dtype=np.float32).T
         figure.add_scatter(x=done, y=values, name=name, mode="lines", line={"color": colour, "width": 2})
     figure.update_xaxes(title=step, range=None, ticksuffix="", rangemode="tozero")
-    figure.update_yaxes(type="log", exponentformat="power")
+    figure.update_yaxes(type="log", exponentformat="power", dtick=1)
     return figure
-
-
-def grade(rating: float) -> str:
-    """Grade word of an overall rating (ISO/TS 18571): Excellent above 0.94, Good above 0.80, Fair above 0.58."""
-    return next((word for word, (upper, _) in GRADES.items() if rating <= upper), "Excellent")
 
 
 def _figure(height: int) -> go.Figure:
@@ -292,15 +296,16 @@ def _figure(height: int) -> go.Figure:
         font={"family": _FONT, "size": 14, "color": _INK},
         paper_bgcolor="#FFFFFF",
         plot_bgcolor="#FFFFFF",
-        margin={"l": 64, "r": 16, "t": 24, "b": 52},
+        margin={"l": 64, "r": 16, "t": 32, "b": 52},
         hovermode="x unified",
-        hoverlabel={"namelength": -1},
+        hoverlabel={"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
         legend={"orientation": "v", "x": 1.01, "y": 1, "xanchor": "left"},
     )
     figure.update_xaxes(
         **axis,
         title="Time (ms)",
         range=[0, 100],
+        unifiedhovertitle={"text": "%{x:.1f} ms"},
         ticks="outside",
         showspikes=True,
         spikemode="across",
@@ -322,20 +327,25 @@ def _accel_title(unit: Unit, deceleration: bool) -> str:
 
 def _line(figure: go.Figure, time_s: FloatArray, values: FloatArray, *, row: int = 1, **style: object) -> None:
     x, y = (time_s / MS).astype(np.float32), values.astype(np.float32)
-    template = "%{y:.1f}" if row == 1 else "%{y:.0f}"
     # one x axis for all rows: that is what makes one cursor run through all of them
-    figure.add_scatter(x=x, y=y, mode="lines", yaxis=_y_axis(row), hovertemplate=template, **style)
+    figure.add_scatter(x=x, y=y, mode="lines", yaxis=_y_axis(row), hovertemplate="%{y:.1f}", **style)
 
 
-def _curve(figure: go.Figure, approach: str, values: FloatArray, *, row: int = 1) -> None:
+def _curve(figure: go.Figure, approach: str, values: FloatArray, *, row: int = 1, has_band: bool = False) -> None:
     line = {"color": COLOURS[approach], "width": 2, "dash": _DASHES.get(approach, "solid")}
-    name = LABELS[approach]
-    _line(figure, GRID_S, values, row=row, name=name, line=line, legendgroup=approach, showlegend=row == 1)
+    name = LABELS[approach] + (" (95 % band)" if has_band else "")
+    rank = 2 + list(LABELS).index(approach)
+    _line(
+        figure, GRID_S, values, row=row, name=name, line=line, legendgroup=approach, legendrank=rank,
+        showlegend=row == 1,
+    )  # fmt: skip
 
 
 def _measured(figure: go.Figure, time_s: FloatArray, values: FloatArray, *, row: int = 1) -> None:
     line = {"color": MEASURED_COLOUR, "width": 2.5}
-    _line(figure, time_s, values, row=row, name="Test", line=line, legendgroup="test", showlegend=row == 1)
+    _line(
+        figure, time_s, values, row=row, name="Test", line=line, legendgroup="test", legendrank=1, showlegend=row == 1
+    )
 
 
 def _band(
@@ -343,9 +353,8 @@ def _band(
 ) -> None:
     if band is None:
         return
-    name = f"{LABELS[approach]}, 95 % band"
-    lower, upper = band[0] * scale, band[1] * scale
-    _fill(figure, lower, upper, colour=COLOURS[approach], name=name, row=row, legendgroup=approach, showlegend=row == 1)
+    name, lower, upper = f"{LABELS[approach]} (95 % band)", band[0] * scale, band[1] * scale
+    _fill(figure, lower, upper, colour=COLOURS[approach], name=name, row=row, legendgroup=approach, showlegend=False)
 
 
 def _fill(
@@ -371,6 +380,17 @@ def _y_axis(row: int) -> str:
     return "y" if row == 1 else f"y{row}"
 
 
+def _join_hover(figure: go.Figure, unit: Unit) -> None:
+    """Let the cursor tell a, v and s of a curve on one line instead of three."""
+    curves = [trace for trace in figure.data if trace.hoverinfo != "skip"]
+    for group in {trace.legendgroup for trace in curves}:
+        accel, velocity, displacement = [trace for trace in curves if trace.legendgroup == group]
+        accel.customdata = np.column_stack([velocity.y, displacement.y])
+        accel.hovertemplate = f"%{{y:.1f}} {unit}, %{{customdata[0]:.1f}} km/h, %{{customdata[1]:.0f}} mm"
+        velocity.update(hovertemplate=None, hoverinfo="none")
+        displacement.update(hovertemplate=None, hoverinfo="none")
+
+
 def _motion_rows(moved: Kinematics) -> tuple[tuple[int, FloatArray], ...]:
     """Velocity in km/h and displacement in mm, with the rows they are drawn in."""
     return (2, moved.velocity_mps / KPH), (3, moved.displacement_m * 1000)
@@ -381,33 +401,37 @@ def _central(draws: FloatArray) -> tuple[FloatArray, FloatArray]:
     return lower, upper
 
 
-def _shade_window(figure: go.Figure, window_ms: float | None) -> None:
+def _shade_window(figure: go.Figure, window_ms: float | None, *, rows: int = 1) -> None:
     if window_ms is None:
         return
-    figure.add_shape(
-        type="rect", xref="x", yref="paper", x0=0, x1=window_ms, y0=0, y1=1, layer="below",
-        fillcolor="#FFF4CC", opacity=0.55, line_width=0,
-    )  # fmt: skip
+    for row in range(1, rows + 1):
+        figure.add_shape(
+            type="rect", xref="x", yref=f"{_y_axis(row)} domain", x0=0, x1=window_ms, y0=0, y1=1, layer="below",
+            fillcolor="#FFF4CC", opacity=0.55, line_width=0,
+        )  # fmt: skip
     figure.add_annotation(
-        x=window_ms, xref="x", y=1, yref="paper", xanchor="right", yanchor="bottom", showarrow=False,
+        x=window_ms, xref="x", y=1, yref="y domain", xanchor="right", yanchor="top", showarrow=False,
         text=f"rated: 0–{window_ms:g} ms", font={"size": 12, "color": "#6B5900"},
     )  # fmt: skip
 
 
-def _speed_colours(tests: Sequence[CrashTest]) -> dict[str, str]:
-    """A colour for each test, dark for slow, on a scale that colour-blind readers can follow."""
+def _speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:
+    """A line for each test: dark for slow, on a scale for colour-blind readers too; dashes tell repeats apart."""
     if not tests:
         return {}
     speeds = np.array([test.condition.speed_mps for test in tests])
     share = (speeds - speeds.min()) / max(float(np.ptp(speeds)), 1e-9)
-    colours = sample_colorscale("Viridis", (0.92 * share).tolist())  # the bright end is lost on white
-    return {test.id: colour for test, colour in zip(tests, colours, strict=True)}
+    colours = sample_colorscale("Viridis", (0.88 * share).tolist())  # the bright end is lost on white
+    rounded = np.round(speeds / MPH)
+    repeats = [int((rounded[:i] == rounded[i]).sum()) for i in range(len(tests))]
+    return {
+        test.id: {"color": colour, "dash": ("solid", "dash", "dot", "dashdot")[repeat % 4]}
+        for test, colour, repeat in zip(tests, colours, repeats, strict=True)
+    }
 
 
 def _grade_scale() -> list[tuple[float, str]]:
     """Four flat steps between 0 and 1."""
-    scale, start = [], 0.0
-    for upper, colour in GRADES.values():
-        scale += [(start, colour), (upper, colour)]
-        start = upper
-    return scale
+    limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
+    steps = zip(GRADE_COLOURS.values(), limits[:-1], limits[1:], strict=True)
+    return [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]

@@ -188,16 +188,16 @@ def _rate(reference: FloatArray, comparisons: FloatArray) -> list[Rating]:
     limit = _MAX_SHIFT * reference.size
     phase = np.maximum((limit - np.abs(shifts)) / limit, 0.0)
     magnitude, slope = np.empty_like(corridor), np.empty_like(corridor)
+    block = max(1, int(_BAND_BYTES / (8 * 2 * _WARP_BAND * reference.size**2)))
     for shift in np.unique(shifts):
         alike = np.flatnonzero(shifts == shift)
-        band_bytes = 8 * reference.size * math.ceil(2 * _WARP_BAND * reference.size)
-        for curves in np.array_split(alike, math.ceil(alike.size * band_bytes / _BAND_BYTES)):
+        for curves in np.array_split(alike, math.ceil(alike.size / block)):
             t, c = _overlap(reference, comparisons[curves], shift)
             magnitude[curves] = _magnitude(t, c)
             slope[curves] = _slope(t, c)
     overall = 0.4 * corridor + 0.2 * phase + 0.2 * magnitude + 0.2 * slope
-    rows = np.column_stack([overall, corridor, phase, magnitude, slope]).tolist()
-    return [Rating(*row, grade(row[0])) for row in rows]
+    scores = np.column_stack([overall, corridor, phase, magnitude, slope]).tolist()
+    return [Rating(o, c, p, m, s, grade(o)) for o, c, p, m, s in scores]
 
 
 def _corridor(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
@@ -217,16 +217,16 @@ def _overlap(reference: FloatArray, comparisons: FloatArray, shift: int) -> tupl
 
 
 def _best_shifts(reference: FloatArray, comparisons: FloatArray) -> npt.NDArray[np.int_]:
-    """Find the shift of the best correlation for each curve, shape (n_curves,): the first of equals in the order 0, 1, −1, 2, −2, …
+    """Find each curve's shift of best correlation, the first of equals in the order 0, 1, −1, 2, −2 and so on.
 
     All correlations come from one Fourier transform, with a bound of their rounding errors; the few shifts that these
-    errors leave undecided are computed again, one by one, as the standard writes it.
-    """  # noqa: E501
+    errors leave undecided are computed again, one by one, as the standard writes it. Shape (n_curves,).
+    """
     largest = math.floor(_MAX_SHIFT * reference.size)
     shifts = np.array([0, *(side * m for m in range(1, largest + 1) for side in (1, -1))])
     rho, error = _correlations(reference, comparisons, shifts)
     possible = rho + error >= (rho - error).max(axis=1, keepdims=True)
-    best = shifts[possible.argmax(axis=1)]
+    best: npt.NDArray[np.int_] = shifts[possible.argmax(axis=1)]
     for curve in np.flatnonzero(possible.sum(axis=1) > 1):
         candidates = shifts[possible[curve]]
         exact = [_correlation(*_overlap(reference, comparisons[curve], shift)) for shift in candidates]
@@ -307,27 +307,15 @@ def _warping_cost(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
     if r % 2:
         even[:, [0, -2]] = np.inf
 
-    b = n_curves
     odd, even = odd.reshape(length, -1), even.reshape(length, -1)  # views: a column further is n_curves further
-    least = np.empty_like(odd[0])
-    least_odd, least_even = least[b:-b], least[:-b]
-    minimum, add = np.minimum, np.add
-    for up, left, both, here, next_up, next_left, next_both, next_here in zip(
-        even[:-1, : -2 * b],
-        even[:-1, b:-b],
-        odd[:-1, b:-b],
-        odd[1:, b:-b],
-        odd[1:, :-b],
-        odd[1:, b:],
-        even[:-1, :-b],
-        even[1:, :-b],
-    ):
-        minimum(up, left, out=least_odd)
-        minimum(least_odd, both, out=least_odd)
-        add(here, least_odd, here)
-        minimum(next_up, next_left, out=least_even)
-        minimum(least_even, next_both, out=least_even)
-        add(next_here, least_even, next_here)
+    first, inner, last = slice(None, -n_curves), slice(n_curves, -n_curves), slice(n_curves, None)
+    odd_steps = zip(even[:-1, : -2 * n_curves], even[:-1, inner], odd[:-1, inner], odd[1:, inner], strict=True)
+    even_steps = zip(odd[1:, first], odd[1:, last], even[:-1, first], even[1:, first], strict=True)
+    for both_steps in zip(odd_steps, even_steps, strict=True):
+        for up, left, before, here in both_steps:
+            least = np.minimum(up, left)
+            np.minimum(least, before, out=least)
+            np.add(here, least, out=here)
     return cost
 
 
@@ -335,7 +323,7 @@ def _warping_path(cost: FloatArray, curve: int) -> tuple[npt.NDArray[np.int_], n
     """Trace the cheapest path back from the last cell; of equals (i−1, j) comes first, then (i, j−1), (i−1, j−1)."""
     n_rows, width, n_curves = cost.shape
     row = width * n_curves
-    flat: Any = memoryview(cost.reshape(-1))
+    flat: Any = memoryview(cost.reshape(-1))  # type: ignore[arg-type]
     start = row + (width // 2 - 1) * n_curves + curve
     cell = start + (n_rows - 2) * row
     is_odd = False
@@ -368,4 +356,5 @@ def _smooth_slope(curves: FloatArray) -> FloatArray:
     """Central differences a sample, then the mean of 9 points; near the ends of as many as fit: 1, 3, 5, 7."""
     middle = np.arange(curves.shape[-1])
     reach = np.minimum(np.minimum(middle, middle[::-1]), 4)
-    return _sums(np.gradient(curves, axis=-1), middle - reach, middle + reach + 1) / (2 * reach + 1)
+    smooth: FloatArray = _sums(np.gradient(curves, axis=-1), middle - reach, middle + reach + 1) / (2 * reach + 1)
+    return smooth

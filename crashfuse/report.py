@@ -54,13 +54,11 @@ def study_report(study: Study, scores: pd.DataFrame, metrics: pd.DataFrame, reco
     parts = [
         _data(campaign),
         "<h2>Result: mean rating over the held-out tests</h2>",
-        "<p>Each test was left out in turn and predicted from all others. Overall rating by ISO/TS 18571 (1 is a perfect "
-        "match; Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor); best in bold.</p>",
+        "<p>Each test was left out in turn and predicted from all others. Overall rating by ISO/TS 18571 (1 is a "
+        "perfect match; Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor); best in bold.</p>",
         _ratings(mean.set_axis([f"0–{w:g} ms" for w in mean.columns], axis=1)),
         f"<h2>Rating of every held-out test, 0–{window:g} ms</h2>",
-        _figure(
-            rating_heatmap({f.held_out: {a: r[window].overall for a, r in f.ratings.items()} for f in study.folds})
-        ),
+        _figure(rating_heatmap({fold.held_out: _overall(fold, window) for fold in study.folds})),
     ]
     for fold in study.folds:
         test = campaign.test(fold.held_out)
@@ -85,8 +83,8 @@ def prediction_report(
     condition = estimates[0].prediction.condition
     parts = [
         f"<section><h2>Prediction at {_text(condition)}</h2>",
-        "<p>Nothing was measured at this condition: there is no rating. A study of the same campaign tells how well the "
-        "approaches predict tests that were left out.</p>",
+        "<p>Nothing was measured at this condition: there is no rating. A study of the same campaign tells how well "
+        "the approaches predict tests that were left out.</p>",
         _figure(overlay(None, {estimate.approach: estimate.prediction for estimate in estimates})),
         _metrics(metrics),
         _notes(estimates),

@@ -1,4 +1,4 @@
-"""What many tests need: a small campaign with closed-form pulses, in memory and as a folder, and a cache of their own."""
+"""What many tests need: a small campaign with closed-form pulses, in memory and on disk, and a cache of their own."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monk
 def half_sine(condition: Condition, duration_s: float) -> FloatArray:
     """A half-sine pulse that stops the vehicle and throws it back at a tenth of its speed."""
     peak = 1.1 * condition.speed_mps * np.pi / (2 * duration_s)
-    return np.where(GRID_S < duration_s, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0)
+    return np.where(duration_s > GRID_S, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0)
 
 
 def cae_pulse(condition: Condition) -> FloatArray:
@@ -64,8 +64,18 @@ def campaign() -> Campaign:
 
 @pytest.fixture
 def campaign_folder(campaign: Campaign, tmp_path: Path) -> Path:
-    """The small campaign as a folder: one CSV a test, one Parquet table for the CAE runs."""
-    folder = tmp_path / "campaign"
+    """The small campaign as a folder of the test's own."""
+    return write_campaign(campaign, tmp_path / "campaign")
+
+
+@pytest.fixture(scope="session")
+def campaign_on_disk(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small campaign as a folder that all tests share and none changes."""
+    return write_campaign(campaign, tmp_path_factory.mktemp("shared") / "campaign")
+
+
+def write_campaign(campaign: Campaign, folder: Path) -> Path:
+    """Write a campaign folder: one CSV a test, one Parquet table for the CAE runs."""
     (folder / "tests").mkdir(parents=True)
     condition_table([(test.id, test.condition) for test in campaign.tests]).to_csv(folder / "tests.csv", index=False)
     condition_table(zip(campaign.cae.ids, campaign.cae.conditions, strict=True)).to_csv(folder / "cae.csv", index=False)

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from crashfuse.approaches.displacement_domain import DisplacementDomain
+from crashfuse.approaches.time_domain import TcnConfig
 
 from crashfuse.approaches import APPROACHES
 from crashfuse.approaches.base import Approach
-from crashfuse.approaches.displacement_domain import DisplacementDomain
-from crashfuse.approaches.time_domain import TcnConfig
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import Cancelled, UsageError

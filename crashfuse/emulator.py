@@ -1,0 +1,260 @@
+"""The CAE model at any condition: the run made there if there is one, else an emulator trained on all runs.
+
+The emulator takes the pulses apart into principal modes in time. How much of a mode a condition asks for is a Gaussian
+process over (v0, front weight, rear weight): the modes share one Matérn-5/2 correlation, and each has its own variance
+and its own noise, so that a mode that does not vary smoothly with the condition is averaged, not interpolated.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from scipy.optimize import minimize
+from sklearn.gaussian_process.kernels import Matern
+from threadpoolctl import threadpool_limits
+
+from crashfuse.cache import Cache, Entry
+from crashfuse.campaign import CaeLibrary
+from crashfuse.errors import DataError, Problem
+from crashfuse.loading import loading_phase
+from crashfuse.progress import SILENT, Watch
+from crashfuse.pulse import Condition, FloatArray
+
+_NOISE = np.geomspace(1e-6, 2.0, 30)  # a mode's noise variance over its signal variance: the values tried
+_LOG_NOISE_PRIOR = -0.5 * (np.log(_NOISE / 1e-3) / 3.0) ** 2
+_LOG_LENGTH_PRIOR = np.log([0.5, 3.0, 3.0])  # speed decides more than weight
+_JOIN_M = 0.03  # over which a step between two loading curves fades
+_LEARNED = ("centre_", "length_scales_", "inputs_", "mean_", "modes_", "noise_", "speed_range_", "spread_", "weights_")
+
+
+@dataclass(frozen=True, slots=True)
+class EmulatorConfig:
+    """How the emulator is trained.
+
+    Parameters
+    ----------
+    modes : int
+        Most principal modes to keep.
+    max_runs : int
+        Most runs to learn from: the exact process takes time with their cube. More are thinned out evenly.
+    max_length_runs : int
+        Most runs to find the length scales from.
+    """
+
+    modes: int = 40
+    max_runs: int = 1200
+    max_length_runs: int = 300
+
+
+class Emulator:
+    """Pulses over conditions, learned from the runs of a library.
+
+    Parameters
+    ----------
+    config : EmulatorConfig
+
+    Attributes
+    ----------
+    length_scales_ : ndarray, shape (3,)
+        Of v0, front and rear weight, in standard deviations of the library.
+    noise_ : ndarray, shape (n_modes,)
+        Noise variance of each mode over its signal variance.
+    """
+
+    def __init__(self, config: EmulatorConfig = EmulatorConfig()) -> None:
+        self.config = config
+
+    def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
+        """Learn from all runs of the library.
+
+        Raises
+        ------
+        DataError
+            If there is no run.
+        Cancelled
+            If the watch was told to stop.
+        """
+        if not len(cae):
+            raise DataError(Problem("CAE runs", "at least one run", "none", "add CAE runs to the campaign"))
+        watch.report("CAE emulator", 0, 1)
+        used = np.linspace(0, len(cae) - 1, min(len(cae), self.config.max_runs)).astype(int)
+        vectors = cae.vectors[used]
+        self.speed_range_ = np.array([vectors[:, 0].min(), vectors[:, 0].max()])
+        self.centre_ = vectors.mean(axis=0)
+        self.spread_ = np.where((spread := vectors.std(axis=0)) > 0, spread, 1.0)
+        self.inputs_ = (vectors - self.centre_) / self.spread_
+        pulses = cae.accel_mps2[used].astype(np.float64)
+        self.mean_ = pulses.mean(axis=0)
+        with threadpool_limits(1):
+            self._fit_modes(pulses - self.mean_)
+        watch.report("CAE emulator", 1, 1)
+        return self
+
+    def _fit_modes(self, pulses: FloatArray) -> None:
+        left, size, modes = np.linalg.svd(pulses, full_matrices=False)
+        keep = min(self.config.modes, int((size > 1e-6 * size[0]).sum()) if size[0] > 0 else 0)
+        scale = size[:keep] / np.sqrt(len(pulses))
+        scores = left[:, :keep] * np.sqrt(len(pulses))  # each of unit variance
+        some = np.linspace(0, len(pulses) - 1, min(len(pulses), self.config.max_length_runs)).astype(int)
+        x, y = self.inputs_[some], scores[some]
+
+        def loss(log_length: FloatArray) -> float:
+            evidence = _evidence(x, y, np.exp(log_length)).max(axis=1).sum()
+            return float(-evidence + 0.5 * np.sum((log_length - _LOG_LENGTH_PRIOR) ** 2))
+
+        best = minimize(loss, _LOG_LENGTH_PRIOR, method="Nelder-Mead", options={"maxfev": 80, "xatol": 0.05})
+        self.length_scales_ = np.exp(best.x)
+        self.noise_ = _NOISE[_evidence(x, y, self.length_scales_).argmax(axis=1)]
+        values, vectors = _eigen(self.inputs_, self.length_scales_)
+        weights = vectors @ ((vectors.T @ scores) / (values[:, None] + self.noise_))
+        self.weights_ = weights * scale  # of the run's correlations, shape (n_runs, n_modes)
+        self.modes_ = modes[:keep]
+
+    def predict(self, condition: Condition) -> FloatArray:
+        """Predict the CAE pulse at a condition.
+
+        Beyond the library's speeds the pulse at its border is scaled with the speed, since the change of velocity is.
+
+        Parameters
+        ----------
+        condition : Condition
+
+        Returns
+        -------
+        ndarray, shape (1250,)
+            Acceleration in m/s² on the study grid.
+        """
+        vector = condition.vector
+        inside = np.clip(vector[0], *self.speed_range_)
+        x = (np.array([[inside, *vector[1:]]]) - self.centre_) / self.spread_
+        with threadpool_limits(1):
+            correlation = Matern(self.length_scales_, nu=2.5)(x, self.inputs_)
+            pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
+        return np.asarray(pulse[0] * (vector[0] / inside))
+
+    def arrays(self) -> Entry:
+        """What was learned, for the cache."""
+        return {name: getattr(self, name) for name in _LEARNED}
+
+    @classmethod
+    def from_arrays(cls, config: EmulatorConfig, entry: Entry) -> Self:
+        """Restore a trained emulator."""
+        emulator = cls(config)
+        for name in _LEARNED:
+            setattr(emulator, name, entry[name])
+        return emulator
+
+
+def _eigen(x: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+    values, vectors = np.linalg.eigh(Matern(length_scales, nu=2.5)(x))
+    return np.maximum(values, 0.0), vectors
+
+
+def _evidence(x: FloatArray, y: FloatArray, length_scales: FloatArray) -> FloatArray:
+    """Log marginal likelihood of each mode (rows) at each noise ratio (columns), its variance at the optimum.
+
+    In the eigenvectors of the correlation matrix noise only adds to the eigenvalues: all ratios cost one decomposition.
+    """
+    values, vectors = _eigen(x, length_scales)
+    variance = values[:, None] + _NOISE
+    misfit = ((vectors.T @ y) ** 2).T @ (1 / variance)
+    n = len(x)
+    evidence: FloatArray = -0.5 * (n * np.log(misfit / n) + np.log(variance).sum(axis=0)) + _LOG_NOISE_PRIOR
+    return evidence
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CaePulse:
+    """A pulse of the CAE model, and where it comes from: ``run C0001`` or ``emulator``."""
+
+    accel_mps2: FloatArray
+    source: str
+
+
+class CaeModel:
+    """The CAE model at any condition, over time and over displacement.
+
+    Parameters
+    ----------
+    config : EmulatorConfig
+    cache : Cache, optional
+        Where the trained emulator is kept, by the fingerprint of the library and the config.
+
+    Attributes
+    ----------
+    cae_ : CaeLibrary
+    emulator_ : Emulator
+    """
+
+    def __init__(self, config: EmulatorConfig = EmulatorConfig(), *, cache: Cache | None = None) -> None:
+        self.config = config
+        self.cache = cache
+
+    def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
+        """Train the emulator, or take it from the cache.
+
+        Raises
+        ------
+        DataError
+            If there is no run.
+        Cancelled
+            If the watch was told to stop.
+        """
+        self.cae_ = cae
+        key = {"cae": cae.fingerprint, "config": self.config}
+        entry = self.cache.get("emulator", key) if self.cache else None
+        if entry is not None:
+            self.emulator_ = Emulator.from_arrays(self.config, entry)
+            return self
+        self.emulator_ = Emulator(self.config).fit(cae, watch)
+        if self.cache:
+            self.cache.put("emulator", key, self.emulator_.arrays())
+        return self
+
+    def pulse(self, condition: Condition) -> CaePulse:
+        """Give the pulse of the run made at this very condition, else the emulator's."""
+        run = self.cae_.paired_run(condition)
+        if run is None:
+            return CaePulse(self.emulator_.predict(condition), "emulator")
+        return CaePulse(self.cae_.accel_mps2[run].astype(np.float64), f"run {self.cae_.ids[run]}")
+
+    def notes(self, condition: Condition) -> tuple[str, ...]:
+        """Say where the pulse at a condition comes from, and which inputs lie outside the library."""
+        source = self.pulse(condition).source
+        origin = f"CAE pulse: paired {source}." if source.startswith("run") else "CAE pulse: from the emulator."
+        return (origin, *self.cae_.extrapolation(condition))
+
+    def loading_curve(self, condition: Condition, displacement_m: FloatArray) -> FloatArray:
+        """Give the CAE model over displacement in the loading phase, G_a(s, x) of Eq. 10.
+
+        Beyond the pulse's own crush the curve goes on along emulated pulses of ever faster crashes at these weights, up
+        to the fastest speed of the library, each joined without a jump; beyond that it stays at its last value.
+
+        Parameters
+        ----------
+        condition : Condition
+        displacement_m : ndarray, shape (n,)
+            Increasing, from 0.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Acceleration in m/s².
+        """
+        own = loading_phase(self.pulse(condition).accel_mps2, condition.speed_mps)
+        curve = own.accel_at(displacement_m)
+        reached, level = own.crush_m, own.accel_mps2[-1]
+        faster = condition.speed_mps
+        while reached < displacement_m[-1] and faster < self.emulator_.speed_range_[1]:
+            faster = min(1.1 * faster, self.emulator_.speed_range_[1])
+            like = replace(condition, speed_mps=faster)
+            phase = loading_phase(self.emulator_.predict(like), faster)
+            if phase.crush_m <= reached:
+                continue
+            beyond = displacement_m > reached
+            jump = level - phase.accel_at(np.array(reached))
+            curve[beyond] = phase.accel_at(displacement_m[beyond])
+            curve[beyond] += jump * np.exp(-(displacement_m[beyond] - reached) / _JOIN_M)
+            level = phase.accel_mps2[-1] + jump * np.exp(-(phase.crush_m - reached) / _JOIN_M)
+            reached = phase.crush_m
+        return curve

@@ -1,0 +1,43 @@
+"""What the package promises to its users by name."""
+
+import crashfuse
+from crashfuse import errors
+
+
+def test_the_public_names_are_these() -> None:
+    """A name that comes or goes is a decision, not an accident."""
+    assert crashfuse.__all__ == [
+        "Campaign",
+        "Condition",
+        "CrashfuseError",
+        "DataError",
+        "Pulse",
+        "Rating",
+        "Study",
+        "StudyConfig",
+        "UsageError",
+        "__version__",
+        "estimate_at",
+        "load_campaign",
+        "rate_iso18571",
+        "run_study",
+        "write_prediction",
+        "write_study",
+    ]
+
+
+def test_every_public_name_can_be_imported() -> None:
+    """Names are found when first asked for."""
+    assert all(getattr(crashfuse, name) is not None for name in crashfuse.__all__)
+
+
+def test_an_unknown_name_is_an_attribute_error() -> None:
+    """Lazy import behaves as any module does."""
+    assert not hasattr(crashfuse, "magic")
+
+
+def test_all_errors_are_one_tree() -> None:
+    """Catching the base catches everything that is raised on purpose."""
+    kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, Exception)]
+    assert len(kinds) == 5
+    assert all(issubclass(kind, crashfuse.CrashfuseError) for kind in kinds)

@@ -1,0 +1,277 @@
+"""The command line: what it prints, what it writes, how it ends."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from crashfuse.approaches.time_domain import TcnConfig
+
+from crashfuse import cli
+from crashfuse.approaches import APPROACHES
+from crashfuse.pulse import GRID_S
+from crashfuse.units import MS
+from crashfuse.version import __version__
+
+_FULL = TcnConfig.fast()
+METRICS = ["peak", "peak_time", "delta_v", "t0", "max_crush"]
+
+
+def at_condition(speed_mph: float, front_weight_lb: float, rear_weight_lb: float) -> list[str]:
+    """The options of a condition."""
+    values = {"speed-mph": speed_mph, "front-weight-lb": front_weight_lb, "rear-weight-lb": rear_weight_lb}
+    return [part for name, value in values.items() for part in (f"--{name}", str(value))]
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Networks of seconds, not minutes."""
+    monkeypatch.setattr(TcnConfig, "fast", lambda: replace(_FULL, channels=8))
+
+
+@pytest.fixture(scope="session")
+def study_folder(campaign_on_disk: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of a study of two held-out tests, run once."""
+    out = tmp_path_factory.mktemp("out") / "study"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(TcnConfig, "fast", lambda: replace(_FULL, channels=8))
+        patch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        command = ["study", str(campaign_on_disk), "--out", str(out), "--held-out", "T2", "T4", "--workers", "1"]
+        assert cli.main(command) == cli.DONE
+    return out
+
+
+def test_a_study_writes_the_five_files_and_nothing_else(study_folder: Path) -> None:
+    """No temporary file stays."""
+    names = {path.name for path in study_folder.iterdir()}
+    assert names == {"scores.csv", "pulses.csv", "metrics.csv", "study.json", "report.html"}
+
+
+def test_scores_have_a_row_for_each_test_approach_and_window(study_folder: Path) -> None:
+    """The columns are the contract's, the overall rating is the weighted sum of its parts."""
+    scores = pd.read_csv(study_folder / "scores.csv")
+    assert list(scores) == [
+        *("held_out", "approach", "window_ms", "overall", "corridor", "phase", "magnitude", "slope", "grade")
+    ]
+    assert len(scores) == 2 * 4 * 3
+    assert tuple(scores["approach"].unique()) == APPROACHES
+    parts = 0.4 * scores["corridor"] + 0.2 * (scores["phase"] + scores["magnitude"] + scores["slope"])
+    np.testing.assert_allclose(scores["overall"], parts, atol=1e-5)
+
+
+def test_pulses_are_on_the_study_grid_with_a_band_where_there_is_one(study_folder: Path) -> None:
+    """12.5 kHz over 0–100 ms; the raw CAE and the LF TCN have no band, the displacement domain has."""
+    pulses = pd.read_csv(study_folder / "pulses.csv", dtype={"held_out": str})
+    assert list(pulses) == ["held_out", "approach", "time_ms", "acceleration_g", "lower_g", "upper_g"]
+    for _, rows in pulses.groupby(["held_out", "approach"]):
+        np.testing.assert_allclose(rows["time_ms"], GRID_S / MS, atol=1e-6)
+    banded = pulses.groupby("approach")["lower_g"].apply(lambda column: column.notna().all())
+    assert banded["displacement_domain"]
+    assert pulses[pulses["approach"].isin(["cae", "lf_tcn"])][["lower_g", "upper_g"]].isna().all(axis=None)
+
+
+def test_metrics_hold_the_measured_test_beside_the_predictions(study_folder: Path) -> None:
+    """Positive numbers, each with its unit; the measured ΔV is the impact speed and a tenth, as the pulse was made."""
+    metrics = pd.read_csv(study_folder / "metrics.csv")
+    assert list(metrics) == ["held_out", "approach", "metric", "value", "lower", "upper", "unit"]
+    assert set(metrics["approach"]) == {"test", *APPROACHES}
+    assert list(metrics["metric"].unique()) == METRICS
+    measured = metrics.query("held_out == 'T2' and approach == 'test' and metric == 'delta_v'").iloc[0]
+    assert measured["unit"] == "km/h"
+    assert measured["value"] == pytest.approx(1.1 * 25 * 1.609344, rel=1e-3)
+
+
+def test_the_record_says_what_made_the_numbers(study_folder: Path) -> None:
+    """Versions, seed, settings, fingerprint, seconds, and what each fit found."""
+    record = json.loads((study_folder / "study.json").read_text())
+    assert record["crashfuse"] == __version__
+    assert record["finished"] is True
+    assert record["seed"] == 0
+    assert record["config"]["preset"] == "fast"
+    assert re.fullmatch("[0-9a-f]{64}", record["fingerprint"])
+    assert set(record["packages"]) >= {"numpy", "torch", "scikit-learn"}
+    assert all(fit["seconds"] >= 0 for fit in record["fits"])
+    assert {fit["approach"] for fit in record["fits"]} == set(APPROACHES)
+
+
+def test_the_report_needs_no_network(study_folder: Path) -> None:
+    """No address is loaded; tests, tables and fingerprint are inside."""
+    text = (study_folder / "report.html").read_text()
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)\s*=\s*[\"']?https?:", text)
+    record = json.loads((study_folder / "study.json").read_text())
+    assert record["fingerprint"] in text
+    assert "Test T2: 25.0 mph" in text
+    assert "Maximum dynamic crush (mm)" in text
+
+
+def test_resuming_takes_the_settings_that_were_recorded(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A study that was begun goes on without its options being repeated."""
+    out = tmp_path / "out"
+    command = ["study", str(campaign_on_disk), "--out", str(out), "--workers", "1"]
+    options = ["--held-out", "T1", "--approach", "cae", "--windows-ms", "30", "--seed", "3"]
+    assert cli.main([*command, *options]) == cli.DONE
+    record = json.loads((out / "study.json").read_text())
+    (out / "study.json").write_text(json.dumps(record | {"finished": False}))
+    (out / "scores.csv").unlink()
+    assert cli.main([*command, "--resume"]) == cli.DONE
+    assert pd.read_csv(out / "scores.csv")["window_ms"].tolist() == [30.0]
+    assert cli.main([*command, "--resume", "--seed", "4"]) == cli.WRONG_USAGE
+    assert "was begun with other settings (seed)" in capsys.readouterr().err
+
+
+def test_resuming_where_nothing_was_begun_is_wrong_usage(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The message says what is missing."""
+    assert cli.main(["study", str(campaign_on_disk), "--out", str(tmp_path), "--resume"]) == cli.WRONG_USAGE
+    assert "no study to resume" in capsys.readouterr().err
+
+
+def test_bad_data_end_with_1_and_leave_nothing(
+    campaign_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every problem is a line on standard error; the output folder is not even made."""
+    (campaign_folder / "tests" / "T1.csv").unlink()
+    (campaign_folder / "campaign.toml").write_text("name = ")
+    out = tmp_path / "out"
+    assert cli.main(["study", str(campaign_folder), "--out", str(out)]) == cli.WRONG_DATA
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 3
+    assert lines[-1] == "2 problems found; nothing was written."
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["study", "{campaign}", "--out", "{out}", "--held-out", "T9"],
+        ["study", "{campaign}", "--out", "{out}", "--approach", "magic"],
+        ["study", "{campaign}", "--out", "{out}", "--windows-ms", "400"],
+        ["predict", "{campaign}", "--out", "{out}", *at_condition(0, 2000, 1500)],
+    ],
+)
+def test_wrong_usage_ends_with_2_and_leaves_nothing(
+    campaign_on_disk: Path, tmp_path: Path, arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Asked for what does not exist: one sentence."""
+    out = tmp_path / "out"
+    command = [part.format(campaign=campaign_on_disk, out=out) for part in arguments]
+    assert cli.main(command) == cli.WRONG_USAGE
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+    assert not out.exists()
+
+
+def test_an_output_folder_that_is_a_file_is_one_sentence(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No traceback when the results cannot be written."""
+    out = tmp_path / "out"
+    out.write_text("")
+    command = ["study", str(campaign_on_disk), "--out", str(out), "--held-out", "T1", "--approach", "cae"]
+    assert cli.main(command) == cli.WRONG_DATA
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_predict_writes_pulses_metrics_and_report(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the study's form, with no held-out test; an extrapolation is said aloud."""
+    out = tmp_path / "out"
+    command = ["predict", str(campaign_on_disk), "--out", str(out), *at_condition(30, 2400, 1500)]
+    assert cli.main([*command, "--approach", "cae", "displacement_domain"]) == cli.DONE
+    assert {path.name for path in out.iterdir()} == {"pulses.csv", "metrics.csv", "report.html"}
+    pulses = pd.read_csv(out / "pulses.csv")
+    assert len(pulses) == 2 * GRID_S.size
+    assert pulses["held_out"].isna().all()
+    assert "Extrapolation: front weight 2400 lb" in capsys.readouterr().out
+    assert "Extrapolation: front weight 2400 lb" in (out / "report.html").read_text()
+
+
+def test_rate_prints_the_rating_as_a_table_and_as_json(
+    campaign_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A pulse against itself is perfect in every part."""
+    pulse = str(campaign_folder / "tests" / "T1.csv")
+    assert cli.main(["rate", pulse, pulse, "--windows-ms", "50"]) == cli.DONE
+    assert "0–50 ms" in capsys.readouterr().out
+    assert cli.main(["rate", pulse, pulse, "--json"]) == cli.DONE
+    ratings = json.loads(capsys.readouterr().out)
+    assert [rating["window_ms"] for rating in ratings] == [20.0, 40.0, 60.0]
+    assert all(rating["overall"] == 1.0 and rating["grade"] == "Excellent" for rating in ratings)
+
+
+def test_rate_says_which_file_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A missing file is named."""
+    assert cli.main(["rate", str(tmp_path / "a.csv"), str(tmp_path / "b.csv")]) == cli.WRONG_DATA
+    assert "a.csv: expected a pulse file, found no such file; check the path." in capsys.readouterr().err
+
+
+def test_check_tells_what_a_campaign_holds(campaign_on_disk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Counts, each test's condition and its pair, and the fingerprint."""
+    assert cli.main(["check", str(campaign_on_disk)]) == cli.DONE
+    out = capsys.readouterr().out
+    assert "4 tests, 24 CAE runs" in out
+    assert "T1: 15.0 mph (24.1 km/h), front 2000 lb, rear 1450 lb; paired with C20" in out
+    assert "Nothing is wrong." in out
+
+
+def test_sample_writes_a_campaign_that_checks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What `sample` writes, `check` accepts; both say that it is synthetic."""
+    folder = tmp_path / "sample"
+    assert cli.main(["sample", str(folder)]) == cli.DONE
+    assert cli.main(["check", str(folder)]) == cli.DONE
+    assert capsys.readouterr().out.lower().count("synthetic") >= 2
+
+
+def test_sample_does_not_touch_a_folder_in_use(campaign_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nobody's data are overwritten."""
+    before = sorted(campaign_folder.rglob("*"))
+    assert cli.main(["sample", str(campaign_folder)]) in (cli.WRONG_DATA, cli.WRONG_USAGE)
+    assert sorted(campaign_folder.rglob("*")) == before
+    assert len(capsys.readouterr().err.strip().splitlines()) >= 1
+
+
+def test_interrupting_says_how_to_go_on(
+    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C is no traceback."""
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("crashfuse.study.run_study", interrupted)
+    assert cli.main(["study", str(campaign_on_disk), "--out", str(tmp_path / "out")]) == cli.INTERRUPTED
+    assert "--resume" in capsys.readouterr().err
+
+
+def test_version_and_help_end_well(capsys: pytest.CaptureFixture[str]) -> None:
+    """Both print and exit with 0; help names every command."""
+    for flag in ("--version", "--help"):
+        with pytest.raises(SystemExit) as ended:
+            cli.main([flag])
+        assert ended.value.code == 0
+    out = capsys.readouterr().out
+    assert __version__ in out
+    assert all(command in out for command in ("app", "sample", "check", "study", "predict", "rate"))
+
+
+def test_no_command_is_wrong_usage() -> None:
+    """Usage goes to standard error, the exit code is 2."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main([])
+    assert ended.value.code == cli.WRONG_USAGE
+
+
+def test_rating_two_pulses_does_not_wait_for_torch() -> None:
+    """Importing the package and its rating loads neither torch nor Streamlit."""
+    code = "import sys, crashfuse; crashfuse.rate_iso18571; print('torch' in sys.modules, 'streamlit' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={**os.environ})
+    assert done.stdout.split() == ["False", "False"]

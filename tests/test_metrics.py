@@ -1,0 +1,127 @@
+"""Pulse metrics against the closed forms of a half sine, and against a real car."""
+
+import os
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crashfuse.filters import cfc_filter
+from crashfuse.metrics import Metric, pulse_metrics
+from crashfuse.pulse import DT_S, GRID_S, FloatArray
+from crashfuse.units import KPH, G
+
+SHARED = Path(os.environ.get("CRASHFUSE_SHARED", Path(__file__).parents[2] / "shared"))
+CAMRY = SHARED / "real" / "nhtsa_10146_camry2018" / "tidy_10kHz_raw_and_cfc60.csv"
+
+DURATION_S = 0.08
+PEAK_MPS2 = 40 * G
+DELTA_V_MPS = 2 * PEAK_MPS2 * DURATION_S / np.pi
+HALF_SINE = np.where(GRID_S < DURATION_S, -PEAK_MPS2 * np.sin(np.pi * GRID_S / DURATION_S), 0.0)
+
+
+def by_name(metrics: tuple[Metric, ...]) -> dict[str, Metric]:
+    """Metrics by their name."""
+    return {metric.name: metric for metric in metrics}
+
+
+def test_half_sine_has_its_closed_form_metrics() -> None:
+    """Peak A at T/2; ΔV 2 A T/π with rebound; t0 and crush from v(t) = v0 − ΔV/2 (1 − cos(π t/T))."""
+    speed = 0.9 * DELTA_V_MPS
+    angle = np.arccos(1 - 2 * speed / DELTA_V_MPS)
+    t0_s = DURATION_S / np.pi * angle
+    crush_m = (speed - DELTA_V_MPS / 2) * t0_s + DELTA_V_MPS * DURATION_S / (2 * np.pi) * np.sin(angle)
+    found = by_name(pulse_metrics(HALF_SINE, speed))
+    expected = {
+        "peak": (40, 1e-9, "g"),
+        "peak_time": (40, 0.04, "ms"),
+        "delta_v": (DELTA_V_MPS / KPH, 1e-3, "km/h"),
+        "t0": (t0_s * 1e3, 1e-3, "ms"),
+        "max_crush": (crush_m * 1e3, 1e-2, "mm"),
+    }
+    assert list(found) == list(expected)
+    for name, (value, tolerance, unit) in expected.items():
+        assert found[name].value == pytest.approx(value, abs=tolerance)
+        assert (found[name].lower, found[name].upper, found[name].unit) == (None, None, unit)
+
+
+def test_constant_braking_crushes_half_of_v_squared_over_a() -> None:
+    """At a constant 25 g from 15 m/s: t0 = v0/a, crush = v0²/2a, ΔV over 70 ms = a t."""
+    found = by_name(pulse_metrics(np.full(701, -25 * G), 15.0, dt_s=1e-4))
+    assert found["t0"].value == pytest.approx(15 / (25 * G) * 1e3)
+    assert found["max_crush"].value == pytest.approx(15**2 / (2 * 25 * G) * 1e3, abs=1e-2)
+    assert found["delta_v"].value == pytest.approx(25 * G * 0.07 / KPH)
+
+
+def test_vehicle_that_does_not_stop_has_no_t0_and_no_crush() -> None:
+    """Half the braking needed: peak and ΔV are there, t0 and maximum crush are None, and nothing is NaN."""
+    found = by_name(pulse_metrics(HALF_SINE, 2 * DELTA_V_MPS))
+    assert (found["t0"].value, found["max_crush"].value) == (None, None)
+    assert found["delta_v"].value == pytest.approx(DELTA_V_MPS / KPH, abs=1e-3)
+
+
+def scaled_draws(low: float, high: float, n: int = 1001) -> FloatArray:
+    """Half sines with evenly spread factors, shuffled, shape (n, 1250)."""
+    factors = np.random.default_rng(0).permutation(np.linspace(low, high, n))
+    draws: FloatArray = np.multiply.outer(factors, HALF_SINE)
+    return draws
+
+
+def test_interval_is_the_central_95_percent_of_the_draws() -> None:
+    """Draws whose peaks are even from 36 to 44 g have 95 % of them from 36.2 to 43.8 g; the value is the pulse's."""
+    found = by_name(pulse_metrics(HALF_SINE, 15.0, draws_mps2=scaled_draws(0.9, 1.1)))
+    assert (found["peak"].value, found["peak"].lower, found["peak"].upper) == pytest.approx((40, 36.2, 43.8))
+    assert found["delta_v"].lower == pytest.approx(0.905 * DELTA_V_MPS / KPH, abs=1e-3)
+
+
+def test_interval_of_crush_runs_against_that_of_the_peak() -> None:
+    """The softest draws crush furthest: ends of the crush interval are those of the factors 1.095 and 0.905."""
+    found = by_name(pulse_metrics(HALF_SINE, 15.0, draws_mps2=scaled_draws(0.9, 1.1)))["max_crush"]
+    stiff, soft = (by_name(pulse_metrics(f * HALF_SINE, 15.0))["max_crush"].value for f in (1.095, 0.905))
+    assert (found.lower, found.upper) == pytest.approx((stiff, soft))
+
+
+@pytest.mark.parametrize(("share", "known"), [(0.02, True), (0.05, False), (1.0, False)])
+def test_draws_that_do_not_stop_count_as_beyond_the_record(share: float, known: bool) -> None:
+    """Up to one draw in forty may run on; with more, the upper end of t0 and crush is unknown, not smaller."""
+    n = 1000
+    factors = np.where(np.arange(n) < share * n, 0.1, 1.0)
+    found = by_name(pulse_metrics(HALF_SINE, 15.0, draws_mps2=np.multiply.outer(factors, HALF_SINE)))
+    for name in ("t0", "max_crush"):
+        assert found[name].value is not None
+        assert (found[name].upper is not None) == known
+        assert (found[name].lower is not None) == (share < 1)
+
+
+def test_metric_is_frozen() -> None:
+    """A number that was reported stays as it is."""
+    with pytest.raises(FrozenInstanceError):
+        pulse_metrics(HALF_SINE, 15.0)[0].value = 1.0  # type: ignore[misc]
+
+
+def test_step_of_time_is_that_of_the_study_by_default() -> None:
+    """Without a step, arrays are taken on the study grid."""
+    assert pulse_metrics(HALF_SINE, 15.0) == pulse_metrics(HALF_SINE, 15.0, dt_s=DT_S)
+
+
+if CAMRY.exists():  # the record is not part of the project
+    TABLE = np.genfromtxt(CAMRY, delimiter=",", names=True)
+    SENSORS = [name for name in TABLE.dtype.names or () if "rear_xmember_X" in name and name.endswith("_raw_g")]
+
+    @pytest.mark.parametrize("sensors", [*([sensor] for sensor in SENSORS), SENSORS], ids=[*SENSORS, "mean"])
+    def test_real_car_has_its_known_metrics(sensors: list[str]) -> None:
+        """The rear crossmember of a real car (NHTSA 10146, 57.09 km/h) has its known metrics, to half a unit."""
+        filtered_g = cfc_filter(np.mean([TABLE[sensor] for sensor in sensors], axis=0), cfc=60, dt_s=1e-4)
+        accel_mps2 = G * filtered_g[TABLE["t_s"] > -1e-9]
+        assert len(SENSORS) == 4
+        found = {m.name: m.value or 0 for m in pulse_metrics(accel_mps2, 57.09 * KPH, dt_s=1e-4)}
+        known = {
+            "peak": (40, 47),
+            "peak_time": (63, 66),
+            "delta_v": (66, 67),
+            "t0": (72.5, 74.3),
+            "max_crush": (733, 751),
+        }
+        for name, (low, high) in known.items():
+            assert low - 0.5 <= found[name] <= high + 0.5, name
