@@ -78,10 +78,9 @@ def test_one_mass_on_one_spring_makes_a_half_sine() -> None:
     assert motion.t0_s == pytest.approx(np.pi / 2 / omega, rel=3e-3)
     assert motion.displacement_m.max() == pytest.approx(condition.speed_mps / omega, rel=3e-3)
     assert accel.min() == pytest.approx(-condition.speed_mps * omega, rel=3e-3)
-    contact = GRID_S < np.pi / omega
-    np.testing.assert_allclose(
-        motion.velocity_mps[contact], condition.speed_mps * np.cos(omega * GRID_S[contact]), atol=0.05
-    )
+    contact_s = GRID_S[: int(np.pi / omega / DT_S)]
+    expected_mps = condition.speed_mps * np.cos(omega * contact_s)
+    np.testing.assert_allclose(motion.velocity_mps[: contact_s.size], expected_mps, atol=0.05)
 
 
 def test_force_doubles_at_the_rate_of_cowper_and_symonds() -> None:
@@ -130,7 +129,7 @@ def test_a_standing_vehicle_feels_nothing(vehicle: Vehicle) -> None:
 
 @MODELS
 def test_a_finer_time_step_changes_nothing(vehicle: Vehicle) -> None:
-    """Four times as many steps move the speed by less than a hundredth of the impact speed's per cent at any time."""
+    """With four times as many steps the speed differs by less than 0.5 % of the impact speed at any time."""
     coarse, fine = (simulate(vehicle, CONDITIONS, steps_per_sample=steps).accel_mps2 for steps in (2, 8))
     drift = np.abs(np.cumsum(coarse - fine, axis=1) * DT_S).max(axis=1)
     assert (drift < 0.005 * np.array([condition.speed_mps for condition in CONDITIONS])).all()
@@ -161,10 +160,10 @@ def test_the_runs_are_a_latin_hypercube(sample: Campaign) -> None:
 
 
 def test_the_cae_model_is_as_wrong_as_the_papers(sample: Campaign) -> None:
-    """Mean ratings of the paired runs are those of the CAE rows of Table 5, within 0.03."""
+    """Mean ratings of the paired runs are those of the CAE rows of Table 5, within 0.02."""
     shown = ("T03", "T04", "T05", "T07", "T09", "T10")
     means = np.mean([overall(sample.test(name).pulse, paired_pulse(sample, name)) for name in shown], axis=0)
-    np.testing.assert_allclose(means, (0.61, 0.63, 0.64), atol=0.03)
+    np.testing.assert_allclose(means, (0.615, 0.635, 0.641), atol=0.02)
 
 
 def test_repeated_tests_agree_as_repeats_do(sample: Campaign) -> None:
@@ -183,7 +182,7 @@ def test_the_cae_models_error_repeats(sample: Campaign) -> None:
     bias = [
         sample.test(name).pulse.accel_mps2 - paired_pulse(sample, name).accel_mps2 for name in ("T08", "T10", "T11")
     ]
-    assert np.corrcoef(bias)[np.triu_indices(3, 1)].min() > 0.9
+    assert np.asarray(np.corrcoef(bias)).min() > 0.9
 
 
 @pytest.mark.parametrize("test_id", FULL_SPEED)
@@ -288,12 +287,15 @@ def test_a_folder_that_holds_something_is_refused(tmp_path: Path) -> None:
         write_sample(tmp_path / "mine.txt")
 
 
-def test_a_sample_that_cannot_be_finished_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sample_that_cannot_be_finished_leaves_nothing(
+    sample: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """When the disk fails half way there is neither a folder nor a draft."""
 
     def fail(*_: object, **__: object) -> None:
         raise OSError("disk full")
 
+    monkeypatch.setattr("crashfuse.synthetic.sample.sample_campaign", lambda: sample)
     monkeypatch.setattr(pq, "write_table", fail)
     with pytest.raises(OSError, match="disk full"):
         write_sample(tmp_path / "campaign")

@@ -1,0 +1,20 @@
+"""The vehicle behind the sample campaign: simulated with lumped parameters, no real car."""
+
+from crashfuse.synthetic.models import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
+from crashfuse.synthetic.sample import TABLE_1, sample_campaign, write_sample
+from crashfuse.synthetic.vehicle import Coupling, Crash, CrushZone, Vehicle, simulate
+
+__all__ = [
+    "CAE_MODEL",
+    "TABLE_1",
+    "TRUTH",
+    "Coupling",
+    "Crash",
+    "CrushZone",
+    "Vehicle",
+    "cae_pulses",
+    "measured_pulses",
+    "sample_campaign",
+    "simulate",
+    "write_sample",
+]

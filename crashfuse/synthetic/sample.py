@@ -1,0 +1,166 @@
+"""The sample campaign: 1009 runs of the CAE model over the paper's ranges, and 11 tests at the paper's conditions."""
+
+import json
+import shutil
+import uuid
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from scipy.stats import qmc
+
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.errors import UsageError
+from crashfuse.pulse import GRID_S, Condition, Pulse
+from crashfuse.synthetic.models import cae_pulses, measured_pulses
+from crashfuse.units import LB, MPH, MS, G
+
+NAME = "Sample (synthetic)"
+NOTICE = "Synthetic: every pulse comes from a lumped-parameter simulation; no real vehicle was modelled or crashed."
+
+TABLE_1 = (
+    (8.1, 1994.67, 1400.00, "Type I", "AWD"),
+    (12.1, 2163.74, 1592.95, "Type II", "AWD"),
+    (16.7, 2120.14, 1600.23, "Type I", "FWD"),
+    (22.0, 2237.39, 1765.26, "Type II", "AWD"),
+    (24.9, 2100.43, 1554.56, "Type I", "FWD"),
+    (25.2, 2155.42, 1707.12, "Type II", "AWD"),
+    (25.2, 2058.97, 1507.84, "Type I", "FWD"),
+    (35.2, 2179.31, 1745.51, "Type II", "AWD"),
+    (35.1, 2107.68, 1556.64, "Type I", "FWD"),
+    (35.2, 2166.85, 1737.20, "Type II", "AWD"),
+    (35.2, 2168.93, 1694.65, "Type II", "AWD"),
+)
+"""Speed (mph), front and rear weight (lb), powertrain and drive of Zeng et al. 2023, Table 1, tests 1 to 11."""
+
+_N_RUNS = 1009
+_LOW, _HIGH = (0.0, 1922.0, 1349.0), (35.2, 2185.0, 1770.0)  # mph, lb, lb: Zeng et al. 2023, Sec. 4
+_STORED_G = 0.002  # resolution of the stored CAE pulses: far below any sensor, and it packs well
+
+_README = f"""# {NAME}
+
+{NOTICE}
+
+It is there to try crashfuse on, and says nothing about any car. `crashfuse sample DIR` writes it anew.
+
+- `tests.csv`, `tests/`: 11 "tests" at the conditions of Table 1 in Zeng et al. 2023, simulated with a model that
+  stands for reality: strain-rate hardening, two powertrains, two drives, scatter from test to test, sensor noise.
+- `cae.csv`, `cae_pulses.parquet`: {_N_RUNS} runs of a deliberately wrong model of the same vehicle (Latin hypercube
+  over 0–35.2 mph, 1922–2185 lb front and 1349–1770 lb rear weight) and one run at the condition of each test
+  (`CAE-T01` to `CAE-T11`).
+
+Both models are three masses (body, powertrain, rear mass) joined by crushable elements, in front of a rigid barrier.
+All pulses are the body's, CFC 60, 12.5 kHz, 0–100 ms from first contact, braking negative. The constants of both were
+set so that the CAE runs rate against the tests about as in Table 5 of that paper: 0.62, 0.64 and 0.63 over the first
+20, 40 and 60 ms on average (ISO/TS 18571, tests 3, 4, 5, 7, 9 and 10).
+"""
+
+
+def sample_campaign(seed: int = 0) -> Campaign:
+    """Simulate the sample campaign.
+
+    Parameters
+    ----------
+    seed : int
+        Chooses the Latin hypercube, the tests' scatter and their noise; 0 is the sample that comes with crashfuse.
+
+    Returns
+    -------
+    Campaign
+        1009 CAE runs and one at each test's condition, named ``CAE-<test>``; 11 tests, T01 to T11.
+    """
+    test_conditions = [_condition(*row[:3], factors=(("powertrain", row[3]), ("drive", row[4]))) for row in TABLE_1]
+    tests = [
+        CrashTest(f"T{number:02d}", condition, Pulse(GRID_S, accel))
+        for number, (condition, accel) in enumerate(
+            zip(test_conditions, measured_pulses(test_conditions, seed), strict=True), start=1
+        )
+    ]
+    hypercube = qmc.scale(qmc.LatinHypercube(d=3, rng=seed).random(_N_RUNS), _LOW, _HIGH).round(2).tolist()
+    conditions = [_condition(*row) for row in hypercube + [list(row[:3]) for row in TABLE_1]]
+    ids = [f"CAE-{number:04d}" for number in range(1, _N_RUNS + 1)] + [f"CAE-{test.id}" for test in tests]
+    library = CaeLibrary(tuple(ids), tuple(conditions), cae_pulses(conditions).astype(np.float32))
+    return Campaign(NAME, library, tuple(tests), NOTICE)
+
+
+def write_sample(folder: Path) -> None:
+    """Write the sample campaign as a campaign folder; the folder appears when it is complete.
+
+    Parameters
+    ----------
+    folder : Path
+        To be made; may exist if it is empty.
+
+    Raises
+    ------
+    UsageError
+        If something is there already.
+    OSError
+        If it cannot be written; nothing is left behind.
+    """
+    folder = Path(folder).resolve()
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        raise UsageError(f"{folder} is not empty; name a folder that does not exist yet.")
+    campaign = sample_campaign()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    draft = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}")
+    try:
+        (draft / "tests").mkdir(parents=True)
+        _write(campaign, draft)
+        if folder.exists():
+            folder.rmdir()
+        draft.rename(folder)
+    except BaseException:
+        shutil.rmtree(draft, ignore_errors=True)
+        raise
+
+
+def _write(campaign: Campaign, folder: Path) -> None:
+    settings = (
+        f'name = {json.dumps(campaign.name)}\nnotice = {json.dumps(campaign.notice)}\nchannel_filter_class = "none"\n'
+    )
+    _write_text(folder / "campaign.toml", settings)
+    _write_text(folder / "README.md", _README)
+    header = "id,speed_mph,front_weight_lb,rear_weight_lb"
+    rows = [f"{test.id},{_in_mph_and_lb(test.condition)},{_factors(test.condition)}" for test in campaign.tests]
+    _write_text(folder / "tests.csv", "\n".join([f"{header},powertrain,drive", *rows, ""]))
+    runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
+    _write_text(folder / "cae.csv", "\n".join([header, *(f"{run},{_in_mph_and_lb(c)}" for run, c in runs), ""]))
+    for test in campaign.tests:
+        curve = zip(test.pulse.time_s / MS, test.pulse.accel_mps2 / G, strict=True)
+        lines = ["time_ms,acceleration_g", *(f"{time:.2f},{accel:.4f}" for time, accel in curve), ""]
+        _write_text(folder / "tests" / f"{test.id}.csv", "\n".join(lines))
+    _write_cae_pulses(campaign.cae, folder / "cae_pulses.parquet")
+
+
+def _write_cae_pulses(library: CaeLibrary, path: Path) -> None:
+    n_samples = library.accel_mps2.shape[1]
+    run = pa.array(np.repeat(np.arange(len(library), dtype=np.int16), n_samples))
+    accel = np.round(library.accel_mps2.ravel() / G / _STORED_G) * _STORED_G
+    table = pa.table(
+        {
+            "id": pa.DictionaryArray.from_arrays(run, list(library.ids)),
+            "time_ms": np.tile((GRID_S / MS).astype(np.float32), len(library)),
+            "acceleration_g": accel.astype(np.float32),
+        }
+    )
+    pq.write_table(table, path, compression="zstd", compression_level=12)
+
+
+def _condition(
+    speed_mph: float, front_weight_lb: float, rear_weight_lb: float, factors: tuple[tuple[str, str], ...] = ()
+) -> Condition:
+    return Condition(speed_mph * MPH, front_weight_lb * LB, rear_weight_lb * LB, factors)
+
+
+def _in_mph_and_lb(condition: Condition) -> str:
+    return f"{condition.speed_mps / MPH:.2f},{condition.front_weight_kg / LB:.2f},{condition.rear_weight_kg / LB:.2f}"
+
+
+def _factors(condition: Condition) -> str:
+    return ",".join(value for _, value in condition.factors)
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_bytes(text.encode())

@@ -1,0 +1,214 @@
+"""A vehicle of three masses that hits a rigid barrier, and the equations of its motion.
+
+Barrier ─ rails, shell ─ body ─ rear mass; barrier ─ engine contact ─ powertrain ─ firewall, mounts ─ body. This is the
+lumped-mass model of Kamal (SAE 700414, 1970), cut down to what shapes the pulse of the passenger compartment; Huang,
+*Vehicle Crash Mechanics* (CRC Press, 2002), ch. 4–5, discusses such models and their elements.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from crashfuse.pulse import DT_S, N_SAMPLES, Condition, FloatArray
+
+_CRUSH_GRID_M = np.linspace(0.0, 1.2, 1201)
+_COWPER_SYMONDS_Q = 5.0
+# How far each element (rows) is compressed by the forward displacement of body, powertrain and rear mass (columns).
+_ZONE_INCIDENCE = np.array([[1, 0, 0], [1, 0, 0], [0, 1, 0], [1, -1, 0]], dtype=np.float64)
+_COUPLING_INCIDENCE = np.array([[1, -1, 0], [-1, 0, 1]], dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class CrushZone:
+    """Sheet metal that pushes while it is crushed, unloads steeply and keeps its permanent set.
+
+    Parameters
+    ----------
+    crush_m, force_n : tuple of float
+        Knots of the quasi-static loading curve, which is linear between them and goes on at its last value.
+    unloading_npm : float
+        Slope of unloading and reloading in N/m; steeper than the loading curve anywhere, so that the zone is passive.
+    gap_m : float
+        Free travel before first contact.
+    fold_share, fold_length_m : float
+        Progressive buckling: the curve waves by this share of itself, one wave a fold.
+    rate_mps : float
+        Crush velocity at which the force doubles, Cowper and Symonds' D times the folds' length scale: with the mean
+        strain rate 0.33 v/C of a square tube of width C (Abramowicz and Jones, Int. J. Impact Eng. 2, 1984), D·C/0.33.
+        Infinity for a material without rate dependence.
+    """
+
+    crush_m: tuple[float, ...]
+    force_n: tuple[float, ...]
+    unloading_npm: float
+    gap_m: float = 0.0
+    fold_share: float = 0.0
+    fold_length_m: float = 0.1
+    rate_mps: float = np.inf
+
+    def loading_n(self, crush_m: FloatArray) -> FloatArray:
+        """Quasi-static force in N while the crush (m) grows for the first time."""
+        crush = np.maximum(crush_m - self.gap_m, 0.0)
+        waves = 1.0 + self.fold_share * np.sin(2 * np.pi * crush / self.fold_length_m)
+        return np.asarray(np.interp(crush, self.crush_m, self.force_n) * waves)
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """A joint between two masses that acts both ways: elastic, perfectly plastic beyond its strength, and damped.
+
+    Parameters
+    ----------
+    stiffness_npm, damping_nspm : float
+        In N/m and N·s/m.
+    strength_n : float
+        Force at which the joint yields; infinity for one that holds.
+    """
+
+    stiffness_npm: float
+    damping_nspm: float
+    strength_n: float = np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """The physical constants of one vehicle; its weights come with the condition.
+
+    Parameters
+    ----------
+    powertrain_kg : float
+        Engine and gearbox, part of the front weight.
+    rear_share : float
+        Share of the rear weight that hangs elastically on the body: axle, fuel, cargo.
+    rails, shell : CrushZone
+        Longitudinal rails with their crash boxes; upper rails, wheels and cabin behind a first free travel.
+    engine, firewall : CrushZone
+        Powertrain against the barrier, and firewall against the powertrain.
+    mounts, rear : Coupling
+        Powertrain mounts, and what holds the rear mass.
+    """
+
+    powertrain_kg: float
+    rear_share: float
+    rails: CrushZone
+    shell: CrushZone
+    engine: CrushZone
+    firewall: CrushZone
+    mounts: Coupling
+    rear: Coupling
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Crash:
+    """What n simulated crashes did, unfiltered.
+
+    Attributes
+    ----------
+    accel_mps2 : ndarray, shape (n, n_samples)
+        X acceleration of the body at 12.5 kHz from first contact on, signed.
+    barrier_n : ndarray, shape (n, n_samples)
+        Force on the barrier.
+    mass_kg, final_speed_mps : ndarray, shape (n, 3)
+        Body, powertrain and rear mass, and their speeds at the end.
+    work_j : ndarray, shape (n, 6)
+        Work taken up by rails, shell, engine contact, firewall, mounts and rear coupling until then.
+    """
+
+    accel_mps2: FloatArray
+    barrier_n: FloatArray
+    mass_kg: FloatArray
+    final_speed_mps: FloatArray
+    work_j: FloatArray
+
+
+def simulate(
+    vehicles: Vehicle | Sequence[Vehicle],
+    conditions: Sequence[Condition],
+    n_samples: int = N_SAMPLES,
+    steps_per_sample: int = 2,
+) -> Crash:
+    """Crash vehicles into the barrier, all at once, by the leapfrog scheme.
+
+    Parameters
+    ----------
+    vehicles : Vehicle or sequence of Vehicle
+        One for all conditions, or one for each.
+    conditions : sequence of Condition
+        n impact speeds and weights; a speed of 0 is allowed.
+    n_samples, steps_per_sample : int
+        Length of the record at 12.5 kHz, and time steps to a sample.
+
+    Returns
+    -------
+    Crash
+    """
+    fleet = (vehicles,) if isinstance(vehicles, Vehicle) else tuple(vehicles)
+    n = len(conditions)
+    law = _Elements(fleet, n)
+    mass = np.array([_masses_kg(v, c) for v, c in zip(fleet * (n if len(fleet) == 1 else 1), conditions, strict=True)])
+    speed = np.repeat([[condition.speed_mps for condition in conditions]], 3, axis=0)
+    inverse_mass = 1.0 / mass.T
+    incidence = np.vstack([_ZONE_INCIDENCE, _COUPLING_INCIDENCE])
+    position = np.zeros_like(speed)
+    work = np.zeros((len(incidence), n))
+    accel = np.empty((n_samples, n))
+    barrier = np.empty((n_samples, n))
+    dt = DT_S / steps_per_sample
+    for step in range(n_samples * steps_per_sample):
+        rate = incidence @ speed
+        force = law.force_n(incidence @ position, rate)
+        braking = (incidence.T @ force) * inverse_mass
+        speed = speed - braking * dt
+        work += force * (0.5 * dt) * (rate + incidence @ speed)
+        position = position + speed * dt
+        if step % steps_per_sample == 0:
+            accel[step // steps_per_sample] = -braking[0]
+            barrier[step // steps_per_sample] = force[:3].sum(axis=0)
+    return Crash(accel.T, barrier.T, mass, speed.T, work.T)
+
+
+def _masses_kg(vehicle: Vehicle, condition: Condition) -> tuple[float, float, float]:
+    rear = vehicle.rear_share * condition.rear_weight_kg
+    return condition.mass_kg - vehicle.powertrain_kg - rear, vehicle.powertrain_kg, rear
+
+
+class _Elements:
+    """The force laws of all elements of all vehicles, with their memory (largest crush, plastic slip)."""
+
+    def __init__(self, fleet: Sequence[Vehicle], n: int) -> None:
+        zones = [[getattr(v, name) for v in fleet] for name in ("rails", "shell", "engine", "firewall")]
+        joints = [[getattr(v, name) for v in fleet] for name in ("mounts", "rear")]
+        self._table = np.array([[zone.loading_n(_CRUSH_GRID_M) for zone in row] for row in zones])
+        self._first = np.arange(len(zones) * len(fleet)).reshape(len(zones), -1) * _CRUSH_GRID_M.size
+        self._unloading = _field(zones, "unloading_npm")
+        self._rate = _field(zones, "rate_mps")
+        self._stiffness, self._damping = _field(joints, "stiffness_npm"), _field(joints, "damping_nspm")
+        self._strength = _field(joints, "strength_n")
+        self._largest = np.zeros((len(zones), n))
+        self._slip = np.zeros((len(joints), n))
+
+    def force_n(self, deformation_m: FloatArray, rate_mps: FloatArray) -> FloatArray:
+        """Forces that resist these deformations and rates, shape (6, n); called once a step, in the order of time."""
+        crush, stretch = deformation_m[:4], deformation_m[4:]
+        np.maximum(self._largest, crush, out=self._largest)
+        unloaded = self._loading_n(self._largest) - self._unloading * (self._largest - crush)
+        hardening = 1.0 + (np.maximum(rate_mps[:4], 0.0) / self._rate) ** (1 / _COWPER_SYMONDS_Q)
+        pushing = np.maximum(unloaded, 0.0) * hardening
+
+        elastic = self._stiffness * (stretch - self._slip)
+        held = np.clip(elastic, -self._strength, self._strength)
+        self._slip += (elastic - held) / self._stiffness
+        return np.vstack([pushing, held + self._damping * rate_mps[4:]])
+
+    def _loading_n(self, crush_m: FloatArray) -> FloatArray:
+        place = np.minimum(crush_m / _CRUSH_GRID_M[1], _CRUSH_GRID_M.size - 1.001)
+        below = place.astype(np.intp)
+        index = self._first + below
+        low, high = self._table.take(index), self._table.take(index + 1)
+        return np.asarray(low + (place - below) * (high - low))
+
+
+def _field(rows: Sequence[Sequence[CrushZone | Coupling]], name: str) -> npt.NDArray[np.float64]:
+    return np.array([[getattr(element, name) for element in row] for row in rows])
