@@ -8,6 +8,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -36,7 +37,7 @@ ISO18571(np.column_stack([time_s, t]), np.column_stack([time_s, 0.9 * t])).overa
 
 
 def pulses() -> tuple[np.ndarray, np.ndarray]:
-    """A reference pulse, and curves around it that differ in time (0.8 ms) and in shape, as draws of a prediction do."""
+    """A reference pulse, and curves around it that differ in time (0.8 ms) and shape, as draws of a prediction do."""
     rng = np.random.default_rng(0)
     time, knots = np.arange(N), np.arange(0, N + 30, 30)
 
@@ -72,13 +73,13 @@ def main() -> None:
     ours = [rating.overall for rating in rate_many(reference, curves, dt_s=DT_S)]
     np.testing.assert_allclose(ours[:50], [peer(curve) for curve in range(50)], atol=1e-9)
 
-    cold = {name: seconds(lambda code=code: run(code)) for name, code in FIRST_RATING.items()}
+    cold = {name: seconds(partial(run, code)) for name, code in FIRST_RATING.items()}
     rows = [
         ("import and first rating, fresh process", cold["peer"], cold["crashfuse"]),
         (
             "one pair",
-            min(seconds(lambda curve=curve: peer(curve)) for curve in range(20)),
-            min(seconds(lambda curve=curve: rate_iso18571(reference, curves[curve], dt_s=DT_S)) for curve in range(20)),
+            sum(seconds(partial(peer, curve)) for curve in range(20)) / 20,
+            sum(seconds(partial(rate_iso18571, reference, curve, dt_s=DT_S)) for curve in curves[:20]) / 20,
         ),
         (
             f"{N_CURVES} curves against one reference",

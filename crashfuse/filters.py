@@ -8,7 +8,7 @@ from scipy.signal import filtfilt
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.pulse import FloatArray
 
-_CORNER = 2.0775  # corner frequency of one pass in Hz, a unit of class (SAE J211-1, Annex C)
+_CORNER = 2.0775  # corner frequency of one pass in Hz, a unit of class (SAE J211-1, Appendix C)
 _PADDING_S = 0.01
 
 
