@@ -1,4 +1,4 @@
-"""Progress on standard error: one bar a step, with the time that remains."""
+"""Progress on standard error: one line a step, with the time that remains."""
 
 import sys
 from types import TracebackType
@@ -10,10 +10,10 @@ from crashfuse.progress import Progress
 
 
 class ProgressBar:
-    """Shows each :class:`Progress` that it is handed; use it as a context so that the last bar is closed."""
+    """Shows each :class:`Progress` that it is handed, a line a step; use it as a context so that the bars are closed."""
 
     def __init__(self) -> None:
-        self._bar: tqdm[None] | None = None
+        self._bars: dict[str, tqdm[None]] = {}
 
     def __enter__(self) -> Self:
         return self
@@ -21,16 +21,19 @@ class ProgressBar:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._bar is not None:
-            self._bar.close()
+        for bar in self._bars.values():
+            bar.close()
 
     def show(self, progress: Progress) -> None:
-        """Move the bar of this step, or start it."""
-        if self._bar is None or self._bar.desc != progress.step:
-            if self._bar is not None:
-                self._bar.close()
-            self._bar = tqdm(total=progress.total, desc=progress.step, file=sys.stderr, dynamic_ncols=True)
-            self._bar.desc = progress.step
+        """Move the bar of this step; a step that begins anew (for the next test) takes its line again."""
+        bar = self._bars.get(progress.step)
+        if bar is None:
+            bar = tqdm(
+                total=progress.total, desc=progress.step, file=sys.stderr, position=len(self._bars), dynamic_ncols=True
+            )
+            self._bars[progress.step] = bar
+        elif progress.done < bar.n:
+            bar.reset(progress.total)
         if progress.values:
-            self._bar.set_postfix({name: f"{value:.3g}" for name, value in progress.values.items()}, refresh=False)
-        self._bar.update(progress.done - self._bar.n)
+            bar.set_postfix({name: f"{value:.3g}" for name, value in progress.values.items()}, refresh=False)
+        bar.update(progress.done - bar.n)
