@@ -1,1 +1,5 @@
-"""Entry of the dashboard."""
+"""Entry of the dashboard: ``streamlit run app.py``."""
+
+from crashfuse.ui.frame import route
+
+route()

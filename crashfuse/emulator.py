@@ -1,11 +1,11 @@
-"""The CAE model at any condition: the run made there if there is one, else an emulator trained on all runs.
+"""What the CAE model would give at a condition where no run was made: an emulator trained on all runs.
 
-The emulator takes the pulses apart into principal modes in time. How much of a mode a condition asks for is a Gaussian
+It takes the pulses apart into principal modes in time. How much of a mode a condition asks for is a Gaussian
 process over (v0, front weight, rear weight): the modes share one Matérn-5/2 correlation, and each has its own variance
 and its own noise, so that a mode that does not vary smoothly with the condition is averaged, not interpolated.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -13,17 +13,15 @@ from scipy.optimize import minimize
 from sklearn.gaussian_process.kernels import Matern
 from threadpoolctl import threadpool_limits
 
-from crashfuse.cache import Cache, Entry
+from crashfuse.cache import Entry
 from crashfuse.campaign import CaeLibrary
 from crashfuse.errors import DataError, Problem
-from crashfuse.loading import loading_phase
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import Condition, FloatArray
 
 _NOISE = np.geomspace(1e-6, 2.0, 30)  # a mode's noise variance over its signal variance: the values tried
 _LOG_NOISE_PRIOR = -0.5 * (np.log(_NOISE / 1e-3) / 3.0) ** 2
 _LOG_LENGTH_PRIOR = np.log([0.5, 3.0, 3.0])  # speed decides more than weight
-_JOIN_M = 0.03  # over which a step between two loading curves fades
 _LEARNED = ("centre_", "length_scales_", "inputs_", "mean_", "modes_", "noise_", "speed_range_", "spread_", "weights_")
 
 
@@ -127,22 +125,18 @@ class Emulator:
         vector = condition.vector
         inside = np.clip(vector[0], *self.speed_range_)
         x = (np.array([[inside, *vector[1:]]]) - self.centre_) / self.spread_
-        with threadpool_limits(1):
-            correlation = Matern(self.length_scales_, nu=2.5)(x, self.inputs_)
-            pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
+        correlation = Matern(self.length_scales_, nu=2.5)(x, self.inputs_)
+        pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
         return np.asarray(pulse[0] * (vector[0] / inside))
 
     def arrays(self) -> Entry:
         """What was learned, for the cache."""
         return {name: getattr(self, name) for name in _LEARNED}
 
-    @classmethod
-    def from_arrays(cls, config: EmulatorConfig, entry: Entry) -> Self:
-        """Restore a trained emulator."""
-        emulator = cls(config)
+    def restore(self, learned: Entry) -> None:
+        """Take up what was learned before."""
         for name in _LEARNED:
-            setattr(emulator, name, entry[name])
-        return emulator
+            setattr(self, name, learned[name])
 
 
 def _eigen(x: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -161,100 +155,3 @@ def _evidence(x: FloatArray, y: FloatArray, length_scales: FloatArray) -> FloatA
     n = len(x)
     evidence: FloatArray = -0.5 * (n * np.log(misfit / n) + np.log(variance).sum(axis=0)) + _LOG_NOISE_PRIOR
     return evidence
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class CaePulse:
-    """A pulse of the CAE model, and where it comes from: ``run C0001`` or ``emulator``."""
-
-    accel_mps2: FloatArray
-    source: str
-
-
-class CaeModel:
-    """The CAE model at any condition, over time and over displacement.
-
-    Parameters
-    ----------
-    config : EmulatorConfig
-    cache : Cache, optional
-        Where the trained emulator is kept, by the fingerprint of the library and the config.
-
-    Attributes
-    ----------
-    cae_ : CaeLibrary
-    emulator_ : Emulator
-    """
-
-    def __init__(self, config: EmulatorConfig = EmulatorConfig(), *, cache: Cache | None = None) -> None:
-        self.config = config
-        self.cache = cache
-
-    def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
-        """Train the emulator, or take it from the cache.
-
-        Raises
-        ------
-        DataError
-            If there is no run.
-        Cancelled
-            If the watch was told to stop.
-        """
-        self.cae_ = cae
-        key = {"cae": cae.fingerprint, "config": self.config}
-        entry = self.cache.get("emulator", key) if self.cache else None
-        if entry is not None:
-            self.emulator_ = Emulator.from_arrays(self.config, entry)
-            return self
-        self.emulator_ = Emulator(self.config).fit(cae, watch)
-        if self.cache:
-            self.cache.put("emulator", key, self.emulator_.arrays())
-        return self
-
-    def pulse(self, condition: Condition) -> CaePulse:
-        """Give the pulse of the run made at this very condition, else the emulator's."""
-        run = self.cae_.paired_run(condition)
-        if run is None:
-            return CaePulse(self.emulator_.predict(condition), "emulator")
-        return CaePulse(self.cae_.accel_mps2[run].astype(np.float64), f"run {self.cae_.ids[run]}")
-
-    def notes(self, condition: Condition) -> tuple[str, ...]:
-        """Say where the pulse at a condition comes from, and which inputs lie outside the library."""
-        source = self.pulse(condition).source
-        origin = f"CAE pulse: paired {source}." if source.startswith("run") else "CAE pulse: from the emulator."
-        return (origin, *self.cae_.extrapolation(condition))
-
-    def loading_curve(self, condition: Condition, displacement_m: FloatArray) -> FloatArray:
-        """Give the CAE model over displacement in the loading phase, G_a(s, x) of Eq. 10.
-
-        Beyond the pulse's own crush the curve goes on along emulated pulses of ever faster crashes at these weights, up
-        to the fastest speed of the library, each joined without a jump; beyond that it stays at its last value.
-
-        Parameters
-        ----------
-        condition : Condition
-        displacement_m : ndarray, shape (n,)
-            Increasing, from 0.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Acceleration in m/s².
-        """
-        own = loading_phase(self.pulse(condition).accel_mps2, condition.speed_mps)
-        curve = own.accel_at(displacement_m)
-        reached, level = own.crush_m, own.accel_mps2[-1]
-        faster = condition.speed_mps
-        while reached < displacement_m[-1] and faster < self.emulator_.speed_range_[1]:
-            faster = min(1.1 * faster, self.emulator_.speed_range_[1])
-            like = replace(condition, speed_mps=faster)
-            phase = loading_phase(self.emulator_.predict(like), faster)
-            if phase.crush_m <= reached:
-                continue
-            beyond = displacement_m > reached
-            jump = level - phase.accel_at(np.array(reached))
-            curve[beyond] = phase.accel_at(displacement_m[beyond])
-            curve[beyond] += jump * np.exp(-(displacement_m[beyond] - reached) / _JOIN_M)
-            level = phase.accel_mps2[-1] + jump * np.exp(-(phase.crush_m - reached) / _JOIN_M)
-            reached = phase.crush_m
-        return curve

@@ -31,6 +31,11 @@ class LoadingPhase:
         return float(self.displacement_m[-1])
 
     @property
+    def speed_share(self) -> FloatArray:
+        """Velocity over impact speed, shape (n,)."""
+        return np.asarray(self.velocity_mps / self.velocity_mps[0])
+
+    @property
     def end_s(self) -> float:
         """Time at the end of the phase: t0, if the vehicle stops."""
         return float(self.time_s[-1])
@@ -38,6 +43,11 @@ class LoadingPhase:
     def accel_at(self, displacement_m: FloatArray) -> FloatArray:
         """Acceleration at displacements (f_int of Eqs. 16 and 19); beyond the crush its last value."""
         return np.interp(displacement_m, self.displacement_m, self.accel_mps2)
+
+    def displacement_at_speed(self, share: float) -> float:
+        """Displacement where the vehicle has first slowed to this share of its impact speed; at most the crush."""
+        slowest = np.minimum.accumulate(self.velocity_mps)
+        return float(np.interp(-share * self.velocity_mps[0], -slowest, self.displacement_m))
 
 
 def loading_phase(accel_mps2: FloatArray, speed_mps: float) -> LoadingPhase:

@@ -241,7 +241,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
     z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
     text = [[f"{value:.3f}  {grade(value)}" for value in row] for row in z]
-    figure = _figure(height=130 + 34 * len(rows))
+    figure = _figure(height=48 + 34 * len(rows))
     figure.add_heatmap(
         z=z.astype(np.float32),
         x=[LABELS[name] for name in approaches],
@@ -257,13 +257,18 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
         ygap=2,
         showscale=False,
     )
-    figure.update_layout(hovermode="closest", margin={"t": 40})
-    figure.update_xaxes(side="top", title=None, range=None, ticks="", showgrid=False, showspikes=False)
-    figure.update_yaxes(autorange="reversed", type="category", zeroline=False, showgrid=False)
+    figure.update_layout(
+        hovermode="closest",
+        dragmode=False,
+        margin={"t": 40, "b": 8},
+        modebar={"remove": ["zoom2d", "pan2d", "resetScale2d", "toImage"]},
+    )
+    figure.update_xaxes(side="top", title=None, range=None, ticks="", showline=False, showgrid=False, showspikes=False)
+    figure.update_yaxes(autorange="reversed", type="category", showline=False, zeroline=False, showgrid=False)
     return figure
 
 
-def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: str) -> go.Figure:
+def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: str, total: int) -> go.Figure:
     """Draw what a training reports as it goes (losses, say) on a logarithmic axis.
 
     Parameters
@@ -272,6 +277,8 @@ def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: 
         By the value's name: how far the step was, and the value.
     step : str
         What is being done.
+    total : int
+        How far it will go.
 
     Returns
     -------
@@ -281,7 +288,7 @@ def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: 
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
         done, values = np.array(points, dtype=np.float32).T
         figure.add_scatter(x=done, y=values, name=name, mode="lines", line={"color": colour, "width": 2})
-    figure.update_xaxes(title=step, range=None, ticksuffix="", rangemode="tozero")
+    figure.update_xaxes(title=step, range=[0, total], unifiedhovertitle=None)
     figure.update_yaxes(type="log", exponentformat="power", dtick=1)
     return figure
 

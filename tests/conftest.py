@@ -1,11 +1,13 @@
 """What many tests need: a small campaign with closed-form pulses, in memory and on disk, and a cache of their own."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from crashfuse.approaches.tcn import TcnConfig
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.pulse import GRID_S, Condition, FloatArray, Pulse
 from crashfuse.units import LB, MPH, MS, G
@@ -18,6 +20,15 @@ TEST_SPEEDS_MPH = (15.0, 25.0, 26.0, 35.0)
 def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """No test reads or writes the user's cache."""
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.mktemp("cache")))
+
+
+@pytest.fixture(scope="module")
+def quick_networks() -> Iterator[None]:
+    """Within one test module the fast preset trains a network of a second: small, and short."""
+    small = TcnConfig(channels=8, epochs=1, min_steps=60, tuning_steps=40)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(TcnConfig, "fast", lambda: small)
+        yield
 
 
 def half_sine(condition: Condition, duration_s: float) -> FloatArray:

@@ -5,13 +5,11 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from crashfuse.approaches.time_domain import TcnConfig
 
 from crashfuse import cli
 from crashfuse.approaches import APPROACHES
@@ -19,7 +17,6 @@ from crashfuse.pulse import GRID_S
 from crashfuse.units import MS
 from crashfuse.version import __version__
 
-_FULL = TcnConfig.fast()
 METRICS = ["peak", "peak_time", "delta_v", "t0", "max_crush"]
 
 
@@ -29,18 +26,18 @@ def at_condition(speed_mph: float, front_weight_lb: float, rear_weight_lb: float
     return [part for name, value in values.items() for part in (f"--{name}", str(value))]
 
 
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Networks of seconds, not minutes."""
-    monkeypatch.setattr(TcnConfig, "fast", lambda: replace(_FULL, channels=8))
+pytestmark = pytest.mark.usefixtures("quick_networks")
 
 
-@pytest.fixture(scope="session")
-def study_folder(campaign_on_disk: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module")
+def study_folder(
+    campaign_on_disk: Path,
+    quick_networks: None,  # noqa: ARG001
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
     """The results of a study of two held-out tests, run once."""
     out = tmp_path_factory.mktemp("out") / "study"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(TcnConfig, "fast", lambda: replace(_FULL, channels=8))
         patch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.mktemp("cache")))
         command = ["study", str(campaign_on_disk), "--out", str(out), "--held-out", "T2", "T4", "--workers", "1"]
         assert cli.main(command) == cli.DONE

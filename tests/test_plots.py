@@ -37,9 +37,7 @@ def trace(figure: go.Figure, name: str, row: int = 1) -> go.Scatter:
     return found
 
 
-def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """A pulse of -9.80665 m/s² is drawn at -1."""
     measured = trace(plots.overlay(test.pulse, predictions), "Test")
     np.testing.assert_allclose(measured.x, GRID_S * 1000, rtol=1e-6)
@@ -56,9 +54,7 @@ def test_deceleration_in_si_is_the_negative_of_the_signed_data(
     assert figure.layout.yaxis.title.text == "Deceleration (m/s²)"
 
 
-def test_the_band_is_the_central_95_percent_of_the_draws(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Of 101 evenly spaced draws from -50 to +50 the interval is -47.5 to +47.5."""
     figure = plots.overlay(test.pulse, predictions, unit="m/s²")
     (band,) = [t for t in figure.data if t.fill == "toself"]
@@ -83,9 +79,7 @@ def test_an_overlay_needs_no_measured_pulse(predictions: dict[str, Prediction]) 
     assert not figure.layout.shapes
 
 
-def test_every_curve_is_float32_and_has_one_point_a_sample(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_every_curve_is_float32_and_has_one_point_a_sample(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Nothing is blown up on its way to the browser."""
     for curve in plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps).data:
         outlines = 2 if curve.fill == "toself" else 1
@@ -115,9 +109,7 @@ def test_the_three_rows_share_one_time_axis(test: CrashTest, predictions: dict[s
     assert figure.layout.hoversubplots == "axis"
 
 
-def test_the_cursor_tells_a_v_and_s_of_a_curve_together(
-    test: CrashTest, predictions: dict[str, Prediction]
-) -> None:
+def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """The acceleration carries the other two; they don't repeat themselves."""
     figure = plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps)
     accel = trace(figure, "CAE")
@@ -138,7 +130,7 @@ def test_all_tests_are_drawn_by_rising_speed_and_named(campaign: Campaign) -> No
     assert len({t.line.color for t in figure.data}) == 4
 
 
-def test_tests_at_one_speed_differ_in_their_dashes(campaign: Campaign, test: CrashTest) -> None:
+def test_tests_at_one_speed_differ_in_their_dashes(test: CrashTest) -> None:
     """Colour stands for speed, so repeats need something else."""
     figure = plots.measured_pulses([test, CrashTest("again", test.condition, test.pulse)])
     first, second = figure.data
@@ -169,7 +161,7 @@ def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
     """Grades hold above 0.94, 0.80 and 0.58 (ISO/TS 18571), not at them."""
     scores = {"A": {"cae": 0.58, "lf_tcn": 0.81}, "B": {"cae": 0.80, "lf_tcn": 0.95}}
     (heat,) = plots.rating_heatmap(scores).data
-    assert heat.text.tolist() == [
+    assert [list(row) for row in heat.text] == [
         ["0.580  Poor", "0.810  Good"],
         ["0.800  Fair", "0.950  Excellent"],
         ["0.690  Fair", "0.880  Good"],
@@ -187,10 +179,11 @@ def test_the_heat_map_colours_change_where_the_grades_do() -> None:
 
 def test_a_learning_curve_shows_what_was_reported() -> None:
     """Progress along x, the value on a logarithmic axis."""
-    figure = plots.learning_curves({"loss": [(1, 0.5), (2, 0.25)]}, step="Training")
+    figure = plots.learning_curves({"loss": [(1, 0.5), (2, 0.25)]}, step="Training", total=10)
     assert figure.data[0].x.tolist() == [1, 2]
     assert figure.data[0].y.tolist() == [0.5, 0.25]
     assert figure.layout.yaxis.type == "log"
+    assert list(figure.layout.xaxis.range) == [0, 10]
 
 
 def luminance(colour: str) -> float:

@@ -2,11 +2,9 @@
 
 import re
 import shlex
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from crashfuse.approaches.time_domain import TcnConfig
 
 from crashfuse import cli
 
@@ -47,12 +45,11 @@ def test_every_documented_command_and_option_exists(capsys: pytest.CaptureFixtur
         assert set(re.findall(r"--[a-z-]+", _help(capsys, command))) - {"--help"} == options, command
 
 
+@pytest.mark.usefixtures("quick_networks")
 def test_the_library_example_runs(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """On the sample campaign, with a smaller network, in a folder beside it."""
-    full = TcnConfig.fast()
-    monkeypatch.setattr(TcnConfig, "fast", lambda: replace(full, channels=8, epochs=2))
     (tmp_path / "sample_data").symlink_to(ROOT / "sample_data")
     monkeypatch.chdir(tmp_path)
     (code,) = blocks("python")

@@ -1,0 +1,56 @@
+"""The uncorrected CAE pulse: the baseline that every correction has to beat."""
+
+from typing import Self
+
+from crashfuse.approaches.base import Approach, Prediction
+from crashfuse.cache import Cache
+from crashfuse.cae_model import CaeModel
+from crashfuse.campaign import Campaign
+from crashfuse.errors import NotFittedError
+from crashfuse.progress import SILENT, Watch
+from crashfuse.pulse import Condition
+
+
+class Cae(Approach):
+    """The CAE model as it is: the paired run if there is one, else the emulator.
+
+    Parameters
+    ----------
+    cache : Cache, optional
+        Where the trained emulator is kept.
+
+    Attributes
+    ----------
+    model_ : CaeModel
+    """
+
+    name = "cae"
+    label = "CAE"
+
+    def __init__(self, *, cache: Cache | None = None) -> None:
+        self.cache = cache
+
+    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+        """Train the emulator on the campaign's CAE runs; tests are not looked at.
+
+        Raises
+        ------
+        DataError
+            If the campaign has no CAE run.
+        Cancelled
+            If the watch was told to stop.
+        """
+        self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        return self
+
+    def predict(self, condition: Condition) -> Prediction:
+        """Give the CAE pulse at a condition, and say where it comes from.
+
+        Raises
+        ------
+        NotFittedError
+            If called before :meth:`fit`.
+        """
+        if not hasattr(self, "model_"):
+            raise NotFittedError("The CAE approach has not been fitted; call fit(campaign) first.")
+        return Prediction(condition, self.model_.pulse(condition).accel_mps2, notes=self.model_.notes(condition))
