@@ -17,7 +17,8 @@ from pathlib import Path
 import psutil
 
 from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain
-from crashfuse.approaches.time_domain import LfTcn, TcnConfig
+from crashfuse.approaches.tcn import TcnConfig
+from crashfuse.approaches.time_domain import LfTcn
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
 from crashfuse.formats.folder import load_campaign
@@ -45,7 +46,9 @@ def main() -> None:
     ours, papers = fast_lf + folds * fast_gp, paper_lf + folds * paper_gp
     print(f"{campaign.name}: {folds} tests, {len(campaign.cae)} CAE runs, {os.cpu_count()} cores\n")
     print("| | the paper's way | crashfuse, fast preset | ratio |\n|---|---:|---:|---:|")
-    print(f"| Gaussian process, one held-out test | {paper_gp:.0f} CPU-s | {fast_gp:.2f} CPU-s | {paper_gp / fast_gp:.0f} |")
+    print(
+        f"| Gaussian process, one held-out test | {paper_gp:.0f} CPU-s | {fast_gp:.2f} CPU-s | {paper_gp / fast_gp:.0f} |"
+    )
     print(
         f"| LF network, 1000 epochs (the paper's extrapolated) | {paper_lf / 3600:.0f} CPU-h | {fast_lf:.0f} CPU-s "
         f"| {paper_lf / fast_lf:.0f} |"

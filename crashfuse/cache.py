@@ -62,7 +62,7 @@ class Cache:
     def put(self, kind: str, key: Mapping[str, object], entry: Mapping[str, npt.ArrayLike]) -> None:
         """Keep these arrays under this key."""
         buffer = io.BytesIO()
-        np.savez(buffer, allow_pickle=False, **{name: np.asarray(value) for name, value in entry.items()})  # type: ignore[arg-type]
+        np.savez(buffer, allow_pickle=False, **{name: np.asarray(value) for name, value in entry.items()})
         payload = buffer.getvalue()
         write_atomically(self.path(kind, key), hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
 

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from crashfuse.errors import CrashfuseError, DataError, UsageError
 from crashfuse.version import __version__
@@ -94,7 +94,7 @@ def _study(arguments: argparse.Namespace) -> None:
     from crashfuse.study import StudyConfig, check_study, run_study
 
     campaign = load_campaign(arguments.campaign)
-    given = {
+    given: dict[str, Any] = {
         name: value
         for name, value in (
             ("approaches", arguments.approach and tuple(arguments.approach)),

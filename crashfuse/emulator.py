@@ -127,7 +127,7 @@ class Emulator:
         x = (np.array([[inside, *vector[1:]]]) - self.centre_) / self.spread_
         correlation = Matern(self.length_scales_, nu=2.5)(x, self.inputs_)
         pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
-        return np.asarray(pulse[0] * (vector[0] / inside))
+        return np.asarray(pulse[0] * (vector[0] / inside if inside else 1.0))
 
     def arrays(self) -> Entry:
         """What was learned, for the cache."""

@@ -10,7 +10,7 @@ from crashfuse.progress import Progress
 
 
 class ProgressBar:
-    """Shows each :class:`Progress` that it is handed, a line a step; use it as a context so that the bars are closed."""
+    """Shows each :class:`Progress` that it is handed, a line a step; as a context it closes its bars at the end."""
 
     def __init__(self) -> None:
         self._bars: dict[str, tqdm[None]] = {}

@@ -117,7 +117,7 @@ def read_record(folder: Path) -> StudyRecord:
         raise DataError(Problem(str(path), "the record of a study", f"{error!r}", advice)) from error
 
 
-def write_study(study: Study, folder: Path) -> None:
+def write_study(study: Study, folder: str | Path) -> None:
     """Write ``scores.csv``, ``pulses.csv``, ``metrics.csv``, ``report.html`` and, last, ``study.json``.
 
     Raises
@@ -125,6 +125,7 @@ def write_study(study: Study, folder: Path) -> None:
     OSError
         If the folder cannot be written.
     """
+    folder = Path(folder)
     named = [(fold.held_out, estimate) for fold in study.folds for estimate in fold.estimates]
     scores, metrics = scores_table(study), study_metrics(study)
     _write_csv(folder / "scores.csv", scores)
@@ -142,7 +143,7 @@ def write_study(study: Study, folder: Path) -> None:
 
 
 def write_prediction(
-    campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig, folder: Path
+    campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig, folder: str | Path
 ) -> pd.DataFrame:
     """Write ``pulses.csv``, ``metrics.csv`` and ``report.html`` for one new condition; returns the metrics.
 
@@ -151,6 +152,7 @@ def write_prediction(
     OSError
         If the folder cannot be written.
     """
+    folder = Path(folder)
     metrics = metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates)
     _write_csv(folder / "pulses.csv", pulses_table(("", estimate) for estimate in estimates))
     _write_csv(folder / "metrics.csv", metrics)

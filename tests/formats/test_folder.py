@@ -126,7 +126,9 @@ def test_the_filter_class_of_the_settings_is_applied_to_the_whole_record(campaig
     (campaign_folder / "campaign.toml").write_text('name = "Filtered"\nchannel_filter_class = 60\n')
     loaded = load_campaign(campaign_folder)
     assert loaded.name == "Filtered"
-    np.testing.assert_allclose(loaded.tests[0].pulse.accel_mps2[100:1000], clean[100:1000], atol=0.04 * np.abs(clean).max())
+    np.testing.assert_allclose(
+        loaded.tests[0].pulse.accel_mps2[100:1000], clean[100:1000], atol=0.04 * np.abs(clean).max()
+    )
 
 
 def test_a_record_that_ends_early_goes_on_without_acceleration_and_says_so(campaign_folder: Path) -> None:
@@ -293,7 +295,7 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "bad filter class": (
         lambda f: (f / "campaign.toml").write_text('channel_filter_class = "60 Hz"'),
-        'campaign.toml, column channel_filter_class: expected a channel filter class such as 60 or 180, or "none", found',
+        'campaign.toml, column channel_filter_class: expected a channel filter class such as 60 or 180, or "none"',
     ),
 }
 
