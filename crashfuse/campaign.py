@@ -61,8 +61,8 @@ class CaeLibrary:
     def paired_run(self, condition: Condition) -> int | None:
         """Index of the run made at this very condition (to 1e-4 of its values), or None."""
         target = condition.vector
-        gap = np.abs(self.vectors - target) / np.abs(target)
-        same = np.flatnonzero((gap < _SAME_CONDITION).all(axis=1))
+        gap = np.abs(self.vectors - target)
+        same = np.flatnonzero((gap <= _SAME_CONDITION * np.abs(target)).all(axis=1))
         return int(same[0]) if same.size else None
 
     def extrapolation(self, condition: Condition) -> tuple[str, ...]:

@@ -264,7 +264,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
         modebar={"remove": ["zoom2d", "pan2d", "resetScale2d", "toImage"]},
     )
     figure.update_xaxes(side="top", title=None, range=None, ticks="", showline=False, showgrid=False, showspikes=False)
-    figure.update_yaxes(autorange="reversed", type="category", showline=False, zeroline=False, showgrid=False)
+    figure.update_yaxes(autorange="reversed", type="category", ticks="", showline=False, zeroline=False, showgrid=False)
     return figure
 
 

@@ -23,6 +23,11 @@ def test_a_condition_without_a_run_has_no_pair(campaign: Campaign) -> None:
     assert campaign.cae.paired_run(condition) is None
 
 
+def test_a_standstill_has_no_pair_among_moving_runs(campaign: Campaign) -> None:
+    """A speed of 0 is compared like any other."""
+    assert campaign.cae.paired_run(Condition(0.0, 2000 * LB, 1450 * LB)) is None
+
+
 def test_a_weight_beyond_the_library_is_flagged(campaign: Campaign) -> None:
     """The sentence names the input, its value and the range."""
     condition = Condition(25 * MPH, 2400 * LB, 1500 * LB)

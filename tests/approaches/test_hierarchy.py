@@ -1,0 +1,105 @@
+"""The hierarchical bias model, on biases whose parts are known."""
+
+import json
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.bias import BiasPoints
+from crashfuse.approaches.hierarchy import HierarchicalBias
+from crashfuse.pulse import Condition, FloatArray
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+S = np.linspace(0, 0.5, 26)
+SHARE = np.sqrt(1 - S / 0.5)
+SHARES = np.linspace(0, 1, 101)
+
+
+def condition(speed_mps: float) -> Condition:
+    """A crash at this speed."""
+    return Condition(speed_mps, 950.0, 700.0)
+
+
+def cae(speed_mps: float) -> FloatArray:
+    """A CAE curve that depends on the speed."""
+    return np.asarray(-10 * speed_mps * (1 - np.exp(-S / 0.1)) + 30 * np.sin(20 * S))
+
+
+def fit(biases: dict[float, FloatArray]) -> HierarchicalBias:
+    """Fit to a bias for each speed."""
+    return HierarchicalBias().fit([BiasPoints(condition(v), S, SHARE, cae(v), bias) for v, bias in biases.items()])
+
+
+def mean_and_width(model: HierarchicalBias, speed_mps: float) -> tuple[FloatArray, FloatArray]:
+    """Mean bias and the standard deviation of the draws at a speed."""
+    rng = np.random.default_rng(0)
+    draws = model.sample(condition(speed_mps), S, cae(speed_mps), SHARES, 400, rng).over_displacement_mps2
+    return draws[0], draws[1:].std(axis=0)
+
+
+def shared(s: FloatArray) -> FloatArray:
+    """A bias that all tests have."""
+    return np.asarray(-60 * np.exp(-(((s - 0.2) / 0.1) ** 2)))
+
+
+def test_a_bias_that_all_tests_share_is_recovered_at_any_speed() -> None:
+    """To 5 % of its height, within and beyond the tested speeds, and the band is narrow there."""
+    model = fit({v: shared(S) for v in (6.0, 9.0, 12.0, 15.0)})
+    for speed in (4.0, 10.0, 16.0):
+        mean, width = mean_and_width(model, speed)
+        np.testing.assert_allclose(mean, shared(S), atol=3.0)
+        assert width[2:22].max() < 15.0
+
+
+def test_a_bias_in_proportion_to_the_speed_is_interpolated() -> None:
+    """Between two tested speeds the bias is between theirs."""
+    model = fit({v: v / 10 * shared(S) for v in (6.0, 8.0, 12.0, 14.0)})
+    mean, _ = mean_and_width(model, 10.0)
+    np.testing.assert_allclose(mean, shared(S), atol=4.0)
+
+
+def test_a_bias_in_proportion_to_the_cae_force_is_carried_to_other_speeds() -> None:
+    """A structure 20 % stiffer at every speed has that bias at an untested speed too, in the CAE curve's own shape."""
+    model = fit({v: 0.2 * cae(v) for v in (5.0, 7.0, 9.0, 11.0)})
+    mean, _ = mean_and_width(model, 15.0)
+    assert np.sqrt(np.mean((mean - 0.2 * cae(15.0)) ** 2)) < 0.25 * np.sqrt(np.mean((0.2 * cae(15.0)) ** 2))
+
+
+def test_tests_that_contradict_each_other_are_not_believed() -> None:
+    """Repeats at one speed with opposite biases: the prediction stays near the CAE model, and the band is wide."""
+    model = fit({10.0: shared(S), 10.01: -shared(S), 9.99: shared(S), 10.02: -shared(S)})
+    mean, width = mean_and_width(model, 10.0)
+    assert np.abs(mean).max() < 0.25 * np.abs(shared(S)).max()
+    assert width.max() > 0.4 * np.abs(shared(S)).max()
+
+
+def test_how_each_test_stops_does_not_blur_what_they_share() -> None:
+    """Wild last moments, another for each test, leave the shared bias before them as it is."""
+    wild = np.where(SHARE < 0.2, 150.0, 0.0)
+    signs = {7.0: 1, 9.0: -1, 11.0: 1, 13.0: -1}
+    mean, _ = mean_and_width(fit({v: shared(S) + sign * wild for v, sign in signs.items()}), 10.0)
+    np.testing.assert_allclose(mean[:20], shared(S)[:20], atol=5.0)
+
+
+def test_few_tests_widen_the_band() -> None:
+    """Draws are Student's t with one degree of freedom less than there are tests, three at least."""
+    assert fit({v: shared(S) for v in (6.0, 9.0)}).freedom_ == 3
+    assert fit({float(v): shared(S) for v in range(6, 14)}).freedom_ == 7
+
+
+def test_the_state_is_plain_json() -> None:
+    """Every hyperparameter by name, with likelihood, points, touched bounds and retries."""
+    state = json.loads(json.dumps(fit({v: shared(S) for v in (6.0, 9.0, 12.0)}).state))
+    assert state["points"] == 3 * 26
+    assert state["retries"] == 0
+    assert "by speed, length in v0 in m/s" in state["hyperparameters"]
+    assert {"log_marginal_likelihood", "touched_bounds", "dead", "bias_rms_g"} <= set(state)
+
+
+def test_a_bias_of_noise_alone_is_said_to_be_one() -> None:
+    """The note tells the reader that nothing was found."""
+    rng = np.random.default_rng(0)
+    model = fit({v: 30 * rng.normal(size=S.size) for v in (6.0, 9.0, 12.0)})
+    assert model.state["dead"] is True
+    assert "nothing" in model.notes[0]
