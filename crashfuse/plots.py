@@ -5,7 +5,6 @@ as float32; many pulses are shown as a band, never one by one.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
 import numpy as np
 import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it half-way, in several threads at once)
@@ -14,11 +13,19 @@ from plotly.colors import sample_colorscale
 
 from crashfuse.approaches import LABELS, Prediction
 from crashfuse.campaign import CaeLibrary, CrashTest
+from crashfuse.canvas import (
+    LEGEND_ABOVE,
+    Unit,
+    accel_scale,
+    accel_title,
+    add_band,
+    add_line,
+    new_figure,
+    shade_window,
+)
 from crashfuse.pulse import GRID_S, FloatArray, Kinematics, Pulse, kinematics
 from crashfuse.rating import GRADES, grade
-from crashfuse.units import KPH, MPH, MS, G
-
-Unit = Literal["g", "m/s²"]
+from crashfuse.units import KPH, MPH
 
 MEASURED_COLOUR = "#000000"
 COLOURS: Mapping[str, str] = {  # Okabe & Ito's palette, which colour-blind readers can tell apart
@@ -38,14 +45,6 @@ GRADE_COLOURS: Mapping[str, str] = {
 }
 """Colour behind each grade word of ISO/TS 18571; black text reads on all of them."""
 
-_FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
-_GRID = "#E3E6EA"
-_INK = "#262A33"
-_LEGEND_ABOVE = {
-    "legend": {"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},
-    "modebar": {"orientation": "v"},
-    "margin": {"l": 64, "r": 44, "t": 40, "b": 52},
-}
 _MAX_RUNS = 2000  # quantiles of that many runs don't move visibly when more are taken
 
 
@@ -75,17 +74,17 @@ def overlay(
     -------
     plotly.graph_objects.Figure
     """
-    figure = _figure(height=460)
-    scale = _scale(unit, deceleration)
+    figure = new_figure(height=460)
+    scale = accel_scale(unit, deceleration)
     for name, prediction in predictions.items():
         _band(figure, name, prediction.band(), scale)
     for name, prediction in predictions.items():
         _curve(figure, name, prediction.accel_mps2 * scale, has_band=prediction.draws_mps2 is not None)
     if measured is not None:
         _measured(figure, measured.time_s, measured.accel_mps2 * scale)
-    figure.update_layout(_LEGEND_ABOVE)
-    figure.update_yaxes(title=_accel_title(unit, deceleration))
-    _shade_window(figure, window_ms)
+    figure.update_layout(LEGEND_ABOVE)
+    figure.update_yaxes(title=accel_title(unit, deceleration))
+    shade_window(figure, window_ms)
     return figure
 
 
@@ -111,8 +110,8 @@ def motion(
     -------
     plotly.graph_objects.Figure
     """
-    figure = _figure(height=820)
-    scale = _scale(unit, deceleration)
+    figure = new_figure(height=820)
+    scale = accel_scale(unit, deceleration)
     for name, prediction in predictions.items():
         _band(figure, name, prediction.band(), scale)
         if prediction.draws_mps2 is not None:
@@ -130,13 +129,13 @@ def motion(
     _join_hover(figure, unit)
     figure.update_layout(
         hoversubplots="axis",
-        **_LEGEND_ABOVE,
+        **LEGEND_ABOVE,
         xaxis={"anchor": "y3"},
-        yaxis={"domain": [0.62, 1.0], "title": _accel_title(unit, deceleration)},
+        yaxis={"domain": [0.62, 1.0], "title": accel_title(unit, deceleration)},
         yaxis2={"domain": [0.31, 0.58], "title": "Velocity (km/h)"},
         yaxis3={"domain": [0.0, 0.27], "title": "Displacement (mm)"},
     )
-    _shade_window(figure, window_ms, rows=3)
+    shade_window(figure, window_ms, rows=3)
     return figure
 
 
@@ -162,12 +161,12 @@ def measured_pulses(
     -------
     plotly.graph_objects.Figure
     """
-    figure = _figure(height=460)
-    scale = _scale(unit, deceleration)
+    figure = new_figure(height=460)
+    scale = accel_scale(unit, deceleration)
     lines = _speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         thick = test.id == highlight
-        _line(
+        add_line(
             figure,
             test.pulse.time_s,
             test.pulse.accel_mps2 * scale,
@@ -175,8 +174,8 @@ def measured_pulses(
             line={**lines[test.id], "width": 4 if thick else 1.7},
         )
     figure.update_layout(legend={"title": "Test · speed"})
-    figure.update_yaxes(title=_accel_title(unit, deceleration))
-    _shade_window(figure, window_ms)
+    figure.update_yaxes(title=accel_title(unit, deceleration))
+    shade_window(figure, window_ms)
     return figure
 
 
@@ -202,24 +201,24 @@ def library_band(
     -------
     plotly.graph_objects.Figure
     """
-    figure = _figure(height=460)
-    scale = _scale(unit, deceleration)
+    figure = new_figure(height=460)
+    scale = accel_scale(unit, deceleration)
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * scale
-    _fill(figure, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs", showlegend=True)
-    _line(figure, GRID_S, median, name="Median run", line={"color": COLOURS["cae"], "width": 2.5})
+    add_band(figure, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs", showlegend=True)
+    add_line(figure, GRID_S, median, name="Median run", line={"color": COLOURS["cae"], "width": 2.5})
     lines = _speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         if (run := library.paired_run(test.condition)) is not None:
-            _line(
+            add_line(
                 figure,
                 GRID_S,
                 library.accel_mps2[run] * scale,
                 name=f"{library.ids[run]} · {test.condition.speed_mps / MPH:.1f} mph",
                 line={**lines[test.id], "width": 1.7},
             )
-    figure.update_yaxes(title=_accel_title(unit, deceleration))
-    _shade_window(figure, window_ms)
+    figure.update_yaxes(title=accel_title(unit, deceleration))
+    shade_window(figure, window_ms)
     return figure
 
 
@@ -241,7 +240,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
     z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
     text = [[f"{value:.3f}  {grade(value)}" for value in row] for row in z]
-    figure = _figure(height=48 + 34 * len(rows))
+    figure = new_figure(height=48 + 34 * len(rows))
     figure.add_heatmap(
         z=z.astype(np.float32),
         x=[LABELS[name] for name in approaches],
@@ -269,7 +268,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
 
 
 def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: str, total: int) -> go.Figure:
-    """Draw what a training reports as it goes (losses, say) on a logarithmic axis.
+    """Draw what a training reports as it goes (losses, say); on a logarithmic axis where all is positive.
 
     Parameters
     ----------
@@ -284,65 +283,21 @@ def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: 
     -------
     plotly.graph_objects.Figure
     """
-    figure = _figure(height=260)
+    figure = new_figure(height=260)
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
         done, values = np.array(points, dtype=np.float32).T
         figure.add_scatter(x=done, y=values, name=name, mode="lines", line={"color": colour, "width": 2})
     figure.update_xaxes(title=step, range=[0, total], unifiedhovertitle=None)
-    figure.update_yaxes(type="log", exponentformat="power", dtick=1)
+    if all(value > 0 for points in curves.values() for _, value in points):
+        figure.update_yaxes(type="log", exponentformat="power", dtick=1)
     return figure
-
-
-def _figure(height: int) -> go.Figure:
-    """An empty figure over time in ms, in the one look that all figures share."""
-    axis = {"gridcolor": _GRID, "zerolinecolor": "#9AA1AC", "linecolor": "#9AA1AC", "automargin": True}
-    figure = go.Figure()
-    figure.update_layout(
-        template="none",
-        height=height,
-        font={"family": _FONT, "size": 14, "color": _INK},
-        paper_bgcolor="#FFFFFF",
-        plot_bgcolor="#FFFFFF",
-        margin={"l": 64, "r": 16, "t": 32, "b": 52},
-        hovermode="x unified",
-        hoverlabel={"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
-        legend={"orientation": "v", "x": 1.01, "y": 1, "xanchor": "left"},
-    )
-    figure.update_xaxes(
-        **axis,
-        title="Time (ms)",
-        range=[0, 100],
-        unifiedhovertitle={"text": "%{x:.1f} ms"},
-        ticks="outside",
-        showspikes=True,
-        spikemode="across",
-        spikesnap="cursor",
-        spikethickness=1,
-        spikecolor="#5B6270",
-    )
-    figure.update_yaxes(**axis)
-    return figure
-
-
-def _scale(unit: Unit, deceleration: bool) -> float:
-    return (1 / G if unit == "g" else 1.0) * (-1 if deceleration else 1)
-
-
-def _accel_title(unit: Unit, deceleration: bool) -> str:
-    return f"{'Deceleration' if deceleration else 'Acceleration'} ({unit})"
-
-
-def _line(figure: go.Figure, time_s: FloatArray, values: FloatArray, *, row: int = 1, **style: object) -> None:
-    x, y = (time_s / MS).astype(np.float32), values.astype(np.float32)
-    # one x axis for all rows: that is what makes one cursor run through all of them
-    figure.add_scatter(x=x, y=y, mode="lines", yaxis=_y_axis(row), hovertemplate="%{y:.1f}", **style)
 
 
 def _curve(figure: go.Figure, approach: str, values: FloatArray, *, row: int = 1, has_band: bool = False) -> None:
     line = {"color": COLOURS[approach], "width": 2, "dash": _DASHES.get(approach, "solid")}
     name = LABELS[approach] + (" (95 % band)" if has_band else "")
     rank = 2 + list(LABELS).index(approach)
-    _line(
+    add_line(
         figure, GRID_S, values, row=row, name=name, line=line, legendgroup=approach, legendrank=rank,
         showlegend=row == 1,
     )  # fmt: skip
@@ -350,7 +305,7 @@ def _curve(figure: go.Figure, approach: str, values: FloatArray, *, row: int = 1
 
 def _measured(figure: go.Figure, time_s: FloatArray, values: FloatArray, *, row: int = 1) -> None:
     line = {"color": MEASURED_COLOUR, "width": 2.5}
-    _line(
+    add_line(
         figure, time_s, values, row=row, name="Test", line=line, legendgroup="test", legendrank=1, showlegend=row == 1
     )
 
@@ -361,30 +316,7 @@ def _band(
     if band is None:
         return
     name, lower, upper = f"{LABELS[approach]} (95 % band)", band[0] * scale, band[1] * scale
-    _fill(figure, lower, upper, colour=COLOURS[approach], name=name, row=row, legendgroup=approach, showlegend=False)
-
-
-def _fill(
-    figure: go.Figure, lower: FloatArray, upper: FloatArray, *, colour: str, name: str, row: int = 1, **style: object
-) -> None:
-    """Shade between two curves on the study grid, as one closed outline."""
-    time_ms = GRID_S / MS
-    figure.add_scatter(
-        x=np.concatenate([time_ms, time_ms[::-1]]).astype(np.float32),
-        y=np.concatenate([lower, upper[::-1]]).astype(np.float32),
-        name=name,
-        mode="lines",
-        line={"width": 0, "color": colour},
-        fill="toself",
-        fillcolor=f"rgba({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))}, 0.18)",
-        hoverinfo="skip",
-        yaxis=_y_axis(row),
-        **style,
-    )
-
-
-def _y_axis(row: int) -> str:
-    return "y" if row == 1 else f"y{row}"
+    add_band(figure, lower, upper, colour=COLOURS[approach], name=name, row=row, legendgroup=approach, showlegend=False)
 
 
 def _join_hover(figure: go.Figure, unit: Unit) -> None:
@@ -406,20 +338,6 @@ def _motion_rows(moved: Kinematics) -> tuple[tuple[int, FloatArray], ...]:
 def _central(draws: FloatArray) -> tuple[FloatArray, FloatArray]:
     lower, upper = np.quantile(draws, [0.025, 0.975], axis=0)
     return lower, upper
-
-
-def _shade_window(figure: go.Figure, window_ms: float | None, *, rows: int = 1) -> None:
-    if window_ms is None:
-        return
-    for row in range(1, rows + 1):
-        figure.add_shape(
-            type="rect", xref="x", yref=f"{_y_axis(row)} domain", x0=0, x1=window_ms, y0=0, y1=1, layer="below",
-            fillcolor="#FFF4CC", opacity=0.55, line_width=0,
-        )  # fmt: skip
-    figure.add_annotation(
-        x=window_ms, xref="x", y=1, yref="y domain", xanchor="right", yanchor="top", showarrow=False,
-        text=f"rated: 0–{window_ms:g} ms", font={"size": 12, "color": "#6B5900"},
-    )  # fmt: skip
 
 
 def _speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:

@@ -186,6 +186,12 @@ def test_a_learning_curve_shows_what_was_reported() -> None:
     assert list(figure.layout.xaxis.range) == [0, 10]
 
 
+def test_values_that_are_not_positive_get_a_linear_axis() -> None:
+    """A logarithm would hide them."""
+    figure = plots.learning_curves({"log likelihood": [(1, -20.0), (2, 3.0)]}, step="Fit", total=2)
+    assert figure.layout.yaxis.type is None
+
+
 def luminance(colour: str) -> float:
     """Relative luminance (WCAG 2.1)."""
     parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]

@@ -8,6 +8,7 @@ import numpy as np
 from crashfuse.approaches.bias import BiasDraws, BiasPoints
 from crashfuse.approaches.covariance import Covariance, LogNormal, Part
 from crashfuse.approaches.gaussian_process import GaussianProcess, draw
+from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import Condition, FloatArray
 from crashfuse.units import G
 
@@ -65,12 +66,20 @@ class HierarchicalBias:
     def __init__(self, *, seed: int = 0) -> None:
         self.seed = seed
 
-    def fit(self, tests: Sequence[BiasPoints]) -> Self:
-        """Learn from the bias of each test."""
+    def fit(self, tests: Sequence[BiasPoints], watch: Watch = SILENT) -> Self:
+        """Learn from the bias of each test.
+
+        Raises
+        ------
+        Cancelled
+            If the watch was told to stop.
+        """
+        watch.report("Bias model", 0, 1)
         x = [_rows(t.condition, t.displacement_m, t.cae_mps2, t.speed_share, number) for number, t in enumerate(tests)]
         y = np.concatenate([test.bias_mps2 for test in tests])
         self.process_ = GaussianProcess(_PARTS, _NOISE, seed=self.seed).fit(np.concatenate(x), y)
         self.freedom_ = max(len(tests) - 1, _LEAST_FREEDOM)
+        watch.report("Bias model", 1, 1)
         return self
 
     def sample(

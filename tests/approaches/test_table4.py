@@ -1,12 +1,15 @@
 """The paper's bias model at Table 4."""
 
 import json
+import threading
 
 import numpy as np
 import pytest
 
 from crashfuse.approaches.bias import BiasPoints
 from crashfuse.approaches.table4 import Table4Bias
+from crashfuse.errors import Cancelled
+from crashfuse.progress import Progress, Watch
 from crashfuse.pulse import Condition, FloatArray
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -63,3 +66,18 @@ def test_the_same_seed_gives_the_same_fit(seed: int) -> None:
     tests = [points(smooth(k), k) for k in range(3)]
     first, second = (Table4Bias(restarts=2, seed=seed).fit(tests) for _ in range(2))
     np.testing.assert_array_equal(first.process_.kernel_.theta, second.process_.kernel_.theta)
+
+
+def test_it_can_be_stopped_while_it_climbs() -> None:
+    """Its fit takes minutes on a whole campaign: cancelling takes effect at once, not at the end."""
+    cancel = threading.Event()
+    seen = []
+
+    def stop(progress: Progress) -> None:
+        seen.append(progress)
+        cancel.set()
+
+    with pytest.raises(Cancelled):
+        Table4Bias().fit([points(smooth(k), k) for k in range(3)], Watch(stop, cancel))
+    assert len(seen) == 1
+    assert seen[0].total == 11

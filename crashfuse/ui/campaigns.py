@@ -1,0 +1,107 @@
+"""Which campaigns this server has open, and reading them once for all sessions."""
+
+import os
+import tempfile
+from pathlib import Path
+
+import streamlit as st
+
+from crashfuse.cache import default_folder
+from crashfuse.campaign import Campaign
+from crashfuse.errors import DataError, Problem
+from crashfuse.formats.folder import load_campaign
+from crashfuse.synthetic import write_sample
+
+SAMPLE = "Sample campaign"
+_SHIPPED = Path(__file__).parents[2] / "sample_data"
+
+
+@st.cache_resource
+def shelf() -> dict[str, Path | None]:
+    """Folders that can be chosen, by the name shown: the sample, the one named at the start, those opened since."""
+    folders: dict[str, Path | None] = {SAMPLE: None}
+    if at_start := os.environ.get("CRASHFUSE_CAMPAIGN"):
+        folder = Path(at_start).resolve()
+        folders[folder.name] = folder
+    return folders
+
+
+def at_start() -> str | None:
+    """Name of the campaign that the server was started with, if any."""
+    return list(shelf())[1] if os.environ.get("CRASHFUSE_CAMPAIGN") else None
+
+
+def open_folder(folder: Path) -> str:
+    """Read a folder and, if it holds a sound campaign, put it on the shelf; returns its name there.
+
+    Raises
+    ------
+    DataError
+        With everything that is wrong with it.
+    """
+    try:
+        folder = folder.expanduser().resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # no such home, a name that no folder can have
+        raise _unreadable(folder, error) from error
+    read(folder)
+    known = shelf()
+    for name, other in known.items():
+        if other == folder:
+            return name
+    name = folder.name if folder.name not in known else str(folder)
+    known[name] = folder
+    return name
+
+
+def load(name: str) -> Campaign:
+    """The campaign of this name on the shelf, read anew only if its files have changed.
+
+    Raises
+    ------
+    DataError
+        If it is not sound (any more).
+    """
+    return read(shelf()[name] or _sample_folder())
+
+
+def read(folder: Path) -> Campaign:
+    """The campaign in this folder; its arrays are shared by all sessions and read-only.
+
+    Raises
+    ------
+    DataError
+        With everything that is wrong with it.
+    """
+    try:
+        return _read(folder, _stamp(folder))
+    except OSError as error:
+        raise _unreadable(folder, error) from error
+
+
+def _unreadable(folder: Path, error: Exception) -> DataError:
+    return DataError(Problem(str(folder), "a folder that can be read", str(error), "check the path and your rights"))
+
+
+@st.cache_resource(max_entries=4, show_spinner="Reading the campaign …")
+def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001  (part of the key)
+    return load_campaign(folder)
+
+
+def _stamp(folder: Path) -> tuple[object, ...]:
+    """Name, size and time of every file that a campaign can consist of: changes whenever one of them does."""
+    patterns = ("tests.csv", "cae.csv", "campaign.toml", "*_pulses.*", "tests/*", "cae/*")
+    files = sorted(path for pattern in patterns for path in folder.glob(pattern))
+    return tuple((path.name, stat.st_size, stat.st_mtime_ns) for path in files for stat in [path.stat()])
+
+
+@st.cache_resource(show_spinner="Preparing the sample campaign …")
+def _sample_folder() -> Path:
+    if (_SHIPPED / "tests.csv").is_file():
+        return _SHIPPED
+    folder = default_folder() / "sample"
+    if not (folder / "tests.csv").is_file():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
+            write_sample(Path(scratch) / "sample")
+            (Path(scratch) / "sample").rename(folder)  # whole or not at all
+    return folder

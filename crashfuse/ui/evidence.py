@@ -1,0 +1,54 @@
+"""What a page shows for its claims: figures, remarks of the approaches, and the numbers to take away."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+import plotly.graph_objects as go
+import streamlit as st
+
+from crashfuse.approaches import LABELS, Prediction
+from crashfuse.plots import GRADE_COLOURS
+
+
+def show_figure(figure: go.Figure, alt: str) -> None:
+    """Show a figure as it is, with the tools of use on a curve; ``alt`` tells those who can't see it what it shows."""
+    st.plotly_chart(
+        figure,
+        alt=alt,
+        theme=None,
+        config={
+            "displaylogo": False,
+            "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
+            "toImageButtonOptions": {"format": "svg", "filename": "crashfuse"},
+        },
+    )
+
+
+def show_grade(grade: str) -> None:
+    """Show a grade word on the colour it has in every table and figure."""
+    st.html(
+        f'<span style="background: {GRADE_COLOURS[grade]}; color: #000; padding: 0.1rem 0.6rem; border-radius: 4px">'
+        f"{grade}</span>"
+    )
+
+
+def show_notes(predictions: Mapping[str, Prediction]) -> None:
+    """List what the approaches want the reader to know, each remark once with those who make it."""
+    makers: dict[str, list[str]] = {}
+    for name, prediction in predictions.items():
+        for note in prediction.notes:
+            makers.setdefault(note, []).append(LABELS[name])
+    if makers:
+        st.subheader("Notes")
+        st.markdown("\n".join(f"- {', '.join(names)}: {_plain(note)}" for note, names in makers.items()))
+
+
+def download(name: str, table: pd.DataFrame) -> None:
+    """Button that saves a table as a CSV file of this name."""
+    text = table.to_csv(index=False).encode()
+    st.download_button(name, text, file_name=name, mime="text/csv", icon=":material/download:", on_click="ignore")
+
+
+def _plain(text: str) -> str:
+    """Text that Markdown shows as it is."""
+    return "".join(f"\\{char}" if char in "\\`*_{}[]()<>#+-!|$~:" else char for char in text)

@@ -1,0 +1,191 @@
+"""Computations in the background: queued, watched and cancelled from any page, shared by all sessions.
+
+A job knows nothing of Streamlit. Its worker writes plain numbers, a page reads them whenever it likes; closing or
+reloading the page changes nothing.
+"""
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from typing import Any, Generic, Literal, TypeVar
+
+from crashfuse.errors import Cancelled, CrashfuseError
+from crashfuse.progress import Progress, Watch
+
+State = Literal["waiting", "running", "done", "failed", "cancelled"]
+T = TypeVar("T")
+
+_KEPT = 24  # finished jobs; one that held a whole study out keeps some 50 MB
+_CURVE_POINTS = 1000
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class Step:
+    """One step of a job: how far it is, since when, and what it reported on the way."""
+
+    progress: Progress
+    started: float
+    first_done: int
+    updated: float
+    curves: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
+    """By the value's name: ``done`` and the value, thinned to at most 1000 points."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether all of it is done."""
+        return self.progress.done >= self.progress.total
+
+    @property
+    def remaining_s(self) -> float | None:
+        """Seconds to go at the pace so far, or None while there is no pace yet."""
+        done = self.progress.done - self.first_done
+        if done <= 0:
+            return None
+        pace = (self.updated - self.started) / done
+        return max(pace * (self.progress.total - self.progress.done) - (time.monotonic() - self.updated), 0.0)
+
+    def _take(self, progress: Progress) -> None:
+        self.progress, self.updated = progress, time.monotonic()
+        for name, value in progress.values.items():
+            points = self.curves.setdefault(name, [])
+            if len(points) >= _CURVE_POINTS:
+                self.curves[name] = points = points[::2]
+            points.append((progress.done, float(value)))
+
+
+class Job(Generic[T]):
+    """A computation, its progress and its outcome.
+
+    Attributes
+    ----------
+    title : str
+        What is computed, for the user.
+    state : {"waiting", "running", "done", "failed", "cancelled"}
+    steps : dict of str to Step
+        Every step so far, in the order of their start.
+    result : T or None
+        What the work returned, once done.
+    message : str
+        One sentence on why it failed.
+    """
+
+    def __init__(self, title: str, work: Callable[[Watch], T]) -> None:
+        self.title = title
+        self.state: State = "waiting"
+        self.steps: dict[str, Step] = {}
+        self.result: T | None = None
+        self.message = ""
+        self._work: Callable[[Watch], T] | None = work
+        self._cancel = threading.Event()
+        self._ended = threading.Event()
+
+    @property
+    def active(self) -> bool:
+        """Whether it waits or runs."""
+        return self.state in ("waiting", "running")
+
+    @property
+    def cancelling(self) -> bool:
+        """Whether it was told to stop and has not got there yet."""
+        return self.active and self._cancel.is_set()
+
+    def cancel(self) -> None:
+        """Ask it to stop; it does at its next report."""
+        self._cancel.set()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait for its end; False if that did not come in time."""
+        return self._ended.wait(timeout_s)
+
+    def run(self) -> None:
+        """Compute; whatever goes wrong becomes the job's state and message."""
+        work, self._work = self._work, None  # what the work refers to is not kept alive
+        self.state = "running"
+        try:
+            if self._cancel.is_set():
+                raise Cancelled("Stopped before it began.")
+            if work is not None:
+                self.result = work(Watch(self._report, self._cancel))
+            self.state = "done"
+        except Cancelled:
+            self.state = "cancelled"
+        except CrashfuseError as error:
+            self.message, self.state = str(error), "failed"
+        except Exception as error:
+            log.exception("%s failed", self.title)
+            self.message = f"This should not have happened ({type(error).__name__}: {error}); the log has the details."
+            self.state = "failed"
+        finally:
+            self._ended.set()
+
+    def _report(self, progress: Progress) -> None:
+        step = self.steps.get(progress.step)
+        if step is None or progress.done < step.progress.done:  # new, or the same thing for the next test
+            self.steps.pop(progress.step, None)
+            now = time.monotonic()
+            step = self.steps[progress.step] = Step(progress, now, progress.done, now)
+        step._take(progress)
+
+
+class Jobs:
+    """The queue: one job at a time, first come, first served, and the outcomes of the last ones.
+
+    Attributes
+    ----------
+    ended : int
+        How many queued jobs have come to their end.
+    """
+
+    def __init__(self) -> None:
+        self.ended = 0
+        self._lock = threading.Lock()
+        self._jobs: dict[Hashable, Job[Any]] = {}
+        self._queue: queue.SimpleQueue[Job[Any]] = queue.SimpleQueue()
+        # a daemon, for Ctrl-C has to end the server even in mid-training
+        threading.Thread(target=self._serve, name="crashfuse-jobs", daemon=True).start()
+
+    def get(self, key: Hashable) -> Job[Any] | None:
+        """The job of this key, if there is one."""
+        return self._jobs.get(key)
+
+    @property
+    def active(self) -> list[Job[Any]]:
+        """Jobs that run or wait, in their order."""
+        with self._lock:
+            return [job for job in self._jobs.values() if job.active]
+
+    def start(self, key: Hashable, title: str, work: Callable[[Watch], T]) -> Job[T]:
+        """Queue some work, or join the job that does it (or did it) already."""
+        job, is_new = self._join(key, title, work)
+        if is_new:
+            self._queue.put(job)
+        return job
+
+    def start_at_once(self, key: Hashable, title: str, work: Callable[[Watch], T]) -> Job[T]:
+        """Do work that should be short past the queue, or join the job that does it already."""
+        job, is_new = self._join(key, title, work)
+        if is_new:
+            threading.Thread(target=job.run, name=title, daemon=True).start()
+        return job
+
+    def _join(self, key: Hashable, title: str, work: Callable[[Watch], T]) -> tuple[Job[T], bool]:
+        with self._lock:
+            job = self._jobs.get(key)
+            if job is not None and (job.state == "done" or (job.active and not job.cancelling)):
+                return job, False
+            self._jobs.pop(key, None)
+            job = self._jobs[key] = Job(title, work)
+            finished = [old for old, kept in self._jobs.items() if not kept.active]
+            for old in finished[: max(len(finished) - _KEPT, 0)]:
+                del self._jobs[old]
+            return job, True
+
+    def _serve(self) -> None:
+        while True:
+            self._queue.get().run()
+            self.ended += 1

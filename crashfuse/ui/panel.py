@@ -1,0 +1,112 @@
+"""Live progress of a job, and the way from "nothing computed yet" to a result."""
+
+from typing import Any, NoReturn, Protocol, TypeVar
+
+import streamlit as st
+
+from crashfuse.plots import learning_curves
+from crashfuse.ui.computation import jobs
+from crashfuse.ui.jobs import Job, Step
+
+T = TypeVar("T")
+
+
+class Request(Protocol[T]):
+    """Something that can be computed: :class:`crashfuse.ui.computation.StudyRequest`, for one."""
+
+    def start(self) -> None: ...  # noqa: D102
+
+    def find(self) -> Job[T] | None: ...  # noqa: D102
+
+
+def result_of(request: Request[T], *, invitation: str, button: str) -> T:
+    """What was asked for; while it isn't there, the page shows how to get it, and ends.
+
+    Parameters
+    ----------
+    request : Request
+    invitation : str
+        What to say while nothing has been computed.
+    button : str
+        Label of the button that starts it.
+    """
+    job = request.find()
+    if job is None or job.result is None:
+        _show_the_way(request, job, invitation, button)
+    return job.result
+
+
+def _show_the_way(request: Request[T], job: Job[T] | None, invitation: str, button: str) -> NoReturn:
+    if job is not None and job.active:
+        show_job(job)
+    else:
+        if job is not None:
+            show_end(job)
+        st.markdown(invitation)
+        st.button(button, type="primary", icon=":material/play_arrow:", on_click=request.start)
+    st.stop()
+
+
+def show_end(job: Job[Any]) -> None:
+    """One line on how a job ended."""
+    if job.state == "failed":
+        st.error(job.message, icon=":material/error:")
+    elif job.state == "cancelled":
+        st.warning(
+            "Cancelled. What was finished is kept; starting again continues from there.", icon=":material/cancel:"
+        )
+
+
+@st.fragment(run_every=1.0)
+def show_job(job: Job[Any]) -> None:
+    """Show a job as it goes on; when it has ended, the page is drawn anew."""
+    if not job.active:
+        st.rerun()
+    with st.container(border=True):
+        left, right = st.columns([5, 1], vertical_alignment="center")
+        left.markdown(f"**{job.title}**")
+        right.button(
+            "Cancel",
+            icon=":material/stop:",
+            on_click=job.cancel,
+            disabled=job.cancelling,
+            key=f"cancel {id(job)}",
+            width="stretch",
+        )
+        if job.cancelling:
+            st.caption("Stopping at the next opportunity …")
+        elif job.state == "waiting":
+            ahead = next((other for other in jobs().active if other is not job), None)
+            st.caption("Waiting for its turn" + (f" behind: {ahead.title}" if ahead else "") + ".")
+        steps = list(job.steps.items())
+        for name, step in steps:
+            _show_step(name, step)
+        told = [(name, step) for name, step in steps if any(len(points) > 1 for points in step.curves.values())]
+        if told:
+            name, step = told[-1]
+            curves = {what.replace("_", " "): list(points) for what, points in list(step.curves.items())}
+            st.plotly_chart(
+                learning_curves(curves, step=name, total=step.progress.total),
+                theme=None,
+                config={"displayModeBar": False},
+            )
+
+
+def _show_step(name: str, step: Step) -> None:
+    progress = step.progress
+    if step.finished:
+        st.caption(f":material/check: {name}, {duration(step.updated - step.started)}")
+        return
+    text = f"{name}: {progress.done:,} of {progress.total:,}"
+    if (remaining := step.remaining_s) is not None:
+        text += f", about {duration(remaining)} left"
+    st.progress(min(max(progress.fraction, 0.0), 1.0), text=text)
+
+
+def duration(seconds: float) -> str:
+    """Seconds as a person would say them."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    if seconds < 5400:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"

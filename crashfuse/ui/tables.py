@@ -1,0 +1,119 @@
+"""Tables of the pages, in the reader's words and units; the numbers come from the library."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import pandas as pd
+from pandas.io.formats.style import Styler
+
+from crashfuse.approaches import LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.metrics import Metric
+from crashfuse.plots import GRADE_COLOURS
+from crashfuse.pulse import GRID_S, Pulse
+from crashfuse.rating import Rating, grade, rate_windows
+from crashfuse.report import METRIC_LABELS
+from crashfuse.study import WINDOWS_MS, Study
+from crashfuse.units import KPH, LB, MPH
+
+_PARTS = ("corridor", "phase", "magnitude", "slope")
+
+
+def window_label(window_ms: float) -> str:
+    """How a rated window is named."""
+    return f"0–{window_ms:g} ms"
+
+
+def conditions(campaign: Campaign) -> Styler:
+    """Every test with its condition, its paired CAE run and how the uncorrected run rates over each window."""
+    rows = []
+    for test in campaign.tests:
+        condition, run = test.condition, campaign.cae.paired_run(test.condition)
+        row: dict[str, str] = {
+            "Test": test.id,
+            "Speed (mph)": f"{condition.speed_mps / MPH:.1f}",
+            "Speed (km/h)": f"{condition.speed_mps / KPH:.1f}",
+            "Front weight (lb)": f"{condition.front_weight_kg / LB:.0f}",
+            "Rear weight (lb)": f"{condition.rear_weight_kg / LB:.0f}",
+            **{name.capitalize(): value for name, value in condition.factors},
+            "Paired CAE run": "none" if run is None else campaign.cae.ids[run],
+        }
+        if run is not None:
+            pulse = Pulse(GRID_S, campaign.cae.accel_mps2[run])
+            for window, rating in rate_windows(test.pulse, pulse, WINDOWS_MS).items():
+                row[f"CAE rating {window_label(window)}"] = _graded(rating.overall)
+        row["Inside the CAE runs' range"] = "no" if campaign.cae.extrapolation(condition) else "yes"
+        rows.append(row)
+    return _coloured(pd.DataFrame(rows).fillna("–"))
+
+
+def ratings(by_approach: Mapping[str, Mapping[float, Rating]], window_ms: float) -> Styler:
+    """Overall rating with its grade, approach by window, and the four parts of the rating over one of them."""
+    return _coloured(
+        pd.DataFrame(
+            {
+                "Approach": LABELS[name],
+                **{f"Rating {window_label(w)}": _graded(rating.overall) for w, rating in by_window.items()},
+                **{
+                    f"{part.capitalize()} {window_label(window_ms)}": f"{getattr(by_window[window_ms], part):.3f}"
+                    for part in _PARTS
+                },
+            }
+            for name, by_window in by_approach.items()
+        )
+    )
+
+
+def mean_ratings(study: Study) -> Styler:
+    """Overall rating averaged over the held-out tests, approach by window."""
+    return _coloured(
+        pd.DataFrame(
+            {
+                "Approach": LABELS[name],
+                **{window_label(w): _graded(study.mean_rating(name, w)) for w in study.config.windows_ms},
+            }
+            for name in study.config.approaches
+        )
+    )
+
+
+def metrics(columns: Iterable[tuple[str, Sequence[Metric]]]) -> Styler:
+    """Pulse metrics, one column for the test and each approach, with the 95 % interval in brackets.
+
+    Parameters
+    ----------
+    columns : iterable of (str, sequence of Metric)
+        Heading and metrics of each column.
+    """
+    table: dict[str, dict[str, str]] = {}
+    for heading, values in columns:
+        for metric in values:
+            row = f"{METRIC_LABELS.get(metric.name, metric.name)} ({metric.unit})"
+            table.setdefault(row, {"Pulse metric": row})[heading] = _value(metric)
+    return _plain(pd.DataFrame(list(table.values())))
+
+
+def _value(metric: Metric) -> str:
+    if metric.value is None:
+        return "–"
+    text = f"{metric.value:.1f}"
+    if metric.lower is not None and metric.upper is not None:
+        text += f" [{metric.lower:.1f}, {metric.upper:.1f}]"
+    return text
+
+
+def _graded(overall: float) -> str:
+    return f"{overall:.3f} {grade(overall)}"
+
+
+def _coloured(table: pd.DataFrame) -> Styler:
+    """Colour every cell that ends in a grade word; the word itself stays, for those who can't see the colour."""
+
+    def style(cell: object) -> str:
+        colour = GRADE_COLOURS.get(str(cell).rpartition(" ")[2])
+        return f"background-color: {colour}; color: #000000" if colour else ""
+
+    return _plain(table).map(style)
+
+
+def _plain(table: pd.DataFrame) -> Styler:
+    return table.style.hide(axis="index")

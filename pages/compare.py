@@ -1,0 +1,60 @@
+"""Compare: the held-out test against every prediction of it."""
+
+import streamlit as st
+
+from crashfuse import plots
+from crashfuse.approaches import LABELS
+from crashfuse.metrics import pulse_metrics
+from crashfuse.results import pulses_table, scores_table, study_metrics
+from crashfuse.ui import evidence, frame, tables
+from crashfuse.ui.computation import StudyRequest, chosen_config
+from crashfuse.ui.panel import result_of
+
+view = frame.enter_with_campaign("Compare")
+test, campaign, config = view.held_out, view.campaign, chosen_config()
+st.subheader(f"Test {test.id}: {test.condition}")
+
+study = result_of(
+    StudyRequest(campaign, (test.id,), config),
+    invitation=f"Test {test.id} has not been predicted yet. Every approach will learn from the other "
+    f"{len(campaign.tests) - 1} tests and the CAE runs; the first time takes a few minutes, later ones less.",
+    button=f"Predict test {test.id}",
+)
+fold = study.fold(test.id)
+predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
+
+st.markdown(f"ISO/TS 18571 rating over {tables.window_label(view.window_ms)}")
+raw = fold.ratings["cae"][view.window_ms].overall if "cae" in fold.ratings else None
+for column, (name, by_window) in zip(st.columns(len(fold.ratings)), fold.ratings.items(), strict=True):
+    rating = by_window[view.window_ms]
+    gain = None if raw is None or name == "cae" else f"{rating.overall - raw:+.3f} against the CAE"
+    with column.container(border=True, height="stretch"):
+        st.metric(LABELS[name], f"{rating.overall:.3f}", gain)
+        evidence.show_grade(rating.grade)
+
+evidence.show_figure(
+    plots.motion(
+        test.pulse,
+        predictions,
+        speed_mps=test.condition.speed_mps,
+        window_ms=view.window_ms,
+        unit=view.unit,
+        deceleration=view.deceleration,
+    ),
+    alt=f"Acceleration, velocity and displacement over time: test {test.id} and every prediction of it",
+)
+
+st.subheader("Rating by approach and window")
+st.table(tables.ratings(fold.ratings, view.window_ms), border="horizontal")
+
+st.subheader("Pulse metrics")
+measured = pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
+columns = [("Test", measured), *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates)]
+st.table(tables.metrics(columns), border="horizontal")
+st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
+
+evidence.show_notes(predictions)
+with st.container(horizontal=True):
+    evidence.download("scores.csv", scores_table(study))
+    evidence.download("pulses.csv", pulses_table((test.id, estimate) for estimate in fold.estimates))
+    evidence.download("metrics.csv", study_metrics(study))

@@ -1,0 +1,72 @@
+"""Train: choose what to predict and how, start it, watch it, stop it."""
+
+import streamlit as st
+
+from crashfuse.approaches import APPROACHES, LABELS
+from crashfuse.ui import frame
+from crashfuse.ui.computation import StudyRequest, chosen_config, jobs
+from crashfuse.ui.panel import show_end, show_job
+
+view = frame.enter_with_campaign("Train")
+campaign = view.campaign
+st.markdown("Leave a test out, let every approach learn from all the others, and see how well it predicts that test.")
+
+left, right = st.columns(2, gap="large")
+held_out = left.multiselect(
+    "Held-out tests, each in turn",
+    campaign.test_ids,
+    default=[view.held_out.id],
+    key=f"train {campaign.fingerprint[:8]} {view.held_out.id}",
+    persist_state="session",
+    help="While one is predicted, all others train, those in this list included.",
+)
+left.pills(
+    "Approaches",
+    APPROACHES,
+    selection_mode="multi",
+    default=APPROACHES,
+    format_func=LABELS.__getitem__,
+    key="approaches",
+    persist_state="session",
+)
+right.radio(
+    "Settings",
+    ["fast", "paper"],
+    captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023), for comparison."],
+    format_func={"fast": "Fast", "paper": "Paper"}.__getitem__,
+    key="preset",
+    persist_state="session",
+)
+right.number_input(
+    "Seed", min_value=0, max_value=2**31 - 1, value=0, step=1, key="seed", persist_state="session",
+    help="Same seed, same numbers.",
+)  # fmt: skip
+config = chosen_config()
+if config.preset == "paper":
+    st.warning(
+        "The paper's settings take many hours without a GPU. You can cancel at any time.", icon=":material/timer:"
+    )
+
+request = StudyRequest(campaign, tuple(test for test in campaign.test_ids if test in held_out), config)
+ready = bool(request.held_out and config.approaches)
+if not ready:
+    st.info("Choose at least one test and one approach.")
+job = request.find() if ready else None
+if job is None or not job.active:
+    st.button(
+        "Start", type="primary", icon=":material/play_arrow:", on_click=request.start,
+        disabled=not ready or (job is not None and job.state == "done"),
+    )  # fmt: skip
+if job is not None:
+    if job.active:
+        show_job(job)
+    elif job.state == "done":
+        st.success("The predictions are ready, and kept for next time.", icon=":material/check_circle:")
+        st.page_link(frame.pages()["compare"], label="Compare the predictions with the test")
+    else:
+        show_end(job)
+
+if others := [other for other in jobs().active if other is not job]:
+    st.subheader("Also running or waiting")
+    for other in others:
+        show_job(other)

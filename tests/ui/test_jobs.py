@@ -1,0 +1,209 @@
+"""Background jobs: shared, watched, cancelled, and never silent about what went wrong."""
+
+import logging
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.progress import Watch
+from crashfuse.ui.jobs import Job, Jobs
+
+SOON = 10.0
+
+
+@pytest.fixture
+def gate() -> Iterator[threading.Event]:
+    """Holds the work of a test back; opened at its end, whatever happens."""
+    event = threading.Event()
+    yield event
+    event.set()
+
+
+def ended(job: Job[Any]) -> bool:
+    """Whether the job ends in time."""
+    return job.wait(SOON)
+
+
+def test_a_job_hands_over_what_its_work_returned() -> None:
+    """State, result and time are there once it has ended."""
+    job = Jobs().start("a", "A", lambda _: 42)
+    assert ended(job)
+    assert (job.state, job.result, job.active) == ("done", 42, False)
+
+
+def test_who_asks_for_the_same_joins_the_same_job(gate: threading.Event) -> None:
+    """The work is done once, whether it still runs or has ended."""
+    jobs, calls = Jobs(), []
+
+    def work(_: Watch) -> int:
+        calls.append(1)
+        gate.wait(SOON)
+        return len(calls)
+
+    first, second = jobs.start("a", "A", work), jobs.start("a", "A", work)
+    gate.set()
+    assert first is second
+    assert ended(first)
+    assert jobs.start("a", "A", work) is first
+    assert calls == [1]
+
+
+def test_one_job_runs_at_a_time_in_the_order_of_asking(gate: threading.Event) -> None:
+    """The second waits and says so."""
+    jobs, order = Jobs(), []
+
+    def first_work(_: Watch) -> None:
+        gate.wait(SOON)
+        order.append("first")
+
+    first = jobs.start("a", "First", first_work)
+    second = jobs.start("b", "Second", lambda _: order.append("second"))
+    assert second.state == "waiting"
+    assert jobs.active == [first, second]
+    gate.set()
+    assert ended(second)
+    assert order == ["first", "second"]
+    assert jobs.active == []
+
+
+def test_short_work_does_not_queue_behind_long_work(gate: threading.Event) -> None:
+    """What only reads the cache is answered while a training goes on."""
+    jobs = Jobs()
+    jobs.start("long", "Long", lambda _: gate.wait(SOON))
+    short = jobs.start_at_once("short", "Short", lambda _: 1)
+    assert ended(short)
+    assert short.result == 1
+
+
+def test_a_cancelled_job_stops_at_its_next_report_and_can_be_started_again() -> None:
+    """Nothing hangs, nothing is kept as if it were done."""
+    jobs, reached = Jobs(), threading.Event()
+
+    def endless(watch: Watch) -> None:
+        for i in range(10**9):
+            watch.report("Step", i, 10**9)
+            reached.set()
+
+    job = jobs.start("a", "A", endless)
+    assert reached.wait(SOON)
+    job.cancel()
+    assert ended(job)
+    assert (job.state, job.result) == ("cancelled", None)
+    again = jobs.start("a", "A", lambda _: 1)
+    assert ended(again)
+    assert (again.state, again.result) == ("done", 1)
+
+
+def test_a_job_cancelled_while_it_waits_never_begins(gate: threading.Event) -> None:
+    """Its work is not called."""
+    jobs, calls = Jobs(), []
+    jobs.start("a", "A", lambda _: gate.wait(SOON))
+    waiting = jobs.start("b", "B", lambda _: calls.append(1))
+    waiting.cancel()
+    gate.set()
+    assert ended(waiting)
+    assert (waiting.state, calls) == ("cancelled", [])
+
+
+def test_a_failed_job_keeps_the_sentence_and_the_queue_goes_on() -> None:
+    """The user reads what the library said."""
+    jobs = Jobs()
+
+    def fail(_: Watch) -> None:
+        raise DataError(Problem("tests.csv", "two tests", "one", "add a test"))
+
+    job = jobs.start("a", "A", fail)
+    assert ended(job)
+    assert (job.state, job.message) == ("failed", "tests.csv: expected two tests, found one; add a test.")
+    assert ended(jobs.start("b", "B", lambda _: None))
+
+
+def test_an_unforeseen_error_is_logged_and_shown_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
+    """One sentence for the user, the rest for the log."""
+    with caplog.at_level(logging.ERROR):
+        job = Jobs().start("a", "A", lambda _: 1 / 0)
+        assert ended(job)
+    assert job.state == "failed"
+    assert "ZeroDivisionError" in job.message
+    assert "Traceback" not in job.message
+    assert "Traceback" in caplog.text
+
+
+def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None:
+    """Each step with its values as points over how far it was."""
+    jobs, reached = Jobs(), threading.Event()
+
+    def work(watch: Watch) -> None:
+        watch.report("Read", 1, 1)
+        for i in range(4):
+            watch.report("Train", i, 10, loss=1 / (i + 1))
+        reached.set()
+        gate.wait(SOON)
+
+    job = jobs.start("a", "A", work)
+    assert reached.wait(SOON)
+    assert list(job.steps) == ["Read", "Train"]
+    assert job.steps["Read"].finished
+    train = job.steps["Train"]
+    assert train.progress.fraction == pytest.approx(0.3)
+    assert train.curves["loss"] == [(0, 1), (1, 1 / 2), (2, 1 / 3), (3, 1 / 4)]
+    assert train.remaining_s is not None
+    gate.set()
+    assert ended(job)
+
+
+def test_remaining_time_is_that_of_a_steady_pace(monkeypatch: pytest.MonkeyPatch) -> None:
+    """2 s a unit and 7 units to go are 14 s, of which one has gone by when somebody looks."""
+    now = [100.0]
+    monkeypatch.setattr("crashfuse.ui.jobs.time.monotonic", lambda: now[0])
+
+    def work(watch: Watch) -> None:
+        for i in range(4):
+            watch.report("Train", i, 10)
+            now[0] += 2.0
+
+    job = Job("A", work)
+    job.run()
+    now[0] -= 1.0  # 1 s after the last report
+    assert job.steps["Train"].remaining_s == pytest.approx(13.0)
+
+
+def test_a_step_that_starts_over_starts_a_new_curve() -> None:
+    """The next test's fit is not drawn onto the last one's."""
+
+    def work(watch: Watch) -> None:
+        for _ in range(2):
+            for i in range(3):
+                watch.report("Fit", i, 3, loss=float(i))
+
+    job = Job("A", work)
+    job.run()
+    assert job.steps["Fit"].curves["loss"] == [(0, 0), (1, 1), (2, 2)]
+
+
+def test_a_long_curve_is_thinned_but_keeps_its_end() -> None:
+    """Whatever is reported, the page gets at most about a thousand points."""
+
+    def work(watch: Watch) -> None:
+        for i in range(5000):
+            watch.report("Train", i, 5000, loss=float(i))
+
+    job = Job("A", work)
+    job.run()
+    points = job.steps["Train"].curves["loss"]
+    assert len(points) <= 1000
+    assert points[0] == (0, 0)
+    assert points[-1] == (4999, 4999)
+
+
+def test_only_the_last_outcomes_are_kept() -> None:
+    """The memory of a server that runs for weeks stays bounded."""
+    jobs = Jobs()
+    for i in range(40):
+        assert ended(jobs.start(i, str(i), lambda _: None))
+    kept = [i for i in range(40) if jobs.get(i) is not None]
+    assert kept[-1] == 39
+    assert len(kept) <= 25

@@ -1,0 +1,510 @@
+"""Every page in every state, driven through app.py without a browser."""
+
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+from crashfuse.approaches import Approach, Prediction
+from crashfuse.cache import default_folder
+from crashfuse.campaign import Campaign
+from crashfuse.errors import Cancelled, DataError, Problem
+from crashfuse.formats.folder import load_campaign
+from crashfuse.progress import SILENT, Watch
+from crashfuse.pulse import GRID_S, Condition, Pulse
+from crashfuse.rating import rate_windows
+from crashfuse.study import Estimate, Fold, Study, StudyConfig
+from crashfuse.ui import campaigns, computation
+
+APP = Path(__file__).parents[2] / "app.py"
+PAGES = ("data", "train", "compare", "study", "predict")
+SOON = 30.0
+FAST = ("cae", "lf_tcn")
+
+
+@pytest.fixture(autouse=True)
+def fresh_server(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Nothing is left of another test: no campaign, no job."""
+    monkeypatch.delenv("CRASHFUSE_CAMPAIGN", raising=False)
+    st.cache_resource.clear()
+    yield
+    st.cache_resource.clear()
+
+
+@pytest.fixture
+def open_campaign(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The server is started with the small campaign."""
+    monkeypatch.setenv("CRASHFUSE_CAMPAIGN", str(campaign_folder))
+    return campaign_folder
+
+
+def predict(campaign: Campaign, condition: Condition) -> Prediction:
+    """The CAE run nearest in speed, with draws around it."""
+    nearest = np.abs(campaign.cae.vectors[:, 0] - condition.speed_mps).argmin()
+    accel = campaign.cae.accel_mps2[nearest].astype(float)
+    draws = accel * np.linspace(0.9, 1.1, 21)[:, None]
+    return Prediction(condition, accel, draws, ("Made for a test.",))
+
+
+def quick_study(
+    campaign: Campaign, config: StudyConfig, *, held_out: tuple[str, ...], watch: Watch = SILENT, **_: object
+) -> Study:
+    """A study that takes no time."""
+    folds = []
+    for test_id in held_out:
+        test = campaign.test(test_id)
+        prediction = predict(campaign, test.condition)
+        estimates = tuple(Estimate(name, prediction, {}, 0.1) for name in config.approaches)
+        rating = rate_windows(test.pulse, Pulse(GRID_S, prediction.accel_mps2), config.windows_ms)
+        folds.append(Fold(test_id, estimates, dict.fromkeys(config.approaches, rating)))
+        watch.report("Held-out tests", len(folds), len(held_out), loss=0.1)
+    return Study(campaign, config, tuple(folds), {"held_out_tests": 1.0})
+
+
+@pytest.fixture
+def nothing_cached(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """The cache on disk holds no prediction; returns the patch for more of its kind."""
+
+    def refuse(*_: object, **__: object) -> Estimate:
+        raise Cancelled("Stopped on request.")
+
+    monkeypatch.setattr(computation, "estimate_at", refuse)
+    return monkeypatch
+
+
+@pytest.fixture
+def studies_are_quick(nothing_cached: pytest.MonkeyPatch) -> None:
+    """Studies take no time."""
+    nothing_cached.setattr(computation, "run_study", quick_study)
+
+
+@pytest.fixture
+def gate(nothing_cached: pytest.MonkeyPatch) -> Iterator[threading.Event]:
+    """Studies report 3 of 10 and then wait until this opens."""
+    event = threading.Event()
+
+    def slow(campaign: Campaign, config: StudyConfig, *, held_out: tuple[str, ...], watch: Watch, **_: object) -> Study:
+        for i in range(4):
+            watch.report("LF TCN", i, 10, loss=1.0 / (i + 1))
+        while not event.wait(0.01):
+            watch.report("LF TCN", 3, 10)
+        return quick_study(campaign, config, held_out=held_out)
+
+    nothing_cached.setattr(computation, "run_study", slow)
+    yield event
+    event.set()
+
+
+def start(page: str = "data") -> AppTest:
+    """A new session on a page."""
+    app = AppTest.from_file(APP, default_timeout=SOON).run()
+    return go(app, page)
+
+
+def go(app: AppTest, page: str) -> AppTest:
+    """Turn to another page, which must not raise."""
+    app.switch_page(f"pages/{page}.py").run()
+    assert not app.exception
+    return app
+
+
+def press(app: AppTest, label: str) -> AppTest:
+    """Press the one button of this label."""
+    (button,) = [button for button in app.button if button.label == label]
+    button.click().run()
+    assert not app.exception
+    return app
+
+
+def finish(app: AppTest) -> AppTest:
+    """Wait for all jobs and draw the page anew."""
+    for job in computation.jobs().active:
+        assert job.wait(SOON)
+    app.run()
+    assert not app.exception
+    return app
+
+
+def words(app: AppTest) -> str:
+    """All text of the page."""
+    kinds = (
+        app.title,
+        app.subheader,
+        app.markdown,
+        app.caption,
+        app.text,
+        app.error,
+        app.info,
+        app.warning,
+        app.success,
+    )
+    texts = [element.value for elements in kinds for element in elements]
+    return "\n".join(texts + [bar.text for bar in app.progress])
+
+
+def tables(app: AppTest) -> list[pd.DataFrame]:
+    """All tables of the page."""
+    return [table.value for table in app.table]
+
+
+def downloads(app: AppTest) -> list[str]:
+    """Files that the page offers."""
+    return [button.label for button in app.download_button]
+
+
+def charts(app: AppTest) -> int:
+    """How many figures the page shows."""
+    return len(app.get("plotly_chart"))
+
+
+# --- no campaign ---------------------------------------------------------------------------------------------------
+
+
+def test_a_newcomer_sees_what_this_is_and_one_button() -> None:
+    """The first page has a sentence, the sample, and a field for a folder."""
+    app = start()
+    assert "full-frontal barrier tests" in words(app)
+    assert [button.label for button in app.button] == ["Load the sample campaign", "Open"]
+    assert [field.label for field in app.text_input] == ["Campaign folder"]
+
+
+@pytest.mark.parametrize("page", ["train", "compare", "study", "predict"])
+def test_without_a_campaign_a_page_says_what_to_do(page: str) -> None:
+    """It offers the sample and the way to the page Data, and no more."""
+    app = start(page)
+    assert "No campaign is open yet" in words(app)
+    assert [button.label for button in app.button] == ["Load the sample campaign"]
+    assert not charts(app)
+
+
+def test_the_sample_is_made_where_it_was_not_shipped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, campaign_folder: Path
+) -> None:
+    """An installed package has no checkout beside it: the sample is written into the cache folder, once."""
+    written: list[Path] = []
+
+    def write(folder: Path) -> None:
+        written.append(folder)
+        shutil.copytree(campaign_folder, folder)
+
+    monkeypatch.setattr(campaigns, "_SHIPPED", tmp_path / "nowhere")
+    monkeypatch.setattr(campaigns, "write_sample", write)
+    for _ in range(2):
+        st.cache_resource.clear()
+        app = press(start(), "Load the sample campaign")
+        assert {metric.label: metric.value for metric in app.metric}["Tests"] == "4"
+    assert len(written) == 1
+    assert [path.name for path in default_folder().iterdir()] == ["sample"]
+
+
+# --- Data ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_folder_that_is_opened_is_shown(campaign_folder: Path, campaign: Campaign) -> None:
+    """Numbers, tests, CAE runs and the rating before any correction."""
+    app = start()
+    app.text_input(key="folder").set_value(str(campaign_folder))
+    press(app, "Open")
+    assert app.sidebar.selectbox(key="campaign").value == campaign_folder.name
+    assert {metric.label: metric.value for metric in app.metric} == {
+        "Tests": "4",
+        "CAE runs": "24",
+        "Fingerprint": load_campaign(campaign_folder).fingerprint[:12],
+    }
+    assert charts(app) == 2
+    (table,) = tables(app)
+    assert table["Test"].tolist() == ["T1", "T2", "T3", "T4"]
+    assert table["Speed (mph)"].tolist() == ["15.0", "25.0", "26.0", "35.0"]
+    assert table["Paired CAE run"].tolist() == ["C20", "C21", "C22", "C23"]
+    run = Pulse(GRID_S, campaign.cae.accel_mps2[20].astype(float))
+    rating = rate_windows(campaign.tests[0].pulse, run, [40.0])[40.0]
+    assert table["CAE rating 0–40 ms"][0] == f"{rating.overall:.3f} {rating.grade}"
+
+
+def test_a_bad_folder_shows_every_problem_and_no_traceback(campaign_folder: Path) -> None:
+    """Two things are wrong; both are said."""
+    (campaign_folder / "tests" / "T2.csv").unlink()
+    cae = campaign_folder / "cae.csv"
+    cae.write_text(cae.read_text().replace("front_weight_lb", "front_weight"))
+    app = start()
+    app.text_input(key="folder").set_value(str(campaign_folder))
+    press(app, "Open")
+    assert "cannot be used" in words(app)
+    assert "T2" in words(app)
+    assert "front_weight" in words(app)
+    assert "Traceback" not in words(app)
+    assert app.sidebar.selectbox(key="campaign").value is None
+
+
+@pytest.mark.parametrize("text", ["/no/such/folder", "", "\0"])
+def test_a_folder_that_is_none_breaks_nothing(text: str) -> None:
+    """Whatever is typed in, the page stays."""
+    app = start()
+    app.text_input(key="folder").set_value(text)
+    press(app, "Open")
+    assert app.sidebar.selectbox(key="campaign").value is None
+
+
+@pytest.mark.usefixtures("campaign")
+def test_a_campaign_whose_files_change_is_read_anew(open_campaign: Path) -> None:
+    """Nobody looks at yesterday's data."""
+    app = start()
+    table = open_campaign / "tests.csv"
+    table.write_text("\n".join(table.read_text().splitlines()[:-1]) + "\n")
+    app.run()
+    assert {metric.label: metric.value for metric in app.metric}["Tests"] == "3"
+
+
+def test_a_campaign_that_goes_bad_while_open_is_refused_on_every_page(open_campaign: Path) -> None:
+    """The sentence stands where the page would be."""
+    app = start()
+    (open_campaign / "cae.csv").unlink()
+    for page in PAGES:
+        assert "cae.csv" in words(go(app, page))
+
+
+def test_the_notice_of_a_synthetic_campaign_stands_on_every_page(open_campaign: Path) -> None:
+    """It says plainly that no real car is shown."""
+    (open_campaign / "campaign.toml").write_text('name = "Toy"\nnotice = "Synthetic: no real vehicle."\n')
+    app = start()
+    for page in PAGES:
+        assert "Synthetic: no real vehicle." in words(go(app, page))
+
+
+# --- the sidebar ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_choices_hold_on_every_page() -> None:
+    """Chosen once, seen everywhere."""
+    app = start()
+    app.sidebar.selectbox(key="held_out").select("T3 · 26.0 mph").run()
+    app.sidebar.button_group(key="window").set_value(20.0).run()
+    app.sidebar.button_group(key="sign").set_value("Deceleration").run()
+    for page in ("compare", "data", "train"):
+        go(app, page)
+        assert app.sidebar.selectbox(key="held_out").value == "T3 · 26.0 mph"
+        assert app.sidebar.button_group(key="window").value == 20.0
+        assert app.sidebar.button_group(key="sign").value == "Deceleration"
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_an_address_reproduces_the_choices() -> None:
+    """Even from the bare address, which leads on to the page Data."""
+    app = AppTest.from_file(APP, default_timeout=SOON)
+    app.query_params.update(held_out="T3 · 26.0 mph", window="0–20 ms", unit="m/s²", sign="Deceleration")
+    app.run()
+    assert app.title[0].value == "campaign"
+    assert app.sidebar.selectbox(key="held_out").value == "T3 · 26.0 mph"
+    assert app.sidebar.button_group(key="window").value == 20.0
+    assert app.sidebar.button_group(key="unit").value == "m/s²"
+    assert app.sidebar.button_group(key="sign").value == "Deceleration"
+
+
+# --- Train ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("open_campaign", "gate")
+def test_training_shows_progress_and_can_be_cancelled() -> None:
+    """Step, count and a way out; then a word on what is kept."""
+    app = start("train")
+    press(app, "Start")
+    (job,) = computation.jobs().active
+    while "LF TCN" not in job.steps or job.steps["LF TCN"].progress.done < 3:
+        assert job.active
+    app.run()
+    assert "LF TCN: 3 of 10" in words(app)
+    assert charts(app) == 1
+    press(app, "Cancel")
+    assert job.wait(SOON)
+    app.run()
+    assert "Cancelled" in words(app)
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_second_session_joins_the_job_of_the_first(gate: threading.Event) -> None:
+    """The same study is not computed twice; leaving the page changes nothing."""
+    first = press(start("train"), "Start")
+    go(first, "data")
+    second = start("train")
+    assert len(computation.jobs().active) == 1
+    assert not [button for button in second.button if button.label == "Start"]
+    assert [button.label for button in second.button if button.label == "Cancel"]
+    gate.set()
+    finish(second)
+    assert "are ready" in words(second)
+    assert "are ready" in words(go(first, "train"))
+
+
+@pytest.mark.usefixtures("open_campaign", "nothing_cached")
+def test_a_failed_training_shows_its_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And it can be started again."""
+
+    def fail(*_: object, **__: object) -> Study:
+        raise DataError(Problem("tests/T1.csv", "a pulse", "noise", "look at the sensor"))
+
+    monkeypatch.setattr(computation, "run_study", fail)
+    app = finish(press(start("train"), "Start"))
+    assert "tests/T1.csv: expected a pulse, found noise; look at the sensor." in words(app)
+    assert [button.label for button in app.button if button.label == "Start"]
+
+
+@pytest.mark.usefixtures("open_campaign", "nothing_cached")
+def test_the_settings_reach_the_study_and_hold_on_other_pages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Approaches, preset and seed are those that were chosen; Compare asks for the same."""
+    asked: list[StudyConfig] = []
+
+    def remember(campaign: Campaign, config: StudyConfig, *, held_out: tuple[str, ...], **_: object) -> Study:
+        asked.append(config)
+        return quick_study(campaign, config, held_out=held_out)
+
+    monkeypatch.setattr(computation, "run_study", remember)
+    app = start("train")
+    app.button_group(key="approaches").set_value(list(FAST)).run()
+    app.radio(key="preset").set_value("paper").run()
+    assert "many hours" in words(app)
+    app.number_input(key="seed").set_value(7).run()
+    finish(press(app, "Start"))
+    assert asked == [StudyConfig(approaches=FAST, preset="paper", seed=7)]
+    assert charts(go(app, "compare")) == 1
+    assert len(asked) == 1
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_nothing_can_be_started_without_a_test_or_an_approach() -> None:
+    """The button waits until both are chosen."""
+    app = start("train")
+    app.button_group(key="approaches").set_value([]).run()
+    (button,) = [button for button in app.button if button.label == "Start"]
+    assert button.disabled
+    assert "at least one" in words(app)
+
+
+@pytest.mark.usefixtures("studies_are_quick")
+def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second waits for the first one's answer."""
+
+    def slow(*_: object, **__: object) -> None:
+        time.sleep(0.3)
+
+    monkeypatch.setattr(computation, "estimate_at", slow)
+    request = computation.StudyRequest(campaign, ("T1",), StudyConfig(approaches=("cae",)))
+    with ThreadPoolExecutor(2) as sessions:
+        first, second = sessions.map(lambda _: request.find(), range(2))
+    assert first is second
+    assert first is not None
+    assert first.state == "done"
+
+
+# --- Compare -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
+    """From the empty state to figure, ratings, metrics, notes and files by one button."""
+    app = start("compare")
+    assert "not been predicted yet" in words(app)
+    finish(press(app, "Predict test T1"))
+    assert charts(app) == 1
+    ratings, metrics = tables(app)
+    expected = quick_study(campaign, StudyConfig(), held_out=("T1",)).folds[0].ratings["cae"]
+    assert ratings["Rating 0–20 ms"][0] == f"{expected[20.0].overall:.3f} {expected[20.0].grade}"
+    assert ratings["Slope 0–60 ms"][0] == f"{expected[60.0].slope:.3f}"
+    assert metrics.columns[:2].tolist() == ["Pulse metric", "Test"]
+    assert "[" in metrics["Displacement domain"][0]
+    assert "Made for a test." in words(app)
+    assert downloads(app) == ["scores.csv", "pulses.csv", "metrics.csv"]
+
+
+@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+def test_compare_follows_the_window() -> None:
+    """The parts of the rating are those of the window in the sidebar."""
+    app = finish(press(start("compare"), "Predict test T1"))
+    app.sidebar.button_group(key="window").set_value(40.0).run()
+    assert "Corridor 0–40 ms" in tables(app)[0].columns
+
+
+# --- Study ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
+    """Heat map, means, and the scores as a file."""
+    app = start("study")
+    assert not charts(app)
+    finish(press(app, "Leave out each of 4 tests"))
+    assert charts(app) == 1
+    study = quick_study(campaign, StudyConfig(), held_out=campaign.test_ids)
+    assert tables(app)[0]["0–60 ms"][0].startswith(f"{study.mean_rating('cae', 60.0):.3f} ")
+    assert downloads(app) == ["scores.csv", "metrics.csv"]
+
+
+# --- Predict -------------------------------------------------------------------------------------------------------
+
+
+class Quick(Approach):
+    """An approach that takes no time."""
+
+    name, label = "cae", "CAE"
+
+    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> "Quick":
+        """Remember the campaign."""
+        watch.report("Fit", 1, 1)
+        self.campaign_ = campaign
+        return self
+
+    def predict(self, condition: Condition) -> Prediction:
+        """Predict the nearest run."""
+        return predict(self.campaign_, condition)
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once fitted, another speed is answered without fitting again."""
+    fits: list[str] = []
+
+    def create(name: str, **_: object) -> Approach:
+        fits.append(name)
+        return Quick()
+
+    monkeypatch.setattr(computation, "create", create)
+    app = start("predict")
+    finish(press(app, "Predict"))
+    assert charts(app) == 1
+    assert "Extrapolation" not in words(app)
+    count = len(fits)
+    (speed,) = [field for field in app.number_input if field.label == "Impact speed (mph)"]
+    speed.set_value(60.0).run()
+    assert "Extrapolation: speed 60 mph lies outside" in words(app)
+    assert "60.0 mph (96.6 km/h)" in words(app)
+    assert charts(app) == 1
+    assert len(fits) == count
+
+
+# --- the real thing ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_real_prediction_appears_and_a_new_server_finds_it_in_the_cache() -> None:
+    """The raw CAE, end to end, with nothing replaced; a restart costs nothing."""
+    app = start("train")
+    app.button_group(key="approaches").set_value(["cae"]).run()
+    finish(press(app, "Start"))
+    assert "are ready" in words(app)
+    assert charts(go(app, "compare")) == 1
+    shown = tables(app)[0]
+    st.cache_resource.clear()
+    later = start("train")
+    later.button_group(key="approaches").set_value(["cae"]).run()
+    go(later, "compare")
+    pd.testing.assert_frame_equal(tables(later)[0], shown)
