@@ -47,7 +47,8 @@ def main() -> None:
     print(f"{campaign.name}: {folds} tests, {len(campaign.cae)} CAE runs, {os.cpu_count()} cores\n")
     print("| | the paper's way | crashfuse, fast preset | ratio |\n|---|---:|---:|---:|")
     print(
-        f"| Gaussian process, one held-out test | {paper_gp:.0f} CPU-s | {fast_gp:.2f} CPU-s | {paper_gp / fast_gp:.0f} |"
+        f"| Gaussian process, one held-out test | {paper_gp:.0f} CPU-s | {fast_gp:.2f} CPU-s "
+        f"| {paper_gp / fast_gp:.0f} |"
     )
     print(
         f"| LF network, 1000 epochs (the paper's extrapolated) | {paper_lf / 3600:.0f} CPU-h | {fast_lf:.0f} CPU-s "

@@ -7,7 +7,7 @@ works on ``campaign.without(test)``, whose fingerprint is also the key under whi
 import json
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import joblib
@@ -24,6 +24,8 @@ from crashfuse.pulse import DT_S, Condition, Pulse
 from crashfuse.rating import Rating, rate_windows
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
+_STEP = "Held-out predictions"
+_KIND = "predictions"  # of entries in the cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,16 +129,21 @@ def run_study(
     tests = [campaign.test(test_id) for test_id in dict.fromkeys(held_out or campaign.test_ids)]
     cache = cache or Cache()
     start = time.perf_counter()
-    _prepare(campaign, config, cache, watch)
-    prepared = time.perf_counter()
-
     tasks = [(test, name) for test in tests for name in config.approaches]
     estimates: dict[tuple[str, str], Estimate] = {}
-    watch.report("Held-out tests", 0, len(tasks))
-    workers = workers or (1 if len(tests) == 1 else os.cpu_count() or 1)  # processes take seconds to start
-    for test_id, estimate in _completed(campaign, tasks, config, cache, watch, workers):
+    for test, name in tasks:
+        if (kept := find_estimate(campaign.without([test.id]), test.condition, name, config, cache=cache)) is not None:
+            estimates[test.id, name] = kept
+    missing = [(test, name) for test, name in tasks if (test.id, name) not in estimates]
+    _prepare(campaign, {name for _, name in missing}, config, cache, watch)
+    prepared = time.perf_counter()
+
+    watch.report(_STEP, len(estimates), len(tasks))
+    alone = len({test.id for test, _ in missing}) < 2  # processes take seconds to start
+    workers = workers or (1 if alone else os.cpu_count() or 1)
+    for test_id, estimate in _completed(campaign, missing, config, cache, watch, workers):
         estimates[test_id, estimate.approach] = estimate
-        watch.report("Held-out tests", len(estimates), len(tasks))
+        watch.report(_STEP, len(estimates), len(tasks))
 
     folds = []
     for test in tests:
@@ -170,21 +177,11 @@ def estimate_at(
         If the watch was told to stop.
     """
     cache = cache or Cache()
-    unfitted = create(approach, preset=config.preset, seed=config.seed, cache=cache)
-    key = {
-        "campaign": campaign.fingerprint,
-        "condition": condition,
-        "approach": approach,
-        "preset": config.preset,
-        "seed": config.seed,
-    }
-    if (entry := cache.get("predictions", key)) is not None:
-        text = json.loads(str(entry["text"]))
-        draws = entry.get("draws_mps2")
-        prediction = Prediction(condition, entry["accel_mps2"], draws, tuple(text["notes"]))
-        return Estimate(approach, prediction, text["state"], text["seconds"])
+    kept = find_estimate(campaign, condition, approach, config, cache=cache)
+    if kept is not None:
+        return kept
     start = time.perf_counter()
-    fitted = unfitted.fit(campaign, watch)
+    fitted = create(approach, preset=config.preset, seed=config.seed, cache=cache).fit(campaign, watch)
     prediction = fitted.predict(condition)
     if prediction.draws_mps2 is not None:  # as it will come out of the cache
         prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
@@ -193,8 +190,38 @@ def estimate_at(
     arrays = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
     if prediction.draws_mps2 is not None:
         arrays["draws_mps2"] = prediction.draws_mps2
-    cache.put("predictions", key, arrays)
+    cache.put(_KIND, _key(campaign, condition, approach, config), arrays)
     return estimate
+
+
+def find_estimate(
+    campaign: Campaign,
+    condition: Condition,
+    approach: str,
+    config: StudyConfig = StudyConfig(),
+    *,
+    cache: Cache | None = None,
+) -> Estimate | None:
+    """What :func:`estimate_at` computed from this very data with these settings before, or None.
+
+    The campaign is the one that was handed over there: without the held-out test.
+    """
+    entry = (cache or Cache()).get(_KIND, _key(campaign, condition, approach, config))
+    if entry is None:
+        return None
+    text = json.loads(str(entry["text"]))
+    prediction = Prediction(condition, entry["accel_mps2"], entry.get("draws_mps2"), tuple(text["notes"]))
+    return Estimate(approach, prediction, text["state"], text["seconds"])
+
+
+def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
+    return {
+        "campaign": campaign.fingerprint,
+        "condition": condition,
+        "approach": approach,
+        "preset": config.preset,
+        "seed": config.seed,
+    }
 
 
 def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str] = ()) -> None:
@@ -217,10 +244,10 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
             raise UsageError(f"A rating window of {window:g} ms is not possible; choose 10 to 100 ms.")
 
 
-def _prepare(campaign: Campaign, config: StudyConfig, cache: Cache, watch: Watch) -> None:
+def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> None:
     """Fit once what only the CAE runs decide, with all cores; the folds then find it in the cache."""
     cae_only = campaign.without(campaign.test_ids)
-    for name in dict.fromkeys(CAE_ONLY[name] for name in config.approaches):
+    for name in sorted({CAE_ONLY[name] for name in approaches}):
         create(name, preset=config.preset, seed=config.seed, cache=cache).fit(cae_only, watch)
 
 

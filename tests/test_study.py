@@ -139,7 +139,7 @@ def test_a_study_that_was_stopped_goes_on_where_it_was(campaign: Campaign, monke
     cancel = threading.Event()
 
     def stop_after_one(progress: Progress) -> None:
-        if progress.step == "Held-out tests" and progress.done == 1:
+        if progress.step == "Held-out predictions" and progress.done == 1:
             cancel.set()
 
     with pytest.raises(Cancelled):

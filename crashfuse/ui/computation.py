@@ -4,7 +4,6 @@ import threading
 import time
 from collections.abc import Hashable
 from dataclasses import dataclass
-from functools import partial
 
 import streamlit as st
 
@@ -13,7 +12,7 @@ from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
 from crashfuse.progress import Watch
 from crashfuse.pulse import Condition
-from crashfuse.study import Estimate, Study, StudyConfig, estimate_at, run_study
+from crashfuse.study import Estimate, Study, StudyConfig, find_estimate, run_study
 from crashfuse.ui.jobs import Job, Jobs
 
 
@@ -81,26 +80,24 @@ class StudyRequest:
                 return jobs().get(self.key)
             with st.spinner("Looking for earlier results …"):
                 if self._in_cache():
-                    # worker processes would take longer to start than this takes
-                    job = jobs().start_at_once(self.key, self.title, partial(self._work, workers=1))
+                    job = jobs().start_at_once(self.key, self.title, self._work)
                     job.wait(_PATIENCE_S)
             _lookups().ended_before[self.key] = jobs().ended
         return job
 
-    def _work(self, watch: Watch, workers: int | None = None) -> Study:
-        return run_study(self.campaign, self.config, held_out=self.held_out, watch=watch, workers=workers)
+    def _work(self, watch: Watch) -> Study:
+        return run_study(self.campaign, self.config, held_out=self.held_out, watch=watch)
 
     def _in_cache(self) -> bool:
-        stop = threading.Event()
-        stop.set()
-        try:  # told to stop before it starts, only what needs no computing returns
-            for test_id in self.held_out:
-                rest, condition = self.campaign.without([test_id]), self.campaign.test(test_id).condition
-                for name in reversed(self.config.approaches):
-                    estimate_at(rest, condition, name, self.config, watch=Watch(cancel=stop))
-        except Exception:  # stopped, or bound to fail: the job itself will say why
-            return False
-        return True
+        cache = Cache()
+        return all(
+            find_estimate(
+                self.campaign.without([test_id]), self.campaign.test(test_id).condition, name, self.config, cache=cache
+            )
+            is not None
+            for test_id in self.held_out
+            for name in reversed(self.config.approaches)
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from streamlit.testing.v1 import AppTest
 from crashfuse.approaches import Approach, Prediction
 from crashfuse.cache import default_folder
 from crashfuse.campaign import Campaign
-from crashfuse.errors import Cancelled, DataError, Problem
+from crashfuse.errors import DataError, Problem
 from crashfuse.formats.folder import load_campaign
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import GRID_S, Condition, Pulse
@@ -65,18 +65,14 @@ def quick_study(
         estimates = tuple(Estimate(name, prediction, {}, 0.1) for name in config.approaches)
         rating = rate_windows(test.pulse, Pulse(GRID_S, prediction.accel_mps2), config.windows_ms)
         folds.append(Fold(test_id, estimates, dict.fromkeys(config.approaches, rating)))
-        watch.report("Held-out tests", len(folds), len(held_out), loss=0.1)
+        watch.report("Held-out predictions", len(folds), len(held_out), loss=0.1)
     return Study(campaign, config, tuple(folds), {"held_out_tests": 1.0})
 
 
 @pytest.fixture
 def nothing_cached(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """The cache on disk holds no prediction; returns the patch for more of its kind."""
-
-    def refuse(*_: object, **__: object) -> Estimate:
-        raise Cancelled("Stopped on request.")
-
-    monkeypatch.setattr(computation, "estimate_at", refuse)
+    monkeypatch.setattr(computation, "find_estimate", lambda *_, **__: None)
     return monkeypatch
 
 
@@ -394,10 +390,11 @@ def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
 ) -> None:
     """The second waits for the first one's answer."""
 
-    def slow(*_: object, **__: object) -> None:
+    def slow(*_: object, **__: object) -> str:
         time.sleep(0.3)
+        return "found"
 
-    monkeypatch.setattr(computation, "estimate_at", slow)
+    monkeypatch.setattr(computation, "find_estimate", slow)
     request = computation.StudyRequest(campaign, ("T1",), StudyConfig(approaches=("cae",)))
     with ThreadPoolExecutor(2) as sessions:
         first, second = sessions.map(lambda _: request.find(), range(2))
