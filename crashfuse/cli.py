@@ -2,8 +2,6 @@
 
 import argparse
 import json
-import os
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -42,22 +40,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _app(arguments: argparse.Namespace) -> None:
-    environment = os.environ.copy()
-    if arguments.campaign is not None:
-        if not arguments.campaign.is_dir():
-            raise UsageError(f"There is no folder {arguments.campaign}.")
-        environment["CRASHFUSE_CAMPAIGN"] = str(arguments.campaign.resolve())
-    here = Path(__file__).resolve().parent
-    app = next(path for path in (here / "dashboard" / "app.py", here.parent / "app.py") if path.is_file())
-    options = {
-        "server.address": "127.0.0.1",
-        "server.port": str(arguments.port),
-        "server.showEmailPrompt": "false",
-        "browser.gatherUsageStats": "false",
-    }
-    flags = [f"--{name}={value}" for name, value in options.items()]
-    command = [sys.executable, "-m", "streamlit", "run", str(app), *flags]
-    subprocess.run(command, env=environment, cwd=app.parent, check=False)  # noqa: S603 - our own interpreter and files
+    from crashfuse.ui.launch import launch
+
+    if arguments.campaign is not None and not arguments.campaign.is_dir():
+        raise UsageError(f"There is no folder {arguments.campaign}.")
+    launch(arguments.port, arguments.campaign)
 
 
 def _sample(arguments: argparse.Namespace) -> None:

@@ -42,7 +42,7 @@ class TcnConfig:
     dilations: tuple[int, ...] = (1, 2, 4, 8)
     dropout: float = 0.0
     stride: int = 20
-    time_waves: int = 20
+    time_waves: int = 2
     travel_waves: int = 10
     scale_by_speed: bool = True
     batch: int = 16
@@ -50,8 +50,8 @@ class TcnConfig:
     min_steps: int = 1000
     learning_rate: float = 4e-3
     annealing_epochs: int = 0
-    tuning_steps: int = 300
-    tuning_rate: float = 1e-3
+    tuning_steps: int = 150
+    tuning_rate: float = 3e-3
     penalty: float = 1e-3
 
     @classmethod

@@ -1,0 +1,30 @@
+"""Starting the dashboard's server in this process, so that whoever ends the one ends the other."""
+
+import os
+from pathlib import Path
+
+from streamlit.web.cli import main
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in a checkout
+
+
+def launch(port: int, campaign: Path | None) -> None:
+    """Serve the dashboard on 127.0.0.1 until it is interrupted.
+
+    Parameters
+    ----------
+    port : int
+    campaign : Path, optional
+        Folder to open at the start.
+    """
+    if campaign is not None:
+        os.environ["CRASHFUSE_CAMPAIGN"] = str(campaign.resolve())
+    os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # where the pages and settings lie
+    options = {
+        "server.address": "127.0.0.1",
+        "server.port": port,
+        "server.showEmailPrompt": "false",
+        "browser.gatherUsageStats": "false",
+    }
+    main(["run", "app.py", *(f"--{name}={value}" for name, value in options.items())], standalone_mode=False)
