@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -122,6 +123,27 @@ def test_resuming_takes_the_settings_that_were_recorded(
     assert pd.read_csv(out / "scores.csv")["window_ms"].tolist() == [30.0]
     assert cli.main([*command, "--resume", "--seed", "4"]) == cli.WRONG_USAGE
     assert "was begun with other settings (seed)" in capsys.readouterr().err
+
+
+def test_a_killed_study_resumes_to_the_same_files(
+    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed in mid-study, it leaves no table; resumed, it keeps what was finished and ends with the same bytes."""
+    study = ["study", str(campaign_on_disk), "--workers", "1", "--approach", "cae", "displacement_domain"]
+    assert cli.main([*study, "--out", str(tmp_path / "undisturbed")]) == cli.DONE
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path / "cache"))
+    command = [sys.executable, "-m", "crashfuse", *study, "--out", str(tmp_path / "out")]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        while process.poll() is None and len(list((tmp_path / "cache").glob("predictions/*.bin"))) < 3:
+            time.sleep(0.001)
+        process.kill()
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "cache" / "predictions").glob("*.bin")}
+    assert 3 <= len(kept) < 8
+    assert not (tmp_path / "out" / "scores.csv").exists()
+    assert cli.main(["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--resume"]) == cli.DONE
+    assert all(path.stat().st_mtime_ns == at for path, at in kept.items())
+    for name in ("scores.csv", "pulses.csv", "metrics.csv"):
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "undisturbed" / name).read_bytes()
 
 
 def test_resuming_where_nothing_was_begun_is_wrong_usage(
