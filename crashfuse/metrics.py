@@ -13,6 +13,15 @@ import numpy.typing as npt
 from crashfuse.pulse import DT_S, FloatArray, kinematics
 from crashfuse.units import KPH, MS, G
 
+METRIC_LABELS = {
+    "peak": "Peak deceleration",
+    "peak_time": "Time of peak",
+    "delta_v": "ΔV, rebound included",
+    "t0": "Time of zero velocity t0",
+    "max_crush": "Maximum dynamic crush",
+}
+"""What tables call the metrics."""
+
 _TAIL = 0.025  # on either side of the central 95 %
 
 

@@ -9,17 +9,10 @@ from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches import LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.metrics import METRIC_LABELS
 from crashfuse.plots import overlay, rating_heatmap
 from crashfuse.study import Estimate, Fold, Study
 from crashfuse.units import LB, MPH
-
-METRIC_LABELS = {
-    "peak": "Peak deceleration",
-    "peak_time": "Time of peak",
-    "delta_v": "ΔV, rebound included",
-    "t0": "Time of zero velocity t0",
-    "max_crush": "Maximum dynamic crush",
-}
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, "Segoe UI", sans-serif; color: #262a33; max-width: 62rem;

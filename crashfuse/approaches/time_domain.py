@@ -1,6 +1,5 @@
 """The time-domain approach: a TCN trained on the CAE runs (LF TCN) and fine-tuned on the tests (MF TCN, Sect. 3.1)."""
 
-import time
 from dataclasses import asdict
 from typing import Any, Self
 
@@ -20,12 +19,42 @@ from crashfuse.pulse import Condition, FloatArray
 _KIND = "lf_tcn"
 
 
-class LfTcn(Approach):
+class _TcnApproach(Approach):
+    """What both networks share: hyperparameters, and a prediction once there is a network."""
+
+    network_: Tcn
+    scaling_: Scaling
+    _library: CaeLibrary
+
+    def __init__(
+        self, config: TcnConfig | None = None, *, seed: int = 0, device: str = "auto", cache: Cache | None = None
+    ) -> None:
+        self.config = TcnConfig.fast() if config is None else config
+        self.seed = seed
+        self.device = device
+        self.cache = cache
+
+    def predict(self, condition: Condition) -> Prediction:
+        """Predict the pulse at a condition.
+
+        Raises
+        ------
+        NotFittedError
+            If called before ``fit``.
+        """
+        if not hasattr(self, "network_"):
+            raise NotFittedError(f"The approach {self.name} has not been fitted; call fit(campaign) first.")
+        accel = predict(self.network_, self.scaling_, condition.vector[None], self.config)[0]
+        return Prediction(condition, accel, notes=self._library.extrapolation(condition))
+
+
+class LfTcn(_TcnApproach):
     """The network before it has seen a test: an emulator of the CAE model in time (Eq. 5).
 
     Parameters
     ----------
-    config : TcnConfig
+    config : TcnConfig, optional
+        Default: :meth:`TcnConfig.fast`.
     seed : int
     device : str
         ``"auto"`` takes CUDA if there is any, else the CPU.
@@ -43,14 +72,6 @@ class LfTcn(Approach):
     name = "lf_tcn"
     label = "LF TCN"
 
-    def __init__(
-        self, config: TcnConfig | None = None, *, seed: int = 0, device: str = "auto", cache: Cache | None = None
-    ) -> None:
-        self.config = TcnConfig.fast() if config is None else config
-        self.seed = seed
-        self.device = device
-        self.cache = cache
-
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Train on the CAE runs of the campaign, or take the network from the cache; tests are not looked at.
 
@@ -59,7 +80,6 @@ class LfTcn(Approach):
         Cancelled
             If the watch was told to stop.
         """
-        start = time.perf_counter()
         self._library = campaign.cae
         key = {"cae": campaign.cae.fingerprint, "config": self.config, "seed": self.seed, "device": self._device.type}
         entry = self.cache.get(_KIND, key) if self.cache else None
@@ -71,24 +91,11 @@ class LfTcn(Approach):
                 self.cache.put(_KIND, key, self._as_arrays())
         else:
             self._from_arrays(entry)
-        self._seconds = time.perf_counter() - start
         return self
-
-    def predict(self, condition: Condition) -> Prediction:
-        """Predict the CAE pulse at a condition.
-
-        Raises
-        ------
-        NotFittedError
-            If called before :meth:`fit`.
-        """
-        if not hasattr(self, "network_"):
-            raise NotFittedError("The LF TCN has not been fitted; call fit(campaign) first.")
-        return _prediction(self.network_, self.scaling_, self.config, self._library, condition)
 
     @property
     def state(self) -> dict[str, object]:
-        """Number of weights, epochs, final losses, device, seconds."""
+        """Number of weights, epochs, final losses, device."""
         if not hasattr(self, "network_"):
             return {}
         return {
@@ -120,27 +127,21 @@ class LfTcn(Approach):
         self.network_.load_state_dict(kept)
 
 
-class TimeDomain(Approach):
+class TimeDomain(_TcnApproach):
     """The MF TCN: the LF network with increments learned from the tests (Eq. 6). Parameters as :class:`LfTcn`.
 
     Attributes
     ----------
     lf_ : LfTcn
     network_ : Tcn
+    scaling_ : Scaling
+        The LF network's own.
     losses_ : ndarray, shape (n_steps,)
         Loss on the tests before each step.
     """
 
     name = "time_domain"
     label = "Time domain"
-
-    def __init__(
-        self, config: TcnConfig | None = None, *, seed: int = 0, device: str = "auto", cache: Cache | None = None
-    ) -> None:
-        self.config = TcnConfig.fast() if config is None else config
-        self.seed = seed
-        self.device = device
-        self.cache = cache
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Fine-tune the LF network, which is trained before if the cache does not have it, on the campaign's tests.
@@ -158,22 +159,9 @@ class TimeDomain(Approach):
         self._library = campaign.cae
         vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
-        self.network_, self.losses_ = fine_tune(
-            self.lf_.network_, self.lf_.scaling_, vectors, accel, self.config, watch
-        )
+        self.scaling_ = self.lf_.scaling_
+        self.network_, self.losses_ = fine_tune(self.lf_.network_, self.scaling_, vectors, accel, self.config, watch)
         return self
-
-    def predict(self, condition: Condition) -> Prediction:
-        """Predict the pulse at a condition.
-
-        Raises
-        ------
-        NotFittedError
-            If called before :meth:`fit`.
-        """
-        if not hasattr(self, "network_"):
-            raise NotFittedError("The time domain has not been fitted; call fit(campaign) first.")
-        return _prediction(self.network_, self.lf_.scaling_, self.config, self._library, condition)
 
     @property
     def state(self) -> dict[str, object]:
@@ -187,10 +175,3 @@ class TimeDomain(Approach):
             "loss_on_tests_after": float(self.losses_[-1]),
             "penalty": self.config.penalty,
         }
-
-
-def _prediction(
-    network: Tcn, scaling: Scaling, config: TcnConfig, library: CaeLibrary, condition: Condition
-) -> Prediction:
-    accel = predict(network, scaling, condition.vector[None], config)[0]
-    return Prediction(condition, accel, notes=library.extrapolation(condition))

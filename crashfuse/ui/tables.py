@@ -7,11 +7,10 @@ from pandas.io.formats.style import Styler
 
 from crashfuse.approaches import LABELS
 from crashfuse.campaign import Campaign
-from crashfuse.metrics import Metric
+from crashfuse.metrics import METRIC_LABELS, Metric
 from crashfuse.plots import GRADE_COLOURS
 from crashfuse.pulse import GRID_S, Pulse
 from crashfuse.rating import Rating, grade, rate_windows
-from crashfuse.report import METRIC_LABELS
 from crashfuse.study import WINDOWS_MS, Study
 from crashfuse.units import KPH, LB, MPH
 
