@@ -13,6 +13,7 @@ from crashfuse.pulse import GRID_S, Condition, FloatArray, Pulse
 from crashfuse.units import LB, MPH
 
 _SAME_CONDITION = 1e-4  # relative: a table's rounding, well below any weighing
+_SPEED_STEP_MPS = 2 * MPH
 _AXES = (("speed", MPH, "mph"), ("front weight", LB, "lb"), ("rear weight", LB, "lb"))
 
 
@@ -137,6 +138,20 @@ class Campaign:
         """The campaign with these tests held out: what predicts them may see this and nothing else."""
         held_out = {self.test(test_id).id for test_id in test_ids}
         return replace(self, tests=tuple(test for test in self.tests if test.id not in held_out))
+
+    def speed_group(self, test_id: str) -> tuple[str, ...]:
+        """Ids of the tests at about the speed of this one, itself included, in the order of the table.
+
+        Sorted by speed, neighbours less than 2 mph apart are of one group: repeats at one nominal speed are, steps
+        from one nominal speed to the next are not.
+        """
+        speed = self.test(test_id).condition.speed_mps
+        ordered = sorted(self.tests, key=lambda test: test.condition.speed_mps)
+        speeds = np.array([test.condition.speed_mps for test in ordered])
+        groups = np.r_[0, np.cumsum(np.diff(speeds) >= _SPEED_STEP_MPS)]
+        own = groups[np.searchsorted(speeds, speed)]
+        members = {test.id for test, group in zip(ordered, groups, strict=True) if group == own}
+        return tuple(test_id for test_id in self.test_ids if test_id in members)
 
     @property
     def time_s(self) -> FloatArray:

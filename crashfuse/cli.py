@@ -88,6 +88,7 @@ def _study(arguments: argparse.Namespace) -> None:
             ("preset", arguments.preset),
             ("seed", arguments.seed),
             ("windows_ms", arguments.windows_ms and tuple(arguments.windows_ms)),
+            ("hold_out", "speed group" if arguments.speed_groups else None),
         )
         if value is not None
     }
@@ -112,6 +113,8 @@ def _study(arguments: argparse.Namespace) -> None:
         study = run_study(campaign, config, held_out=held_out, watch=Watch(bar.show), workers=arguments.workers)
     write_study(study, arguments.out)
     _print_means(scores_table(study))
+    if config.hold_out == "speed group":
+        print("Each test was left out together with all tests within 2 mph of it.")
     if campaign.notice:
         print(campaign.notice)
     print(f"Written to {arguments.out}: scores.csv, pulses.csv, metrics.csv, study.json, report.html")
@@ -204,6 +207,9 @@ def parser() -> argparse.ArgumentParser:
     _add_model_options(study)
     study.add_argument(
         "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
+    )
+    study.add_argument(
+        "--speed-groups", action="store_true", help="leave each test out together with all tests at about its speed"
     )
     study.add_argument("--workers", type=_positive, metavar="N", help="processes (default: one a core)")
     study.add_argument("--resume", action="store_true", help="go on with the study that was begun in DIR")

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -106,11 +107,13 @@ def read_record(folder: Path) -> StudyRecord:
         raise UsageError(f"There is no study to resume in {folder}: it has no study.json. Leave out --resume.")
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-        config = values["config"]
+        settings: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in values["config"].items()
+        }
         return StudyRecord(
             values["fingerprint"],
             tuple(values["held_out"]),
-            StudyConfig(tuple(config["approaches"]), config["preset"], config["seed"], tuple(config["windows_ms"])),
+            StudyConfig(**settings),
         )
     except (ValueError, KeyError, TypeError) as error:
         advice = "start the study again without --resume"

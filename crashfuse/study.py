@@ -9,6 +9,7 @@ import os
 import time
 from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import joblib
 import numpy as np
@@ -24,6 +25,7 @@ from crashfuse.pulse import DT_S, Condition, Pulse
 from crashfuse.rating import Rating, rate_windows
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
+HoldOut = Literal["test", "speed group"]
 _STEP = "Held-out predictions"
 _KIND = "predictions"  # of entries in the cache
 
@@ -39,12 +41,20 @@ class StudyConfig:
     seed : int
     windows_ms : tuple of float
         The rating is taken over [0, w) for each w, in ms.
+    hold_out : {"test", "speed group"}
+        Whether each test is left out alone, or with all tests at about its speed: then nothing like it remains to be
+        remembered, and what is rated is the step to a new speed.
     """
 
     approaches: tuple[str, ...] = APPROACHES
     preset: Preset = "fast"
     seed: int = 0
     windows_ms: tuple[float, ...] = WINDOWS_MS
+    hold_out: HoldOut = "test"
+
+    def rest(self, campaign: Campaign, test_id: str) -> Campaign:
+        """What may be learned from when this test is to be predicted."""
+        return campaign.without([test_id] if self.hold_out == "test" else campaign.speed_group(test_id))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +142,9 @@ def run_study(
     tasks = [(test, name) for test in tests for name in config.approaches]
     estimates: dict[tuple[str, str], Estimate] = {}
     for test, name in tasks:
-        if (kept := find_estimate(campaign.without([test.id]), test.condition, name, config, cache=cache)) is not None:
+        if (
+            kept := find_estimate(config.rest(campaign, test.id), test.condition, name, config, cache=cache)
+        ) is not None:
             estimates[test.id, name] = kept
     missing = [(test, name) for test, name in tasks if (test.id, name) not in estimates]
     _prepare(campaign, {name for _, name in missing}, config, cache, watch)
@@ -235,6 +247,8 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
     campaign.without(held_out)
     if len(campaign.tests) < 2:
         raise UsageError("Leaving a test out takes at least 2 tests: one to predict and one to learn from.")
+    if config.hold_out == "speed group" and len(campaign.speed_group(campaign.test_ids[0])) == len(campaign.tests):
+        raise UsageError("All tests are of one speed group: leaving it out leaves nothing to learn from.")
     if not config.approaches:
         raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
     for name in config.approaches:
@@ -272,5 +286,6 @@ def _hold_out(
     campaign: Campaign, test: CrashTest, approach: str, config: StudyConfig, cache: Cache, watch: Watch = SILENT
 ) -> tuple[str, Estimate]:
     with threadpool_limits(1):  # contended BLAS threads cost many times the CPU, and other numbers
-        rest = campaign.without([test.id])
-        return test.id, estimate_at(rest, test.condition, approach, config, cache=cache, watch=watch)
+        return test.id, estimate_at(
+            config.rest(campaign, test.id), test.condition, approach, config, cache=cache, watch=watch
+        )

@@ -55,6 +55,19 @@ def test_holding_out_takes_the_test_and_leaves_the_rest(campaign: Campaign) -> N
     assert rest.cae is campaign.cae
 
 
+def test_tests_within_two_miles_an_hour_are_one_speed_group(campaign: Campaign) -> None:
+    """25 and 26 mph belong together, 15 and 35 stand alone; a chain of small steps is one group."""
+    assert [campaign.speed_group(test_id) for test_id in campaign.test_ids] == [
+        ("T1",), ("T2", "T3"), ("T2", "T3"), ("T4",),
+    ]  # fmt: skip
+    speeds = (30.0, 33.4, 31.5, 25.0)
+    chain = tuple(
+        replace(test, condition=replace(test.condition, speed_mps=speed * MPH))
+        for test, speed in zip(campaign.tests, speeds, strict=True)
+    )
+    assert replace(campaign, tests=chain).speed_group("T2") == ("T1", "T2", "T3")
+
+
 def test_an_unknown_test_is_named_with_those_there_are(campaign: Campaign) -> None:
     """The message helps to pick one that exists."""
     with pytest.raises(UsageError, match="no test 'T7' in Tiny; it has T1, T2, T3, T4"):

@@ -90,6 +90,23 @@ def test_another_training_pulse_does_reach_the_prediction(campaign: Campaign, fi
         assert np.abs(estimate.prediction.accel_mps2 - before.accel_mps2).max() > 1.0
 
 
+def test_leaving_a_speed_group_out_learns_from_other_speeds_only(campaign: Campaign) -> None:
+    """T2 at 25 mph is predicted as if T3 at 26 mph did not exist; T4 has no companion, so nothing changes for it."""
+    config = StudyConfig(approaches=("displacement_domain",), hold_out="speed group")
+    study = run_study(campaign, config, held_out=["T2", "T4"], workers=1)
+    for held_out, left_out in (("T2", ["T2", "T3"]), ("T4", ["T4"])):
+        alone = estimate_at(campaign.without(left_out), campaign.test(held_out).condition, "displacement_domain")
+        found = study.fold(held_out).estimate("displacement_domain")
+        assert found.prediction.accel_mps2.tobytes() == alone.prediction.accel_mps2.tobytes()
+
+
+def test_one_speed_group_cannot_be_left_out(campaign: Campaign) -> None:
+    """Nothing would remain to learn from."""
+    alike = campaign.without(["T1", "T4"])
+    with pytest.raises(UsageError, match="All tests are of one speed group"):
+        run_study(alike, StudyConfig(hold_out="speed group"))
+
+
 def test_workers_do_not_change_the_numbers(campaign: Campaign) -> None:
     """Two processes give what one gives, to the bit, in the same order."""
     config = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))

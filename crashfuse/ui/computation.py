@@ -92,7 +92,11 @@ class StudyRequest:
         cache = Cache()
         return all(
             find_estimate(
-                self.campaign.without([test_id]), self.campaign.test(test_id).condition, name, self.config, cache=cache
+                self.config.rest(self.campaign, test_id),
+                self.campaign.test(test_id).condition,
+                name,
+                self.config,
+                cache=cache,
             )
             is not None
             for test_id in self.held_out
