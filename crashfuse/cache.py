@@ -3,10 +3,12 @@
 import hashlib
 import io
 import json
+import logging
 import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,8 @@ import platformdirs
 
 from crashfuse.files import write_atomically
 from crashfuse.version import __version__
+
+log = logging.getLogger(__name__)
 
 Entry = dict[str, npt.NDArray[Any]]
 
@@ -39,7 +43,7 @@ class Cache:
 
     def path(self, kind: str, key: Mapping[str, object]) -> Path:
         """File of the entry of this kind whose parts (strings, numbers, frozen configs) are these."""
-        parts = json.dumps({**key, "version": __version__}, sort_keys=True, default=_plain)
+        parts = json.dumps({**key, "version": __version__, "code": _code()}, sort_keys=True, default=_plain)
         return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
 
     def get(self, kind: str, key: Mapping[str, object]) -> Entry | None:
@@ -60,11 +64,22 @@ class Cache:
             return None
 
     def put(self, kind: str, key: Mapping[str, object], entry: Mapping[str, npt.ArrayLike]) -> None:
-        """Keep these arrays under this key."""
+        """Keep these arrays under this key, if the folder can be written."""
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **{name: np.asarray(value) for name, value in entry.items()})
         payload = buffer.getvalue()
-        write_atomically(self.path(kind, key), hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
+        try:
+            write_atomically(self.path(kind, key), hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
+        except OSError as error:  # a full disk must not cost what was computed
+            log.warning("A result could not be kept in %s: %s", self.folder, error)
+
+
+@cache
+def _code() -> str:
+    """Digest of the modules that compute: what other code made is not taken for what this one would make."""
+    package = Path(__file__).parent
+    modules = sorted(path for path in package.rglob("*.py") if "ui" not in path.relative_to(package).parts)
+    return hashlib.sha256(b"".join(path.read_bytes() for path in modules)).hexdigest()
 
 
 def _plain(value: object) -> object:

@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         command(arguments)
     except DataError as error:
         count = len(error.problems)
-        _say(*map(str, error.problems), f"{count} problem{'s' if count > 1 else ''} found; nothing was written.")
+        _say(*map(str, error.problems), f"{count} problem{'s' if count > 1 else ''} found.")
         return WRONG_DATA
     except UsageError as error:
         _say(f"crashfuse: {error}")
@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say(f"crashfuse: {error}")
         return WRONG_DATA
     except KeyboardInterrupt:
-        _say("Stopped. What was finished is in the cache; the same command with --resume goes on from there.")
+        _say("Stopped. What was finished is in the cache: the same command goes on from there (a study with --resume).")
         return INTERRUPTED
     return DONE
 
@@ -235,11 +235,18 @@ def parser() -> argparse.ArgumentParser:
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--approach", nargs="+", metavar="NAME", help="cae, lf_tcn, time_domain, displacement_domain")
     parser.add_argument("--preset", choices=("fast", "paper"), help="settings: ours (default) or the paper's")
-    parser.add_argument("--seed", type=int, help="seed of everything random (default: 0)")
+    parser.add_argument("--seed", type=_not_negative, help="seed of everything random (default: 0)")
 
 
 def _positive(text: str) -> int:
     number = int(text)
     if number < 1:
         raise argparse.ArgumentTypeError("must be 1 or more")
+    return number
+
+
+def _not_negative(text: str) -> int:
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError("must be 0 or more")
     return number

@@ -111,7 +111,8 @@ class Emulator:
     def predict(self, condition: Condition) -> FloatArray:
         """Predict the CAE pulse at a condition.
 
-        Beyond the library's speeds the pulse at its border is scaled with the speed, since the change of velocity is.
+        Beyond the library the pulse at its border is taken: a Gaussian process forgets what it has learned out there.
+        Beyond its speeds that pulse is scaled with the speed, as the change of velocity is.
 
         Parameters
         ----------
@@ -125,6 +126,7 @@ class Emulator:
         vector = condition.vector
         inside = np.clip(vector[0], *self.speed_range_)
         x = (np.array([[inside, *vector[1:]]]) - self.centre_) / self.spread_
+        x = np.clip(x, self.inputs_.min(axis=0), self.inputs_.max(axis=0))
         correlation = Matern(self.length_scales_, nu=2.5)(x, self.inputs_)
         pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
         return np.asarray(pulse[0] * (vector[0] / inside if inside else 1.0))

@@ -35,7 +35,7 @@ COLOURS: Mapping[str, str] = {  # Okabe & Ito's palette, which colour-blind read
     "displacement_domain": "#D55E00",
     "fused": "#009E73",
 }
-_DASHES: Mapping[str, str] = {"cae": "dash", "lf_tcn": "dot"}  # what has not seen a test is not drawn solid
+DASHES: Mapping[str, str] = {"cae": "dash", "lf_tcn": "dot"}  # what has not seen a test is not drawn solid
 
 GRADE_COLOURS: Mapping[str, str] = {
     "Poor": "#F4B183",
@@ -163,7 +163,7 @@ def measured_pulses(
     """
     figure = new_figure(height=460)
     scale = accel_scale(unit, deceleration)
-    lines = _speed_lines(tests)
+    lines = speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         thick = test.id == highlight
         add_line(
@@ -207,7 +207,7 @@ def library_band(
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * scale
     add_band(figure, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs", showlegend=True)
     add_line(figure, GRID_S, median, name="Median run", line={"color": COLOURS["cae"], "width": 2.5})
-    lines = _speed_lines(tests)
+    lines = speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         if (run := library.paired_run(test.condition)) is not None:
             add_line(
@@ -294,7 +294,7 @@ def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: 
 
 
 def _curve(figure: go.Figure, approach: str, values: FloatArray, *, row: int = 1, has_band: bool = False) -> None:
-    line = {"color": COLOURS[approach], "width": 2, "dash": _DASHES.get(approach, "solid")}
+    line = {"color": COLOURS[approach], "width": 2, "dash": DASHES.get(approach, "solid")}
     name = LABELS[approach] + (" (95 % band)" if has_band else "")
     rank = 2 + list(LABELS).index(approach)
     add_line(
@@ -340,7 +340,7 @@ def _central(draws: FloatArray) -> tuple[FloatArray, FloatArray]:
     return lower, upper
 
 
-def _speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:
+def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:
     """A line for each test: dark for slow, on a scale for colour-blind readers too; dashes tell repeats apart."""
     if not tests:
         return {}

@@ -8,12 +8,20 @@ import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches import LABELS
+from crashfuse.approaches.displacement_domain import measured_bias
+from crashfuse.cache import Cache
+from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
+from crashfuse.displacement_plots import bias_by_speed, over_displacement
 from crashfuse.metrics import METRIC_LABELS
 from crashfuse.plots import overlay, rating_heatmap
 from crashfuse.study import Estimate, Fold, Study
 from crashfuse.units import LB, MPH
 
+_HELD_OUT = {
+    "test": "Each test was left out in turn and predicted from all others.",
+    "speed group": "Each test was left out together with all tests within 2 mph of it, and predicted from the rest.",
+}
 _STYLE = """
 body { font: 15px/1.5 system-ui, "Segoe UI", sans-serif; color: #262a33; max-width: 62rem;
        margin: 2rem auto; padding: 0 1rem }
@@ -28,6 +36,11 @@ thead th { border-bottom: 2px solid #262a33 }
 code { overflow-wrap: anywhere }
 @media print { section { break-inside: avoid } h2 { break-after: avoid } body { margin: 0; max-width: none } }
 """
+
+_OVER_DISPLACEMENT = (
+    "<p>The same over displacement, up to maximum crush (the marks, with their 95 % interval). Between a curve and "
+    "zero lies the energy that was absorbed, the same for all.</p>"
+)
 
 
 def study_report(study: Study, scores: pd.DataFrame, metrics: pd.DataFrame, record: Mapping[str, object]) -> str:
@@ -47,11 +60,12 @@ def study_report(study: Study, scores: pd.DataFrame, metrics: pd.DataFrame, reco
     parts = [
         _data(campaign),
         "<h2>Result: mean rating over the held-out tests</h2>",
-        "<p>Each test was left out in turn and predicted from all others. Overall rating by ISO/TS 18571 (1 is a "
+        f"<p>{_HELD_OUT[study.config.hold_out]} Overall rating by ISO/TS 18571 (1 is a "
         "perfect match; Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor); best in bold.</p>",
         _ratings(mean.set_axis([f"0–{w:g} ms" for w in mean.columns], axis=1)),
         f"<h2>Rating of every held-out test, 0–{window:g} ms</h2>",
         _figure(rating_heatmap({fold.held_out: _overall(fold, window) for fold in study.folds})),
+        _bias(campaign),
     ]
     for fold in study.folds:
         test = campaign.test(fold.held_out)
@@ -60,6 +74,8 @@ def study_report(study: Study, scores: pd.DataFrame, metrics: pd.DataFrame, reco
         parts += [
             f"<section><h2>Test {_text(test.id)}: {_text(test.condition)}</h2>",
             _figure(overlay(test.pulse, predictions, window_ms=window)),
+            _OVER_DISPLACEMENT,
+            _figure(over_displacement(test.pulse, predictions, speed_mps=test.condition.speed_mps)),
             _ratings(table.set_axis([f"0–{w:g} ms" for w in table.columns], axis=1)),
             _metrics(metrics[metrics["held_out"] == fold.held_out]),
             _notes(fold.estimates),
@@ -74,15 +90,19 @@ def prediction_report(
 ) -> str:
     """Report of a prediction at a new condition as one HTML page; parameters as in :func:`study_report`."""
     condition = estimates[0].prediction.condition
+    predictions = {estimate.approach: estimate.prediction for estimate in estimates}
     parts = [
         f"<section><h2>Prediction at {_text(condition)}</h2>",
         "<p>Nothing was measured at this condition: there is no rating. A study of the same campaign tells how well "
         "the approaches predict tests that were left out.</p>",
-        _figure(overlay(None, {estimate.approach: estimate.prediction for estimate in estimates})),
+        _figure(overlay(None, predictions)),
+        _OVER_DISPLACEMENT,
+        _figure(over_displacement(None, predictions, speed_mps=condition.speed_mps)),
         _metrics(metrics),
         _notes(estimates),
         "</section>",
         _data(campaign),
+        _bias(campaign),
         _provenance(record),
     ]
     return _page(f"{campaign.name}: prediction at {condition}", campaign, parts)
@@ -112,6 +132,16 @@ def _data(campaign: Campaign) -> str:
     return f"<h2>Data: {len(campaign.tests)} tests, {len(campaign.cae):,} CAE runs</h2>{_table(rows)}{warnings}"
 
 
+def _bias(campaign: Campaign) -> str:
+    """What the CAE model got wrong in every test, by speed; its emulator is in the cache by now."""
+    model = CaeModel(cache=Cache()).fit(campaign.cae)
+    figure = bias_by_speed(campaign.tests, [measured_bias(test, model) for test in campaign.tests])
+    return (
+        "<section><h2>What the CAE model gets wrong, by speed</h2><p>What has to be added to the CAE model to get each "
+        f"test, over displacement. The steep ends are where a vehicle stops.</p>{_figure(figure)}</section>"
+    )
+
+
 def _ratings(table: pd.DataFrame) -> str:
     """Approach by window, the best of each window in bold."""
     shown = pd.DataFrame(
@@ -130,7 +160,8 @@ def _metrics(metrics: pd.DataFrame) -> str:
     for row in metrics.itertuples():
         value = "–" if pd.isna(row.value) else f"{row.value:.1f}"
         if pd.notna(row.lower):
-            value += f" [{row.lower:.1f}, {row.upper:.1f}]"
+            upper = "beyond the record" if pd.isna(row.upper) else f"{row.upper:.1f}"
+            value += f" [{row.lower:.1f}, {upper}]"
         name = f"{METRIC_LABELS.get(row.metric, row.metric)} ({row.unit})"
         columns.setdefault(LABELS.get(row.approach, "Measured"), {})[name] = value
     table = pd.DataFrame(columns)

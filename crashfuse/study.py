@@ -5,9 +5,10 @@ works on ``campaign.without(test)``, whose fingerprint is also the key under whi
 """
 
 import json
-import os
 import time
-from collections.abc import Iterator, Sequence, Set
+import warnings
+from collections.abc import Generator, Sequence, Set
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -18,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from crashfuse.approaches import APPROACHES, CAE_ONLY, Prediction, Preset, create
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.errors import UsageError
+from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.metrics import Metric, pulse_metrics
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import DT_S, Condition, Pulse
@@ -152,10 +153,11 @@ def run_study(
 
     watch.report(_STEP, len(estimates), len(tasks))
     alone = len({test.id for test, _ in missing}) < 2  # processes take seconds to start
-    workers = workers or (1 if alone else os.cpu_count() or 1)
-    for test_id, estimate in _completed(campaign, missing, config, cache, watch, workers):
-        estimates[test_id, estimate.approach] = estimate
-        watch.report(_STEP, len(estimates), len(tasks))
+    workers = workers or (1 if alone else min(joblib.cpu_count(), len(missing)))
+    with closing(_completed(campaign, missing, config, cache, watch, workers)) as completed:
+        for test_id, estimate in completed:
+            estimates[test_id, estimate.approach] = estimate
+            watch.report(_STEP, len(estimates), len(tasks))
 
     folds = []
     for test in tests:
@@ -184,10 +186,12 @@ def estimate_at(
     Raises
     ------
     UsageError
-        If there is no such approach or preset.
+        If there is no such approach or preset, or speed or a weight is not above 0.
     Cancelled
         If the watch was told to stop.
     """
+    if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
+        raise UsageError(f"A prediction takes a speed and weights above 0, not {condition}.")
     cache = cache or Cache()
     kept = find_estimate(campaign, condition, approach, config, cache=cache)
     if kept is not None:
@@ -227,12 +231,14 @@ def find_estimate(
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
+    settings = create(approach, preset=config.preset, seed=config.seed)
     return {
         "campaign": campaign.fingerprint,
         "condition": condition,
         "approach": approach,
-        "preset": config.preset,
+        "config": getattr(settings, "config", None),
         "seed": config.seed,
+        "hardware": settings.hardware,
     }
 
 
@@ -243,6 +249,8 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
     ------
     UsageError
         If a name, a window or the number of tests makes it so.
+    DataError
+        If a held-out test does not vary over a window: it cannot be rated.
     """
     campaign.without(held_out)
     if len(campaign.tests) < 2:
@@ -253,9 +261,17 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
         raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
     for name in config.approaches:
         create(name, preset=config.preset)  # raises what is wrong with a name before anything is computed
+    if config.seed < 0:
+        raise UsageError("A seed is a whole number from 0 up.")
     for window in config.windows_ms:
         if not 10 <= window <= 100:
             raise UsageError(f"A rating window of {window:g} ms is not possible; choose 10 to 100 ms.")
+        for test_id in held_out or campaign.test_ids:
+            start = campaign.test(test_id).pulse.accel_mps2[: round(window / 1e3 / DT_S)]
+            if np.ptp(start) == 0:
+                found = "no change at all"
+                advice = "check its time zero or rate a longer window"
+                raise DataError(Problem(test_id, f"a pulse that varies over 0–{window:g} ms", found, advice))
 
 
 def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> None:
@@ -272,14 +288,21 @@ def _completed(
     cache: Cache,
     watch: Watch,
     workers: int,
-) -> Iterator[tuple[str, Estimate]]:
+) -> Generator[tuple[str, Estimate]]:
     """Yield the tasks' estimates as they get done, each with its held-out test's id."""
     if workers == 1:
         for test, name in tasks:
             yield _hold_out(campaign, test, name, config, cache, watch)
         return
     pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
-    yield from pool(joblib.delayed(_hold_out)(campaign, test, name, config, cache) for test, name in tasks)
+    completed = pool(joblib.delayed(_hold_out)(campaign, test, name, config, cache) for test, name in tasks)
+    try:
+        for result in completed:  # noqa: UP028 - "yield from" would close the pool before the warning is silenced
+            yield result
+    finally:
+        with warnings.catch_warnings():  # joblib warns of the tasks that a cancelled study leaves undone
+            warnings.simplefilter("ignore", UserWarning)
+            completed.close()
 
 
 def _hold_out(

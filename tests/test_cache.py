@@ -56,7 +56,7 @@ def test_nothing_is_unpickled(tmp_path: Path) -> None:
 
 
 def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A full disk in mid-write keeps the old entry and leaves no temporary file."""
+    """A full disk costs nothing that was computed: the old entry stays, and no temporary file does."""
     cache = Cache(tmp_path)
     cache.put("kind", {}, {"a": 1.0})
 
@@ -64,8 +64,7 @@ def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monke
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OSError, match="No space"):
-        cache.put("kind", {}, {"a": 2.0})
+    cache.put("kind", {}, {"a": 2.0})
     monkeypatch.undo()
     found = cache.get("kind", {})
     assert found is not None

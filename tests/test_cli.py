@@ -164,7 +164,7 @@ def test_bad_data_end_with_1_and_leave_nothing(
     assert cli.main(["study", str(campaign_folder), "--out", str(out)]) == cli.WRONG_DATA
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 3
-    assert lines[-1] == "2 problems found; nothing was written."
+    assert lines[-1] == "2 problems found."
     assert not out.exists()
 
 

@@ -74,6 +74,11 @@ class Approach(ABC):
         """
 
     @property
+    def hardware(self) -> str:
+        """Kind of device that decides the last bits of its numbers, where there is a choice."""
+        return ""
+
+    @property
     def state(self) -> dict[str, object]:
         """What the fit found, as plain JSON values, for study.json and the pages."""
         return {}

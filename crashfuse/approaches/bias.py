@@ -42,6 +42,23 @@ class BiasDraws:
     over_speed_mps2: FloatArray
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class BiasPart:
+    """One part of the bias expected at a condition, or their sum, with the middle 95 % of what it may be.
+
+    Attributes
+    ----------
+    name : str
+    mean_mps2, lower_mps2, upper_mps2 : ndarray, shape (n,)
+        Over displacement.
+    """
+
+    name: str
+    mean_mps2: FloatArray
+    lower_mps2: FloatArray
+    upper_mps2: FloatArray
+
+
 def bijective_projection(condition: Condition, test: LoadingPhase, curve: LoadingCurve, n_points: int) -> BiasPoints:
     """Project the CAE pulse on the test and the test on the CAE pulse (Eqs. 16 to 22).
 

@@ -76,7 +76,11 @@ class Covariance:
 
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
         """Covariance at the logarithms of σ and the length scales, part by part; shape (n, m)."""
-        return np.asarray(sum(self._terms(log_hyperparameters)))
+        return np.asarray(sum(self.terms(log_hyperparameters)))
+
+    def terms(self, log_hyperparameters: FloatArray) -> list[FloatArray]:
+        """Each part's own term of the covariance, in their order; shape (n, m) each."""
+        return self._terms(log_hyperparameters)
 
     def with_derivatives(self, log_hyperparameters: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
         """Covariance, and its derivatives by each logarithm."""

@@ -8,7 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.bias import BiasPoints, bijective_projection, uniform_points
+from crashfuse.approaches.bias import BiasPart, BiasPoints, bijective_projection, uniform_points
 from crashfuse.approaches.dynamics import integrate
 from crashfuse.approaches.hierarchy import HierarchicalBias
 from crashfuse.approaches.rebound import follow_unloading
@@ -19,7 +19,7 @@ from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import NotFittedError, UsageError
 from crashfuse.loading import loading_phase
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import DT_S, N_SAMPLES, Condition
+from crashfuse.pulse import DT_S, N_SAMPLES, Condition, FloatArray
 
 _GRID = 200  # steps of the displacement grid on which the bias is drawn
 _SHARES = np.linspace(0.0, 1.0, 101)  # of the impact speed, at which what depends on velocity is drawn
@@ -65,6 +65,13 @@ class DisplacementConfig:
     def paper(cls) -> Self:
         """Table 4 as it stands: minutes a fit."""
         return cls(bias="table 4")
+
+
+def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
+    """What the CAE model got wrong in a test, over displacement, as the hierarchical model is told but finer."""
+    condition = test.condition
+    phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
+    return uniform_points(condition, phase, model.loading_curve(condition), step_m, HierarchicalBias.end_share)
 
 
 class DisplacementDomain(Approach):
@@ -159,6 +166,26 @@ class DisplacementDomain(Approach):
         if len(self.points_) == 1:
             notes += ("Only one test: how much tests differ from each other is assumed, not learned.",)
         return Prediction(condition, pulses[0], pulses[1:], notes)
+
+    def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
+        """Take the bias that is expected at a condition apart; empty for Table 4, which is all of one piece.
+
+        Parameters
+        ----------
+        condition : Condition
+        displacement_m : ndarray, shape (n,)
+
+        Raises
+        ------
+        NotFittedError
+            If called before :meth:`fit`.
+        """
+        if not hasattr(self, "bias_"):
+            raise NotFittedError("The displacement domain has not been fitted; call fit(campaign) first.")
+        if isinstance(self.bias_, Table4Bias):
+            return ()
+        cae = self.model_.loading_curve(condition).accel_at(displacement_m, self.bias_.end_share)
+        return self.bias_.parts(condition, displacement_m, cae)
 
     @property
     def state(self) -> dict[str, object]:

@@ -4,7 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from crashfuse.loading import LoadingPhase
 from crashfuse.pulse import DT_S, N_SAMPLES, FloatArray
+
+_REPLAY_STEPS = 1600  # about as fine as the displacement-domain approach reads the CAE model
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -69,6 +72,27 @@ def integrate(
         v = v + 0.5 * (a + a_next) * dt_s
         a = a_next
     return Motion(accel.T, velocity.T, displacement.T)
+
+
+def replay(phase: LoadingPhase) -> FloatArray:
+    """Displacement over time that Eq. 29 gives back for a pulse that is known over displacement only.
+
+    It should be the pulse's own, integrated over time: what differs is what the way over displacement loses.
+
+    Parameters
+    ----------
+    phase : LoadingPhase
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In m, at the times of the phase.
+    """
+    grid = np.linspace(0.0, phase.crush_m, _REPLAY_STEPS + 1)
+    n_times = int(np.ceil(phase.end_s / DT_S)) + 1
+    speed = float(phase.velocity_mps[0])
+    motion = integrate(phase.accel_at(grid)[None], grid[1], np.zeros((1, 2)), speed, n_times=n_times)
+    return np.asarray(np.interp(phase.time_s, np.arange(n_times) * DT_S, motion.displacement_m[0]))
 
 
 class _Table:

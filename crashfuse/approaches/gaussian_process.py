@@ -160,6 +160,29 @@ class GaussianProcess:
         covariance = self.output_scale_**2 * (prior - known.T @ known)
         return mean, covariance if return_cov else np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
+    def predict_parts(self, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+        """Posterior mean and standard deviation of each part alone; the means add up to what :meth:`predict` gives.
+
+        The standard deviations don't add up in any way: the data tell what the sum is more than what each part is.
+
+        Parameters
+        ----------
+        x : ndarray, shape (m, n_columns + 1)
+
+        Returns
+        -------
+        list of (ndarray, ndarray), shapes (m,)
+            In the order of the parts.
+        """
+        cross = Covariance(self.parts, x, self.x_).terms(self.theta_[:-1])
+        prior = Covariance(self.parts, x, x).terms(self.theta_[:-1])
+        known = [solve_triangular(self._lower, term.T, lower=True) for term in cross]
+        left = [np.diag(before) - np.sum(told**2, axis=0) for before, told in zip(prior, known, strict=True)]
+        return [
+            (self.output_scale_ * (term @ self._alpha), self.output_scale_ * np.sqrt(np.maximum(variance, 0.0)))
+            for term, variance in zip(cross, left, strict=True)
+        ]
+
     def sample_y(self, x: FloatArray, n_samples: int = 1, random_state: int = 0) -> FloatArray:
         """Draw whole functions from the posterior, shape (m, n_samples)."""
         mean, covariance = self.predict(x, return_cov=True)

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from typing import ClassVar, Self
 
 import numpy as np
+from scipy.special import stdtrit
 
-from crashfuse.approaches.bias import BiasDraws, BiasPoints
+from crashfuse.approaches.bias import BiasDraws, BiasPart, BiasPoints
 from crashfuse.approaches.covariance import Covariance, LogNormal, Part
 from crashfuse.approaches.gaussian_process import GaussianProcess, draw
 from crashfuse.progress import SILENT, Watch
@@ -117,6 +118,30 @@ class HierarchicalBias:
         deviations = widening * draw(np.zeros_like(mean), covariance, n_draws, rng)
         stops = widening * draw(np.zeros_like(speed_share), stop_covariance, n_draws, rng)
         return BiasDraws(np.vstack([mean, mean + deviations]), np.vstack([np.zeros_like(speed_share), stops]))
+
+    def parts(self, condition: Condition, displacement_m: FloatArray, cae_mps2: FloatArray) -> tuple[BiasPart, ...]:
+        """Take the bias of a new test apart, as long as it moves: what comes with its stop is zero until then.
+
+        Parameters
+        ----------
+        condition : Condition
+        displacement_m, cae_mps2 : ndarray, shape (n,)
+            As for :meth:`sample`.
+
+        Returns
+        -------
+        tuple of BiasPart
+            Shared, by speed, by weight, ratio, own; then their total, which is the mean that :meth:`sample` gives.
+        """
+        x = _rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m), number=-1)
+        moments = self.process_.predict_parts(x)[: len(_PARTS) - 1]
+        moments.append(self.process_.predict(x, return_std=True))
+        names = (*(part.name for part in _PARTS[:-1]), "total")
+        reach = float(stdtrit(self.freedom_, 0.975))  # the draws have Student's t distribution
+        return tuple(
+            BiasPart(name, mean, mean - reach * std, mean + reach * std)
+            for name, (mean, std) in zip(names, moments, strict=True)
+        )
 
     @property
     def state(self) -> dict[str, object]:

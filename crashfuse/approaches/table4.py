@@ -27,8 +27,10 @@ _DEAD = 0.05  # nats a point over noise alone, below which an optimum explains n
 class Table4Bias:
     """A constant times Matérn-3/2 on (s, v0, front weight, rear weight), each standardised (Eqs. 23 to 27).
 
-    The paper leaves the Matérn's order and the scaling of the inputs open. From most starts the fit ends in a dead
-    optimum, where every point is its own; what comes out is kept as the settings give it, and said to be dead.
+    The bias is in m/s², unscaled, as scikit-learn's default leaves it: alpha and the bounds of Table 4 act on (m/s²)².
+    The paper leaves this unit open, and the Matérn's order and the scaling of the inputs. From most starts the fit ends
+    in a dead optimum, where every point is its own; what comes out is kept as the settings give it, and is said to be
+    dead.
 
     Parameters
     ----------

@@ -34,6 +34,17 @@ class _TcnApproach(Approach):
         self.device = device
         self.cache = cache
 
+    @property
+    def _device(self) -> torch.device:
+        if self.device != "auto":
+            return torch.device(self.device)
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+    @property
+    def hardware(self) -> str:
+        """The kind of device it trains on: its numbers differ in the last bits."""
+        return self._device.type
+
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition.
 
@@ -106,12 +117,6 @@ class LfTcn(_TcnApproach):
             "device": self._device.type,
         }
 
-    @property
-    def _device(self) -> torch.device:
-        if self.device != "auto":
-            return torch.device(self.device)
-        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-
     def _as_arrays(self) -> dict[str, npt.ArrayLike]:
         weights = {f"weight {name}": weight.cpu().numpy() for name, weight in self.network_.state_dict().items()}
         return {**weights, **{f"scaling {k}": v for k, v in asdict(self.scaling_).items()}, "losses": self.losses_}
@@ -121,7 +126,9 @@ class LfTcn(_TcnApproach):
             return tuple(np.atleast_1d(entry[f"scaling {name}"]).tolist())
 
         self.losses_ = entry["losses"]
-        self.scaling_ = Scaling(scaling("centre"), scaling("spread"), *scaling("top_speed_mps"), *scaling("accel_mps2"))
+        self.scaling_ = Scaling(
+            scaling("centre"), scaling("spread"), scaling("lowest"), scaling("highest"), *scaling("accel_mps2")
+        )
         self.network_ = Tcn(self.config, torch.Generator()).to(self._device)
         kept = {k.removeprefix("weight "): torch.from_numpy(v) for k, v in entry.items() if k.startswith("weight ")}
         self.network_.load_state_dict(kept)

@@ -4,7 +4,7 @@ import copy
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -29,35 +29,39 @@ class Scaling:
     ----------
     centre, spread : tuple of float
         Mean and standard deviation of v0 (m/s), front and rear weight (kg).
-    top_speed_mps : float
+    lowest, highest : tuple of float
+        Ends of the library: beyond them the network gets what it would get there.
     accel_mps2 : float
         Root mean square of the accelerations, divided by v0 / top speed if outputs are scaled by speed.
     """
 
     centre: tuple[float, ...]
     spread: tuple[float, ...]
-    top_speed_mps: float
+    lowest: tuple[float, ...]
+    highest: tuple[float, ...]
     accel_mps2: float
 
     @classmethod
     def of(cls, vectors: FloatArray, accel_mps2: FloatArray, config: TcnConfig) -> "Scaling":
         """Learn the scaling from conditions, shape (n, 3), and their pulses, shape (n, 1250)."""
         spread = np.maximum(vectors.std(axis=0), 1e-6 * np.abs(vectors).max(axis=0))
-        unit = cls(tuple(vectors.mean(axis=0).tolist()), tuple(spread.tolist()), float(vectors[:, 0].max()), 1.0)
+        centre, lowest, highest = vectors.mean(axis=0), vectors.min(axis=0), vectors.max(axis=0)
+        unit = cls(tuple(centre.tolist()), tuple(spread.tolist()), tuple(lowest.tolist()), tuple(highest.tolist()), 1.0)
         sequences = accel_mps2[:, :: config.stride] / unit.outputs(vectors, config)[:, None]
-        return cls(unit.centre, unit.spread, unit.top_speed_mps, float(np.sqrt(np.mean(sequences**2))))
+        return replace(unit, accel_mps2=float(np.sqrt(np.mean(sequences**2))))
 
     def outputs(self, vectors: FloatArray, config: TcnConfig) -> FloatArray:
         """Acceleration that an output of 1 means for each condition, m/s², shape (n,)."""
         if not config.scale_by_speed:
             return np.full(len(vectors), self.accel_mps2)
-        share: FloatArray = np.maximum(vectors[:, 0] / self.top_speed_mps, _CREEP)
+        share: FloatArray = np.maximum(vectors[:, 0] / self.highest[0], _CREEP)
         return self.accel_mps2 * share
 
     def inputs(self, vectors: FloatArray, config: TcnConfig) -> Tensor:
         """Input sequences for conditions of shape (n, 3): shape (n_times, n, n_inputs), float32."""
+        vectors = np.clip(vectors, self.lowest, self.highest)
         time = GRID_S[:: config.stride, None] / GRID_S[-1]
-        travel = time * vectors[None, :, 0] / self.top_speed_mps
+        travel = time * vectors[None, :, 0] / self.highest[0]
         columns = [2 * time - 1, *((vectors - self.centre) / self.spread).T[:, None]]
         columns += [wave(np.pi * k * time) for k in range(1, config.time_waves + 1) for wave in (np.sin, np.cos)]
         if config.travel_waves:

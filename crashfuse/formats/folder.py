@@ -11,11 +11,14 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.formats.pulses import PulseSource
 from crashfuse.formats.tables import ConditionTable, read_conditions
 from crashfuse.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
-from crashfuse.units import KPH, MPH, G
+from crashfuse.units import KPH, MPH, MS, G
 
 _FEWEST_RUNS = 10
 _TEST_STOPS = (0.7, 1.6)  # ΔV over v0: from "not yet stopped at 100 ms" to more rebound than any car has
 _RUN_STOPS = (0.3, 2.5)
+_MOVING = 0.05  # of the impact speed: 0.25 % of its energy is left
+_BAND_HZ, _HIGH_SHARE = 250, 0.01
+_MOST_SPECTRA = 500  # pulses looked at
 _CREEP_MPS = 1.0  # below this speed noise decides ΔV over v0
 
 
@@ -61,6 +64,8 @@ def load_campaign(folder: str | Path) -> Campaign:
         tables[source], pulses[source] = table, reader.read(table.ids)
         if not reader.problems:
             _check_physics(source, table, pulses[source], reader.problems)
+            _check_ends(source, table, pulses[source], reader)
+            _check_band(source, pulses[source], reader.warnings)
         problems.extend(reader.problems)
         warnings.extend(_shortened(reader.warnings))
     _check_counts(tables, problems)
@@ -122,6 +127,35 @@ def _check_physics(source: str, table: ConditionTable, accel: FloatArray, proble
                 f"id {table.ids[row]}",
                 int(row) + 2,
             )
+        )
+
+
+def _check_ends(source: str, table: ConditionTable, accel: FloatArray, reader: PulseSource) -> None:
+    """Refuse a record that ends while the vehicle still moves: the rest of its pulse would be invented."""
+    for row, run_id in enumerate(table.ids):
+        if run_id not in reader.ends_s:
+            continue
+        speed, end = table.conditions[row].speed_mps, reader.ends_s[run_id]
+        velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps)
+        if velocity > _MOVING * speed:
+            found = f"{velocity / MPH:.1f} mph ({velocity / KPH:.1f} km/h) at its end, {end / MS:.4g} ms"
+            expected = "a record that lasts until the vehicle has stopped, or 100 ms"
+            place = f"id {run_id}"
+            reader.problems.append(Problem(f"{source}.csv", expected, found, "export a longer record", place, row + 2))
+
+
+def _check_band(source: str, accel: FloatArray, warnings: list[str]) -> None:
+    """Warn of pulses with much above the band that the fast time-domain network resolves."""
+    if not len(accel):
+        return
+    some = accel[:: -(-len(accel) // _MOST_SPECTRA)].astype(np.float64)
+    power = np.abs(np.fft.rfft(some - some.mean(axis=1, keepdims=True), axis=1)) ** 2
+    high = np.fft.rfftfreq(some.shape[1], DT_S) > _BAND_HZ
+    if power[:, high].sum() > _HIGH_SHARE * power.sum():
+        share = 100 * power[:, high].sum() / power.sum()
+        warnings.append(
+            f"{source}: {share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled; "
+            "set channel_filter_class = 60 in campaign.toml if they are not filtered."
         )
 
 

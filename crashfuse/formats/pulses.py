@@ -46,6 +46,8 @@ class PulseSource:
     channel_filter_class: float | None
     problems: list[Problem] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    ends_s: dict[str, float] = field(default_factory=dict)
+    """Where the records that are shorter than the study grid end, by id."""
     _unreadable: bool = False
 
     def read(self, ids: Sequence[str]) -> npt.NDArray[np.float32]:
@@ -63,6 +65,8 @@ class PulseSource:
                 on_grid = self._on_grid(signal, f"{where}, {run_id}" if "_pulses" in where else where)
                 if on_grid is not None:
                     accel[row_of[run_id]] = on_grid
+                    if signal[0][-1] < GRID_S[-1] - (signal[0][1] - signal[0][0]):
+                        self.ends_s[run_id] = float(signal[0][-1])
             else:
                 found = f"rows of {run_id} in two places"
                 advice = "sort the file by id, then by time"
@@ -232,7 +236,13 @@ def _frames(path: Path) -> Iterator[pd.DataFrame]:
                 yield batch.to_pandas()
         return
     with pd.read_csv(
-        path, chunksize=_BATCH_ROWS, dtype={"id": str}, encoding="utf-8-sig", skipinitialspace=True, low_memory=False
+        path,
+        chunksize=_BATCH_ROWS,
+        dtype={"id": str},
+        keep_default_na=False,
+        encoding="utf-8-sig",
+        skipinitialspace=True,
+        low_memory=False,
     ) as chunks:
         for frame in chunks:
             frame.columns = frame.columns.str.strip()

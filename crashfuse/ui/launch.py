@@ -18,6 +18,8 @@ def launch(port: int, campaign: Path | None) -> None:
     campaign : Path, optional
         Folder to open at the start.
     """
+    if "CRASHFUSE_CACHE" in os.environ:
+        os.environ["CRASHFUSE_CACHE"] = str(Path(os.environ["CRASHFUSE_CACHE"]).resolve())
     if campaign is not None:
         os.environ["CRASHFUSE_CAMPAIGN"] = str(campaign.resolve())
     os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # where the pages and settings lie

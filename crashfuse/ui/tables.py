@@ -95,8 +95,9 @@ def _value(metric: Metric) -> str:
     if metric.value is None:
         return "–"
     text = f"{metric.value:.1f}"
-    if metric.lower is not None and metric.upper is not None:
-        text += f" [{metric.lower:.1f}, {metric.upper:.1f}]"
+    if metric.lower is not None:
+        upper = "beyond the record" if metric.upper is None else f"{metric.upper:.1f}"
+        text += f" [{metric.lower:.1f}, {upper}]"
     return text
 
 

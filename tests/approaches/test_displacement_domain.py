@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain, measured_bias
 from crashfuse.approaches.dynamics import integrate
 from crashfuse.approaches.rebound import follow_unloading
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
@@ -232,3 +232,18 @@ def test_progress_is_reported_and_the_state_is_plain_json(campaign: Campaign) ->
         ("Bias model", 1),
     ]
     assert json.loads(json.dumps(model.state))["seconds"] >= 0
+
+
+def test_the_parts_of_the_bias_foresee_a_test_that_was_left_out(campaign: Campaign) -> None:
+    """They come from the other tests, and yet their total is near what it measured."""
+    held_out = campaign.tests[1]
+    domain = DisplacementDomain().fit(campaign.without([held_out.id]))
+    grid = np.linspace(0, 0.4, 41)
+    *parts, total = domain.bias_parts(held_out.condition, grid)
+    np.testing.assert_allclose(sum(part.mean_mps2 for part in parts), total.mean_mps2, atol=1e-6)
+    bias = measured_bias(held_out, domain.model_)
+    inside = (bias.displacement_m > 0.05) & (bias.displacement_m < 0.3)
+    expected = np.interp(bias.displacement_m, grid, total.mean_mps2)
+    assert np.sqrt(np.mean((bias.bias_mps2 - expected)[inside] ** 2)) < 0.5 * np.abs(bias.bias_mps2[inside]).max()
+    with pytest.raises(NotFittedError):
+        DisplacementDomain().bias_parts(held_out.condition, grid)

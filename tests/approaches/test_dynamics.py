@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from crashfuse.approaches.dynamics import integrate
+from crashfuse.approaches.dynamics import integrate, replay
+from crashfuse.loading import loading_phase
 from crashfuse.pulse import DT_S, GRID_S, FloatArray, kinematics
 
 NOTHING = np.zeros((1, 2))
@@ -95,3 +96,18 @@ def test_draws_do_not_disturb_each_other() -> None:
     for i in range(4):
         alone = integrate(functions[i : i + 1], 1 / 400, extra[i : i + 1], 12.0)
         np.testing.assert_array_equal(together.accel_mps2[i], alone.accel_mps2[0])
+
+
+def test_a_pulse_known_over_displacement_only_gives_its_own_motion_back() -> None:
+    """A half sine that throws the vehicle back: s(t) = v0 (0.45 t + 0.55 T/π sin(π t / T)), until it stops."""
+    speed, duration = 15.0, 0.07
+    accel = -0.55 * speed * np.pi / duration * np.sin(np.pi * np.minimum(GRID_S / duration, 1.0))
+    phase = loading_phase(accel, speed)
+    expected = speed * (0.45 * phase.time_s + 0.55 * duration / np.pi * np.sin(np.pi * phase.time_s / duration))
+    np.testing.assert_allclose(replay(phase), expected, atol=1e-4)
+
+
+def test_a_motion_that_goes_on_beyond_the_record_is_given_back_too() -> None:
+    """Constant braking, to the end of the record."""
+    phase = loading_phase(np.full(GRID_S.size, -20.0), 10.0)
+    np.testing.assert_allclose(replay(phase), 10 * GRID_S - 10 * GRID_S**2, atol=1e-9)

@@ -150,3 +150,23 @@ def test_it_must_be_fitted_first() -> None:
     """The error says what to do."""
     with pytest.raises(NotFittedError, match="fit"):
         GaussianProcess((ONE,), NOISE).predict(rows()[0])
+
+
+def test_each_part_is_the_textbooks() -> None:
+    """Its mean and variance are those of a function that enters the data together with others and noise."""
+    x, y = rows()
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 40 * y)
+    new = rows(15, seed=5)[0]
+    new[:, -1] = -1
+    logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1])
+    inverse = np.linalg.inv(Covariance(ALL_KINDS, x, x)(logs) + noise * np.eye(len(y)))
+    parts = process.predict_parts(new)
+    np.testing.assert_allclose(sum(mean for mean, _ in parts), process.predict(new), rtol=1e-9, atol=1e-9)
+    start = 0
+    for part, (mean, std) in zip(ALL_KINDS, parts, strict=True):
+        own = logs[start : (start := start + len(part.priors))]
+        cross, prior = Covariance((part,), new, x)(own), Covariance((part,), new, new)(own)
+        scale = np.sqrt(np.mean((40 * y) ** 2))
+        np.testing.assert_allclose(mean, cross @ inverse @ (40 * y), rtol=1e-5, atol=1e-5)
+        variance = scale**2 * np.diag(prior - cross @ inverse @ cross.T)
+        np.testing.assert_allclose(std**2, variance, rtol=1e-5, atol=1e-5 * scale**2)

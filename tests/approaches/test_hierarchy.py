@@ -103,3 +103,26 @@ def test_a_bias_of_noise_alone_is_said_to_be_one() -> None:
     model = fit({v: 30 * rng.normal(size=S.size) for v in (6.0, 9.0, 12.0)})
     assert model.state["dead"] is True
     assert "nothing" in model.notes[0]
+
+
+def test_the_parts_add_up_to_what_is_expected() -> None:
+    """Their means do, and the total's band is that of the draws."""
+    model = fit({v: v / 10 * shared(S) + 0.1 * cae(v) for v in (6.0, 8.0, 12.0, 14.0)})
+    *parts, total = model.parts(condition(10.0), S, cae(10.0))
+    assert [part.name for part in parts] == ["shared", "by speed", "by weight", "ratio", "own"]
+    draws = model.sample(condition(10.0), S, cae(10.0), SHARES, 8000, np.random.default_rng(0)).over_displacement_mps2
+    np.testing.assert_allclose(sum(part.mean_mps2 for part in parts), draws[0], atol=1e-6)
+    np.testing.assert_allclose(total.mean_mps2, draws[0], atol=1e-9)
+    lower, upper = np.quantile(draws[1:], [0.025, 0.975], axis=0)
+    np.testing.assert_allclose(total.upper_mps2 - total.lower_mps2, upper - lower, rtol=0.1)
+
+
+def test_nothing_is_known_of_what_a_new_test_has_alone_but_its_size() -> None:
+    """Zero, give or take the same at every displacement, the larger the more like tests differ."""
+    alike = fit({v: shared(S) for v in (9.9, 10.0, 10.1, 10.2)}).parts(condition(10.0), S, cae(10.0))[4]
+    wiggle = 15 * np.sin(S / 0.05)
+    unlike = fit({9.9: shared(S) + wiggle, 10.0: shared(S) - wiggle, 10.1: shared(S), 10.2: shared(S) + 2 * wiggle})
+    own = unlike.parts(condition(10.0), S, cae(10.0))[4]
+    np.testing.assert_allclose(own.mean_mps2, 0.0, atol=1e-9)
+    np.testing.assert_allclose(own.upper_mps2, own.upper_mps2[0], rtol=1e-9)
+    assert own.upper_mps2[0] > 3 * alike.upper_mps2[0]

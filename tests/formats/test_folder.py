@@ -140,6 +140,26 @@ def test_a_record_that_ends_early_goes_on_without_acceleration_and_says_so(campa
     assert not loaded.tests[1].pulse.accel_mps2[GRID_S > 0.0925].any()
 
 
+def test_unfiltered_pulses_are_warned_of(campaign_folder: Path) -> None:
+    """A ripple at 1 kHz is beyond what the networks resolve: the sentence says what to set."""
+    for path in (campaign_folder / "tests").iterdir():
+        table = pd.read_csv(path)
+        table["acceleration_g"] += 20 * np.sin(2 * np.pi * 1000 * table["time_ms"] * MS)
+        table.to_csv(path, index=False)
+    (warning,) = load_campaign(campaign_folder).warnings
+    assert "power lies above 250 Hz" in warning
+    assert "channel_filter_class = 60" in warning
+
+
+def test_an_id_may_look_like_a_missing_value(campaign_folder: Path) -> None:
+    """A run named NA is a run."""
+    _cae_as_csv(campaign_folder)
+    for name in ("cae.csv", "cae_pulses.csv"):
+        path = campaign_folder / name
+        path.write_text(path.read_text().replace("C07,", "NA,"))
+    assert "NA" in load_campaign(campaign_folder).cae.ids
+
+
 def test_pulses_without_a_row_are_left_out_with_a_warning(campaign_folder: Path) -> None:
     """A stray file does no harm."""
     shutil.copy(campaign_folder / "tests" / "T1.csv", campaign_folder / "tests" / "T9.csv")
@@ -239,6 +259,13 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     "late start": (
         _edit("tests/T1.csv", lambda t: t[t.time_ms > 5]),
         "tests/T1.csv, column time: expected a record from 0 to at least 60 ms (100 ms is best), found 5.04 to",
+    ),
+    "record that ends before the stop": (
+        _edit(
+            "tests/T4.csv",
+            lambda t: t.assign(time_ms=1.4 * t.time_ms, acceleration_g=t.acceleration_g / 1.4)[t.time_ms < 45],
+        ),
+        "tests.csv, column id T4, row 5: expected a record that lasts until the vehicle has stopped, or 100 ms, found",
     ),
     "slow sampling": (
         _edit("tests/T1.csv", lambda t: t[::25]),

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import GRID_S, Condition, Pulse
 from crashfuse.rating import rate_windows
 from crashfuse.study import Estimate, Fold, Study, StudyConfig
-from crashfuse.ui import campaigns, computation
+from crashfuse.ui import campaigns, computation, displacement
 
 APP = Path(__file__).parents[2] / "app.py"
 PAGES = ("data", "train", "compare", "study", "predict")
@@ -370,7 +371,7 @@ def test_the_settings_reach_the_study_and_hold_on_other_pages(monkeypatch: pytes
     app.number_input(key="seed").set_value(7).run()
     finish(press(app, "Start"))
     assert asked == [StudyConfig(approaches=FAST, preset="paper", seed=7)]
-    assert charts(go(app, "compare")) == 1
+    assert charts(go(app, "compare")) == 2
     assert len(asked) == 1
 
 
@@ -412,7 +413,7 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     app = start("compare")
     assert "not been predicted yet" in words(app)
     finish(press(app, "Predict test T1"))
-    assert charts(app) == 1
+    assert charts(app) == 2
     ratings, metrics = tables(app)
     expected = quick_study(campaign, StudyConfig(), held_out=("T1",)).folds[0].ratings["cae"]
     assert ratings["Rating 0–20 ms"][0] == f"{expected[20.0].overall:.3f} {expected[20.0].grade}"
@@ -429,6 +430,52 @@ def test_compare_follows_the_window() -> None:
     app = finish(press(start("compare"), "Predict test T1"))
     app.sidebar.button_group(key="window").set_value(40.0).run()
     assert "Corridor 0–40 ms" in tables(app)[0].columns
+
+
+@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+def test_compare_shows_four_figures_over_displacement() -> None:
+    """One at a time, each with a word on what it tells; the choice holds when another test is chosen."""
+    app = finish(press(start("compare"), "Predict test T1"))
+    told = {
+        "Acceleration": "who brakes less must crush further",
+        "Bias by speed": "T1 is held out: drawn, never learned from",
+        "Parts of the bias": "What the other 3 tests say about the bias in T1",
+        "Check of the integration": "nothing is lost on that way",
+    }
+    for choice, sentence in told.items():
+        app.button_group(key="over displacement").set_value(choice).run()
+        assert not app.exception
+        assert charts(app) == 2
+        assert sentence in words(app)
+    app.sidebar.selectbox(key="held_out").select("T3 · 26.0 mph").run()
+    finish(press(app, "Predict test T3"))
+    assert app.button_group(key="over displacement").value == "Check of the integration"
+
+
+def test_the_parts_on_the_page_do_not_change_with_the_held_out_pulse(campaign: Campaign) -> None:
+    """It is drawn, and that is all: the parts stay the same to the bit."""
+    test = campaign.test("T2")
+    other = replace(test, pulse=Pulse(GRID_S, 0.5 * test.pulse.accel_mps2))
+    changed = replace(campaign, tests=tuple(other if t.id == "T2" else t for t in campaign.tests))
+    (grid, parts), (same_grid, same_parts) = (
+        displacement.parts(c.without(["T2"]), c.test("T2").condition, seed=0) for c in (campaign, changed)
+    )
+    np.testing.assert_array_equal(grid, same_grid)
+    for one, two in zip(parts, same_parts, strict=True):
+        np.testing.assert_array_equal([one.mean_mps2, one.upper_mps2], [two.mean_mps2, two.upper_mps2])
+
+
+@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+def test_the_papers_bias_is_said_to_be_of_one_piece() -> None:
+    """Table 4 has no parts to show, and fitting it would take minutes."""
+    app = start("train")
+    app.radio(key="preset").set_value("paper").run()
+    finish(press(app, "Start"))
+    go(app, "compare")
+    app.button_group(key="over displacement").set_value("Parts of the bias").run()
+    assert not app.exception
+    assert charts(app) == 1
+    assert "all of one piece" in words(app)
 
 
 # --- Study ---------------------------------------------------------------------------------------------------------
@@ -498,7 +545,7 @@ def test_a_real_prediction_appears_and_a_new_server_finds_it_in_the_cache() -> N
     app.button_group(key="approaches").set_value(["cae"]).run()
     finish(press(app, "Start"))
     assert "are ready" in words(app)
-    assert charts(go(app, "compare")) == 1
+    assert charts(go(app, "compare")) == 2
     shown = tables(app)[0]
     st.cache_resource.clear()
     later = start("train")

@@ -1,0 +1,122 @@
+"""The view over displacement on the page Compare: four figures, each computed when it is asked for."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import streamlit as st
+
+from crashfuse import displacement_plots as plots
+from crashfuse.approaches import Prediction
+from crashfuse.approaches.bias import BiasPart, BiasPoints
+from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain, measured_bias
+from crashfuse.cache import Cache
+from crashfuse.cae_model import CaeModel
+from crashfuse.campaign import Campaign
+from crashfuse.pulse import Condition, FloatArray
+from crashfuse.study import StudyConfig
+from crashfuse.ui import evidence
+from crashfuse.ui.frame import View
+
+_CURVES, _BIAS, _PARTS, _CHECK = "Acceleration", "Bias by speed", "Parts of the bias", "Check of the integration"
+_STEP_M = 0.004  # of what is drawn
+_BEYOND = 1.1  # times the CAE model's own crush: the held-out test, which may go further, has no say in it
+
+
+@st.fragment
+def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction]) -> None:
+    """Show the held-out test, the CAE model and its correction over displacement; a choice says which figure."""
+    test, condition = view.held_out, view.held_out.condition
+    st.subheader("Over displacement")
+    choices = [_CURVES, _BIAS, _PARTS, _CHECK]
+    choice = st.segmented_control(
+        "Figure", choices, default=_CURVES, required=True, key="over displacement", persist_state="session",
+        label_visibility="collapsed",
+    )  # fmt: skip
+    if choice == _CURVES:
+        evidence.show_figure(
+            plots.over_displacement(
+                test.pulse, predictions, speed_mps=condition.speed_mps, unit=view.unit, deceleration=view.deceleration
+            ),
+            alt=f"Acceleration over displacement: test {test.id} and every prediction of it, up to maximum crush",
+        )
+        st.caption(
+            "Up to maximum crush (the marks, with their 95 % interval). Between a curve and zero lies the energy that "
+            "was absorbed, ½ v0², the same for all: who brakes less must crush further."
+        )
+    elif choice == _BIAS:
+        evidence.show_figure(
+            plots.bias_by_speed(
+                view.campaign.tests,
+                _biases(view.campaign.fingerprint, view.campaign),
+                highlight=test.id,
+                unit=view.unit,
+                deceleration=view.deceleration,
+            ),
+            alt="What the CAE model got wrong in each test, over displacement, coloured by speed",
+        )
+        st.caption(
+            f"What has to be added to the CAE model to get each test. The displacement domain learns from these; "
+            f"{test.id} is held out: drawn, never learned from. The steep ends are where a vehicle stops."
+        )
+    elif choice == _PARTS:
+        _show_parts(view, config)
+    else:
+        evidence.show_figure(
+            plots.integration_check(test.pulse, predictions, speed_mps=condition.speed_mps),
+            alt="Displacement over time, integrated over time and by the way over displacement, and their difference",
+        )
+        st.caption(
+            "Lines: each pulse integrated twice over time, up to zero velocity. Circles: the motion that its "
+            "acceleration over displacement gives back (Eq. 29). Where they agree, nothing is lost on that way."
+        )
+
+
+def _show_parts(view: View, config: StudyConfig) -> None:
+    if config.preset == "paper":
+        st.info("The paper's model of the bias (Table 4) is all of one piece; the fast settings have parts.")
+        return
+    campaign, test = view.campaign, view.held_out
+    rest = config.rest(campaign, test.id)
+    grid, expected = _parts(rest.fingerprint, test.condition, config.seed, rest)
+    measured = _biases(campaign.fingerprint, campaign)[campaign.tests.index(test)]
+    evidence.show_figure(
+        plots.bias_parts(expected, grid, measured, unit=view.unit, deceleration=view.deceleration),
+        alt=f"Parts of the bias that is expected in test {test.id}, over displacement, each with its 95 % band",
+    )
+    st.caption(
+        f"What the other {len(rest.tests)} tests say about the bias in {test.id} before it is run. Parts can cancel: "
+        "the tests tell the sum better than each part. What is the test's own, its repeatability, can't be foreseen, "
+        "only how large it may be. The measured bias is drawn only."
+    )
+
+
+@st.cache_data(show_spinner="Comparing the tests with the CAE model …", max_entries=8)
+def _biases(fingerprint: str, _campaign: Campaign) -> tuple[BiasPoints, ...]:  # noqa: ARG001 - the key
+    model = CaeModel(cache=Cache()).fit(_campaign.cae)
+    return tuple(measured_bias(test, model) for test in _campaign.tests)
+
+
+@st.cache_data(show_spinner="Taking the bias apart …", max_entries=32)
+def _parts(
+    fingerprint: str,  # noqa: ARG001 - the key, with the next two
+    condition: Condition,
+    seed: int,
+    _rest: Campaign,
+) -> tuple[FloatArray, tuple[BiasPart, ...]]:
+    return parts(_rest, condition, seed=seed)
+
+
+def parts(rest: Campaign, condition: Condition, *, seed: int) -> tuple[FloatArray, tuple[BiasPart, ...]]:
+    """Displacements, and the parts of the bias there as the tests that were not held out tell them.
+
+    Parameters
+    ----------
+    rest : Campaign
+        Without the held-out test.
+    condition : Condition
+        Of the held-out test.
+    seed : int
+    """
+    domain = DisplacementDomain(DisplacementConfig.fast(), seed=seed, cache=Cache()).fit(rest)
+    grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(condition).own.crush_m, _STEP_M)
+    return grid, domain.bias_parts(condition, grid)
