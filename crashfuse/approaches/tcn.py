@@ -1,7 +1,7 @@
 """The temporal convolutional network (Figs. 3 and 4, Eq. 4; after Bai et al. 2018) and what it is fed with.
 
-Sequences are time-major, shape (n_times, n_pulses, n_channels): a causal convolution is then one matrix product a tap,
-which is two to three times as fast on a CPU for networks of this size as ``torch.nn.Conv1d``.
+Sequences are time-major, shape (n_times, n_pulses, n_channels): a short causal convolution is then one matrix product
+a tap. There is no weight normalisation: on a CPU it costs 15 %.
 """
 
 import math

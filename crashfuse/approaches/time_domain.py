@@ -88,9 +88,13 @@ class LfTcn(_TcnApproach):
 
         Raises
         ------
+        UsageError
+            If there are fewer than two runs.
         Cancelled
             If the watch was told to stop.
         """
+        if len(campaign.cae) < 2:
+            raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
         self._library = campaign.cae
         key = {"cae": campaign.cae.fingerprint, "config": self.config, "seed": self.seed, "device": self._device.type}
         entry = self.cache.get(_KIND, key) if self.cache else None
