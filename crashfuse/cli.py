@@ -235,7 +235,7 @@ def parser() -> argparse.ArgumentParser:
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--approach", nargs="+", metavar="NAME", help="cae, lf_tcn, time_domain, displacement_domain")
     parser.add_argument("--preset", choices=("fast", "paper"), help="settings: ours (default) or the paper's")
-    parser.add_argument("--seed", type=_not_negative, help="seed of everything random (default: 0)")
+    parser.add_argument("--seed", type=_seed, help="seed of everything random (default: 0)")
 
 
 def _positive(text: str) -> int:
@@ -245,8 +245,8 @@ def _positive(text: str) -> int:
     return number
 
 
-def _not_negative(text: str) -> int:
+def _seed(text: str) -> int:
     number = int(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError("must be 0 or more")
+    if not 0 <= number < 2**32:
+        raise argparse.ArgumentTypeError(f"must be 0 to {2**32 - 1}")
     return number

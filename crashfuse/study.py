@@ -261,8 +261,8 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
         raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
     for name in config.approaches:
         create(name, preset=config.preset)  # raises what is wrong with a name before anything is computed
-    if config.seed < 0:
-        raise UsageError("A seed is a whole number from 0 up.")
+    if not 0 <= config.seed < 2**32:
+        raise UsageError(f"A seed is a whole number from 0 to {2**32 - 1}, not {config.seed}.")
     for window in config.windows_ms:
         if not 10 <= window <= 100:
             raise UsageError(f"A rating window of {window:g} ms is not possible; choose 10 to 100 ms.")

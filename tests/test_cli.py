@@ -282,6 +282,14 @@ def test_version_and_help_end_well(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(command in out for command in ("app", "sample", "check", "study", "predict", "rate"))
 
 
+@pytest.mark.parametrize("seed", ["-1", "99999999999999999999", "x"])
+def test_an_impossible_seed_is_wrong_usage(campaign_on_disk: Path, tmp_path: Path, seed: str) -> None:
+    """Said before anything is computed."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--seed", seed])
+    assert ended.value.code == cli.WRONG_USAGE
+
+
 def test_no_command_is_wrong_usage() -> None:
     """Usage goes to standard error, the exit code is 2."""
     with pytest.raises(SystemExit) as ended:
