@@ -188,7 +188,7 @@ def parser() -> argparse.ArgumentParser:
     commands = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     app = commands.add_parser("app", help="start the dashboard on 127.0.0.1")
-    app.add_argument("--port", type=int, default=8501, help="port to listen on (default: %(default)s)")
+    app.add_argument("--port", type=_port, default=8501, help="port to listen on (default: %(default)s)")
     app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
     app.set_defaults(run=_app)
 
@@ -249,4 +249,11 @@ def _seed(text: str) -> int:
     number = int(text)
     if not 0 <= number < 2**32:
         raise argparse.ArgumentTypeError(f"must be 0 to {2**32 - 1}")
+    return number
+
+
+def _port(text: str) -> int:
+    number = int(text)
+    if not 1 <= number <= 65535:
+        raise argparse.ArgumentTypeError("must be 1 to 65535")
     return number

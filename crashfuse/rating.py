@@ -134,11 +134,10 @@ def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float
     """
     ratings = {}
     for window_ms in windows_ms:
-        time_s = np.arange(round(window_ms / 1e3 / RATING_DT_S)) * RATING_DT_S
         curves = []
         for name, pulse in (("reference", reference), ("comparison", comparison)):
             begin, end = pulse.time_s[0], pulse.time_s[-1] + pulse.dt_s
-            if begin > 1e-9 or end < window_ms / 1e3 - 1e-9:
+            if not (begin <= 1e-9 and window_ms / 1e3 - 1e-9 <= end):  # so written, NaN is refused too
                 raise DataError(
                     Problem(
                         name,
@@ -147,6 +146,7 @@ def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float
                         "choose a window inside the record",
                     )
                 )
+            time_s = np.arange(max(round(window_ms / 1e3 / RATING_DT_S), 0)) * RATING_DT_S
             curves.append(np.interp(time_s, pulse.time_s, pulse.accel_mps2))
         ratings[float(window_ms)] = rate_iso18571(*curves, dt_s=RATING_DT_S)
     return ratings

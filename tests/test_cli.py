@@ -290,6 +290,24 @@ def test_an_impossible_seed_is_wrong_usage(campaign_on_disk: Path, tmp_path: Pat
     assert ended.value.code == cli.WRONG_USAGE
 
 
+@pytest.mark.parametrize("window", ["nan", "inf", "1e9", "-20"])
+def test_an_impossible_window_is_one_sentence(
+    campaign_on_disk: Path, window: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No traceback, no memory."""
+    pulse = str(campaign_on_disk / "tests" / "T1.csv")
+    assert cli.main(["rate", pulse, pulse, "--windows-ms", window]) == cli.WRONG_DATA
+    assert "expected" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("port", ["-1", "99999"])
+def test_an_impossible_port_is_wrong_usage(port: str) -> None:
+    """Said before a server starts."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["app", "--port", port])
+    assert ended.value.code == cli.WRONG_USAGE
+
+
 def test_no_command_is_wrong_usage() -> None:
     """Usage goes to standard error, the exit code is 2."""
     with pytest.raises(SystemExit) as ended:

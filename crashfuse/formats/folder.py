@@ -14,8 +14,9 @@ from crashfuse.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.units import KPH, MPH, MS, G
 
 _FEWEST_RUNS = 10
-_TEST_STOPS = (0.7, 1.6)  # ΔV over v0: from "not yet stopped at 100 ms" to more rebound than any car has
+_TEST_STOPS = (0.8, 1.6)  # ΔV over v0: from "not yet stopped at 100 ms" to more rebound than any car has
 _RUN_STOPS = (0.3, 2.5)
+_LIBRARY_STOPS = (0.8, 1.6)  # the median run: one may be odd, not half of them
 _MOVING = 0.05  # of the impact speed: 0.25 % of its energy is left
 _BAND_HZ, _HIGH_SHARE = 250, 0.01
 _MOST_SPECTRA = 500  # pulses looked at
@@ -114,6 +115,13 @@ def _check_physics(source: str, table: ConditionTable, accel: FloatArray, proble
     velocity = kinematics(accel, 0.0, DT_S).velocity_mps
     biggest = velocity[np.arange(len(speed)), np.abs(velocity).argmax(axis=1)]
     ratio = -biggest / np.maximum(speed, 1e-9)
+    moving = speed > _CREEP_MPS
+    typical = float(np.median(ratio[moving])) if moving.any() else 1.0
+    if source == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
+        found = f"{typical:.2f} times it"
+        expected = "pulses that take off about the impact speed, half of them at least"
+        problems.append(Problem("cae.csv", expected, found, _likely_cause(typical, *_LIBRARY_STOPS)))
+        return
     for row in np.flatnonzero(((ratio < low) | (ratio > high)) & (speed > _CREEP_MPS))[:20]:
         v0, delta_v = speed[row], biggest[row]
         found = f"a change of {delta_v / MPH:+.1f} mph ({delta_v / KPH:+.1f} km/h)"

@@ -308,6 +308,11 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
         _edit("tests.csv", lambda t: t.assign(speed_mph=t.speed_mph / KPH * MPH)),
         "check the unit of the speed (km/h under a name that ends in _mph?).",
     ),
+    "km/h called mph in the library": (
+        _edit("cae.csv", lambda t: t.assign(speed_mph=t.speed_mph / KPH * MPH)),
+        "cae.csv: expected pulses that take off about the impact speed, half of them at least, found 0.68 times it; "
+        "check the unit of the speed (km/h under a name that ends in _mph?).",
+    ),
     "the only test": (
         _edit("tests.csv", lambda t: t[:1]),
         "tests.csv: expected at least 2 tests, found 1;",
