@@ -188,7 +188,7 @@ def parser() -> argparse.ArgumentParser:
     commands = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     app = commands.add_parser("app", help="start the dashboard on 127.0.0.1")
-    app.add_argument("--port", type=_port, default=8501, help="port to listen on (default: %(default)s)")
+    app.add_argument("--port", type=_whole(1, 65535), default=8501, help="port to listen on (default: %(default)s)")
     app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
     app.set_defaults(run=_app)
 
@@ -211,7 +211,7 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument(
         "--speed-groups", action="store_true", help="leave each test out together with all tests at about its speed"
     )
-    study.add_argument("--workers", type=_positive, metavar="N", help="processes (default: one a core)")
+    study.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one a core)")
     study.add_argument("--resume", action="store_true", help="go on with the study that was begun in DIR")
     study.set_defaults(run=_study)
 
@@ -235,25 +235,16 @@ def parser() -> argparse.ArgumentParser:
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--approach", nargs="+", metavar="NAME", help="cae, lf_tcn, time_domain, displacement_domain")
     parser.add_argument("--preset", choices=("fast", "paper"), help="settings: ours (default) or the paper's")
-    parser.add_argument("--seed", type=_seed, help="seed of everything random (default: 0)")
+    parser.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
 
 
-def _positive(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError("must be 1 or more")
-    return number
+def _whole(low: int, high: int | None = None) -> Callable[[str], int]:
+    """Parser of a whole number within bounds, for argparse."""
 
+    def whole_number(text: str) -> int:
+        number = int(text)
+        if number < low or (high is not None and number > high):
+            raise argparse.ArgumentTypeError(f"must be {low} or more" if high is None else f"must be {low} to {high}")
+        return number
 
-def _seed(text: str) -> int:
-    number = int(text)
-    if not 0 <= number < 2**32:
-        raise argparse.ArgumentTypeError(f"must be 0 to {2**32 - 1}")
-    return number
-
-
-def _port(text: str) -> int:
-    number = int(text)
-    if not 1 <= number <= 65535:
-        raise argparse.ArgumentTypeError("must be 1 to 65535")
-    return number
+    return whole_number

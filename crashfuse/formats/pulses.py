@@ -65,7 +65,7 @@ class PulseSource:
                 on_grid = self._on_grid(signal, f"{where}, {run_id}" if "_pulses" in where else where)
                 if on_grid is not None:
                     accel[row_of[run_id]] = on_grid
-                    if signal[0][-1] < GRID_S[-1] - (signal[0][1] - signal[0][0]):
+                    if _ends_early(signal[0]):
                         self.ends_s[run_id] = float(signal[0][-1])
             else:
                 found = f"rows of {run_id} in two places"
@@ -185,11 +185,12 @@ class PulseSource:
             except DataError as error:
                 self.problems.extend(Problem(where, p.expected, p.found, p.advice) for p in error.problems)
                 return None
-        if time[-1] < GRID_S[-1] - step:
+        early = _ends_early(time)
+        if early:
             self.warnings.append(
                 f"{where}: the record ends at {time[-1] / MS:.4g} ms; it goes on with no acceleration."
             )
-        return np.interp(GRID_S, time, accel, right=0.0 if time[-1] < GRID_S[-1] - step else None)
+        return np.interp(GRID_S, time, accel, right=0.0 if early else None)
 
     def _report_missing(self, missing: list[str]) -> None:
         for run_id in missing[:20]:
@@ -274,6 +275,11 @@ def _time_trouble(time: FloatArray, where: str, first_row: int) -> Problem | Non
         found = f"{1 / step:.0f} Hz"
         return Problem(where, "at least 1000 samples a second", found, "export at a higher rate", "time")
     return None
+
+
+def _ends_early(time: FloatArray) -> bool:
+    """Tell whether an even record leaves the end of the study grid open."""
+    return bool(time[-1] < GRID_S[-1] - (time[-1] - time[0]) / (time.size - 1))
 
 
 def _cover_trouble(time: FloatArray, where: str) -> Problem | None:
