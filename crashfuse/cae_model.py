@@ -148,6 +148,12 @@ class CaeModel:
             faster.append(loading_phase(self.emulator_.predict(replace(condition, speed_mps=speed)), speed))
         return LoadingCurve(own, tuple(faster))
 
+    def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
+        """Draw what the CAE model might be more than :meth:`pulse`, shape (n, 1250); nothing where a run was made."""
+        if self.cae_.paired_run(condition) is not None:
+            return np.zeros((n, self.cae_.accel_mps2.shape[1]))
+        return self.emulator_.errors(condition, n, rng)
+
     def notes(self, condition: Condition) -> tuple[str, ...]:
         """Say where the pulse at a condition comes from, and which inputs lie outside the library."""
         source = self.pulse(condition).source

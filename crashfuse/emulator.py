@@ -22,7 +22,11 @@ from crashfuse.pulse import Condition, FloatArray
 _NOISE = np.geomspace(1e-6, 2.0, 30)  # a mode's noise variance over its signal variance: the values tried
 _LOG_NOISE_PRIOR = -0.5 * (np.log(_NOISE / 1e-3) / 3.0) ** 2
 _LOG_LENGTH_PRIOR = np.log([0.5, 3.0, 3.0])  # speed decides more than weight
-_LEARNED = ("centre_", "length_scales_", "inputs_", "mean_", "modes_", "noise_", "speed_range_", "spread_", "weights_")
+_LIKE = 30  # runs whose errors stand for that at a condition near them
+_LEARNED = (
+    *("centre_", "length_scales_", "inputs_", "mean_", "modes_", "noise_", "residuals_", "speed_range_", "spread_"),
+    "weights_",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,8 @@ class Emulator:
         Of v0, front and rear weight, in standard deviations of the library.
     noise_ : ndarray, shape (n_modes,)
         Noise variance of each mode over its signal variance.
+    residuals_ : ndarray, shape (n_runs, n_modes)
+        What each run is more than what all others predict for it, length scales and noise kept.
     """
 
     def __init__(self, config: EmulatorConfig = EmulatorConfig()) -> None:
@@ -104,8 +110,10 @@ class Emulator:
         self.length_scales_ = np.exp(best.x)
         self.noise_ = _NOISE[_evidence(x, y, self.length_scales_).argmax(axis=1)]
         values, vectors = _eigen(self.inputs_, self.length_scales_)
-        weights = vectors @ ((vectors.T @ scores) / (values[:, None] + self.noise_))
+        inverse = 1 / (values[:, None] + self.noise_)
+        weights = vectors @ ((vectors.T @ scores) * inverse)
         self.weights_ = weights * scale  # of the run's correlations, shape (n_runs, n_modes)
+        self.residuals_ = (weights / (vectors**2 @ inverse)) * scale  # of each run, had it not been learned
         self.modes_ = modes[:keep]
 
     def predict(self, condition: Condition) -> FloatArray:
@@ -130,6 +138,25 @@ class Emulator:
         correlation = Matern(self.length_scales_, nu=2.5)(x, self.inputs_)
         pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
         return np.asarray(pulse[0] * (vector[0] / inside if inside else 1.0))
+
+    def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
+        """Draw what a run at a condition might be more than :meth:`predict`: what like runs were, left out in turn.
+
+        Parameters
+        ----------
+        condition : Condition
+        n : int
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        ndarray, shape (n, 1250)
+            Whole curves in m/s², each of either sign.
+        """
+        x = (condition.vector - self.centre_) / self.spread_
+        away = np.sum(((self.inputs_ - x) / self.length_scales_) ** 2, axis=1)
+        chosen = rng.choice(np.argsort(away, kind="stable")[:_LIKE], size=n)
+        return np.asarray(rng.choice([-1.0, 1.0], size=(n, 1)) * (self.residuals_[chosen] @ self.modes_))
 
     def arrays(self) -> Entry:
         """What was learned, for the cache."""

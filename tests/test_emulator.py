@@ -116,3 +116,18 @@ def test_what_was_learned_can_be_kept_and_restored() -> None:
     restored.restore(emulator.arrays())
     condition = Condition(11.0, 930.0, 710.0)
     np.testing.assert_array_equal(restored.predict(condition), emulator.predict(condition))
+
+
+def test_its_errors_are_as_large_as_those_on_runs_it_has_not_seen() -> None:
+    """Drawn errors have the root mean square of true ones on new runs, to a factor of two, at noisy pulses."""
+    cae = half_sines(120, lowest_mps=4.0)
+    noisy = cae.accel_mps2 * (1 + 0.1 * np.random.default_rng(0).standard_normal((120, 1)).astype(np.float32))
+    cae = CaeLibrary(cae.ids, cae.conditions, noisy)
+    new = np.arange(0, 120, 6)
+    emulator = Emulator().fit(part(cae, np.setdiff1d(np.arange(120), new)))
+    rng = np.random.default_rng(1)
+    true = [cae.accel_mps2[i] - emulator.predict(cae.conditions[i]) for i in new]
+    drawn = [emulator.errors(cae.conditions[i], 50, rng) for i in new]
+    ratio = np.sqrt(np.mean(np.square(drawn)) / np.mean(np.square(true)))
+    assert 0.5 < ratio < 2.0
+    assert np.abs(np.mean(drawn)) < 0.1 * np.std(drawn)

@@ -41,6 +41,15 @@ class BiasDraws:
     over_displacement_mps2: FloatArray
     over_speed_mps2: FloatArray
 
+    def widened(self, factor: float) -> "BiasDraws":
+        """The same draws, this many times as far from the mean."""
+
+        def widen(functions: FloatArray) -> FloatArray:
+            wide: FloatArray = functions[:1] + factor * (functions - functions[:1])
+            return wide
+
+        return BiasDraws(widen(self.over_displacement_mps2), widen(self.over_speed_mps2))
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BiasPart:

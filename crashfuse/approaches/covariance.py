@@ -4,11 +4,11 @@ A :class:`Part` is one term of the covariance between rows x and x',
 
 .. math::
 
-    \sigma^2 \; w(x)\,w(x') \; [\text{same test}] \;
+    \sigma^2 \; w(x)\,w(x') \; [\text{same}] \;
     \prod_g k\Big(\sqrt{\textstyle\sum_{i \in g} (x_i - x_i')^2 / \ell_i^2}\Big),
 
 with the Matérn-5/2 correlation k in each group g of columns, an optional known factor w, and an optional restriction
-to rows of one test.
+to rows that agree in one column: of one test, say, or of one powertrain.
 """
 
 from collections.abc import Sequence
@@ -41,15 +41,15 @@ class Part:
         Groups of columns, one correlation each; every column has a length scale of its own.
     times : int, optional
         Column of w, which multiplies the function.
-    of_each_test : bool
-        Whether every test has its own, independent function.
+    same : int, optional
+        Column whose every value has a function of its own, independent of the others.
     """
 
     name: str
     scale: LogNormal
     groups: tuple[tuple[tuple[int, LogNormal], ...], ...]
     times: int | None = None
-    of_each_test: bool = False
+    same: int | None = None
 
     @property
     def priors(self) -> tuple[LogNormal, ...]:
@@ -64,7 +64,6 @@ class Covariance:
     ----------
     parts : sequence of Part
     x, z : ndarray, shape (n, n_columns + 1) and (m, n_columns + 1)
-        The last column numbers the test that a row belongs to.
     """
 
     def __init__(self, parts: Sequence[Part], x: FloatArray, z: FloatArray) -> None:
@@ -110,8 +109,8 @@ def _factor(part: Part, x: FloatArray, z: FloatArray) -> FloatArray:
     factor = np.ones((len(x), len(z)))
     if part.times is not None:
         factor *= np.multiply.outer(x[:, part.times], z[:, part.times])
-    if part.of_each_test:
-        factor *= np.equal.outer(x[:, -1], z[:, -1])
+    if part.same is not None:
+        factor *= np.equal.outer(x[:, part.same], z[:, part.same])
     return factor
 
 

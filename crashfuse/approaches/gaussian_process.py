@@ -5,6 +5,7 @@ likelihood alone has many optima, and some of them are dead. The likelihood is e
 memory; its gradient is analytic.
 """
 
+import copy
 from collections.abc import Sequence
 from typing import Literal, Self, overload
 
@@ -80,9 +81,45 @@ class GaussianProcess:
         self.touched_ = np.abs(best - self._median) > 0.999 * _BOUND * self._spread
         self.dead_ = self._is_dead(best)
         self.log_marginal_likelihood_ = self.log_marginal_likelihood(best)[0]
-        self._lower = self._cholesky(self._covariance(best[:-1]), best[-1])
-        self._alpha = cho_solve((self._lower, True), self._y)
+        self._condition()
         return self
+
+    def _condition(self) -> None:
+        self._lower = self._cholesky(self._covariance(self.theta_[:-1]), self.theta_[-1])
+        self._alpha = cho_solve((self._lower, True), self._y)
+
+    def without(self, test: int) -> Self:
+        """The same process with the same hyperparameters, as it would be if this test had not been run."""
+        rest, other = self.x_[:, -1] != test, copy.copy(self)
+        other.x_, other._y = self.x_[rest], self._y[rest]
+        other._covariance = Covariance(other.parts, other.x_, other.x_)
+        other._condition()
+        return other
+
+    def left_out_log_density(self) -> FloatArray:
+        """Log density of each test's output (as scaled) given all other tests, shape (n_tests,), by ascending number.
+
+        The blocks of the inverse covariance give what leaving each test out in turn would (Rasmussen & Williams,
+        Sect. 5.4.2, for blocks); hyperparameters stay those of all tests.
+        """
+        inverse = cho_solve((self._lower, True), np.eye(self._y.size))
+        densities = []
+        for test in np.unique(self.x_[:, -1]):
+            own = np.flatnonzero(self.x_[:, -1] == test)
+            lower = np.linalg.cholesky(inverse[np.ix_(own, own)])
+            away = solve_triangular(lower, self._alpha[own], lower=True)
+            constant = 0.5 * own.size * np.log(2 * np.pi)
+            densities.append(np.log(np.diag(lower)).sum() - 0.5 * away @ away - constant)
+        return np.array(densities)
+
+    def spread(self) -> FloatArray:
+        """Standard deviations of the logarithms of the hyperparameters: Laplace's approximation at their optimum."""
+        step = 1e-4
+        _, here = self._loss(self.theta_)
+        curvature = [(self._loss(self.theta_ + step * unit)[1] - here) / step for unit in np.eye(here.size)]
+        values, vectors = np.linalg.eigh(0.5 * (np.array(curvature) + np.array(curvature).T))
+        values = np.maximum(values, 1e-2 / self._spread.max() ** 2)  # flat at a border: hardly more than the prior knew
+        return np.asarray(np.sqrt(np.sum(vectors**2 / values, axis=1)))
 
     def _climb(self, start: FloatArray) -> FloatArray:
         reach = _BOUND * self._spread
@@ -194,3 +231,11 @@ def draw(mean: FloatArray, covariance: FloatArray, n_samples: int, rng: np.rando
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     return np.asarray(mean + rng.standard_normal((n_samples, mean.size)) @ root.T)
+
+
+def student_draws(
+    mean: FloatArray, covariance: FloatArray, freedom: int, n_samples: int, rng: np.random.Generator
+) -> FloatArray:
+    """Draw from Student's t distribution with this location, scale matrix and degrees of freedom, (n_samples, m)."""
+    widening = np.sqrt(freedom / rng.chisquare(freedom, size=(n_samples, 1)))
+    return np.asarray(mean + widening * draw(np.zeros_like(mean), covariance, n_samples, rng))

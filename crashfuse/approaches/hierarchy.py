@@ -1,5 +1,7 @@
 """Our model of the bias: a hierarchy of what all tests share, what like tests share, and what each has alone."""
 
+import copy
+from collections import Counter
 from collections.abc import Sequence
 from typing import ClassVar, Self
 
@@ -7,13 +9,14 @@ import numpy as np
 from scipy.special import stdtrit
 
 from crashfuse.approaches.bias import BiasDraws, BiasPart, BiasPoints
-from crashfuse.approaches.covariance import Covariance, LogNormal, Part
-from crashfuse.approaches.gaussian_process import GaussianProcess, draw
+from crashfuse.approaches.covariance import LogNormal, Part
+from crashfuse.approaches.gaussian_process import GaussianProcess, student_draws
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import Condition, FloatArray
 from crashfuse.units import G
 
-_S, _V0, _FRONT, _REAR, _CAE, _SHARE, _STOPPING = range(7)
+_S, _V0, _FRONT, _REAR, _CAE, _SHARE, _STOPPING, _CRUSHING, _FIRST_FACTOR = range(9)
+_TEST = -1
 _LENGTH_UNITS = {
     _S: "s in m",
     _V0: "v0 in m/s",
@@ -26,27 +29,37 @@ _FORCE_UNIT = 10 * G  # so that the ratio counts with its standard deviation whe
 # The medians are orders of magnitude of a car's front end, fitted to none: 0.1 m is what a CFC 60 pulse resolves at
 # 35 mph; 5 m/s tells crashes apart, weights hardly do, for the CAE model knows about mass.
 _REACH = (_S, LogNormal(0.1, 0.3))
+_SPEED = (_V0, LogNormal(5.0, 0.5))
 _WEIGHT = LogNormal(300.0, 0.5)
-_PARTS = (
-    Part("shared", LogNormal(0.7, 0.7), ((_REACH,),)),
-    Part("by speed", LogNormal(0.5, 0.7), ((_REACH,), ((_V0, LogNormal(5.0, 0.5)),))),
-    Part("by weight", LogNormal(0.3, 0.7), ((_REACH,), ((_FRONT, _WEIGHT), (_REAR, _WEIGHT)))),
+_STOP_REACH = (_SHARE, LogNormal(0.15, 0.4))
+_OVER_DISPLACEMENT = (
+    Part("shared", LogNormal(0.7, 0.7), ((_REACH,),), times=_CRUSHING),
+    Part("by speed", LogNormal(0.5, 0.7), ((_REACH,), (_SPEED,)), times=_CRUSHING),
+    Part("by weight", LogNormal(0.3, 0.7), ((_REACH,), ((_FRONT, _WEIGHT), (_REAR, _WEIGHT))), times=_CRUSHING),
     Part("ratio", LogNormal(0.2, 0.7), (((_S, LogNormal(0.5, 0.3)),),), times=_CAE),
-    Part("own", LogNormal(0.2, 0.7), (((_S, LogNormal(0.07, 0.4)),),), of_each_test=True),
-    Part("stopping", LogNormal(0.5, 0.5), (((_SHARE, LogNormal(0.15, 0.4)),),), times=_STOPPING, of_each_test=True),
+    Part("own", LogNormal(0.2, 0.7), (((_S, LogNormal(0.07, 0.4)),),), times=_CRUSHING, same=_TEST),
 )
+_OVER_VELOCITY = (
+    Part("stop by speed", LogNormal(0.4, 0.7), ((_STOP_REACH,), (_SPEED,)), times=_STOPPING),
+    Part("own stop", LogNormal(0.5, 0.5), ((_STOP_REACH,),), times=_STOPPING, same=_TEST),
+)
+_FACTOR_SCALE = LogNormal(0.3, 0.7)
 _NOISE = LogNormal(0.07, 0.8)
 _LEAST_FREEDOM = 3
 
 
 class HierarchicalBias:
-    """δ(s, x, k) = f0(s) + f1(s, v0) + f2(s, weights) + ρ(s) G_a(s, x) + r_k(s) + e_k(v / v0) + noise.
+    """δ(s, x, k) = (f0(s) + f1(s, v0) + f2(s, weights) + r_k(s)) m̄/m + ρ(s) G_a(s, x) + stop(v/v0) + noise.
 
     f0 is what all tests share, f1 and f2 what varies with the condition, ρ what is proportional to the CAE model's own
-    force (a stiffer material, say). Test k's own are r_k, its repeatability, and e_k, how it comes to its stop: there
-    displacement hardly grows while acceleration changes, so that part is kept apart, over velocity, and does not blur
-    the rest. Where like tests contradict each other r_k grows, and a prediction shrinks to the CAE model. A new test
-    has an r and an e of its own, so they are in its band.
+    force (a stiffer material, say), and r_k is test k's own, its repeatability; they are forces, so a heavier vehicle
+    of mass m feels less of them than the tests' mean m̄. Near a stop displacement hardly grows while acceleration
+    changes: what happens there is kept apart, over velocity, as a part that varies with the speed and one of each
+    test's own. Where like tests contradict each other r_k grows, and a prediction shrinks to the CAE model. A new test
+    has parts of its own, so they are in its band.
+
+    A factor of the tests table (powertrain, say) adds a function of displacement for each of its values, if the tests
+    are more probable with it when each is predicted from the others.
 
     Parameters
     ----------
@@ -58,6 +71,10 @@ class HierarchicalBias:
     end_share : float
         Below this share of its impact speed a vehicle is stopping: 6 % of its energy is left.
     process_ : GaussianProcess
+    factors_ : tuple of str
+        The factors in use.
+    densities_ : dict of str to float
+        Log density of the tests, each given all others, for every choice of factors that was compared.
     freedom_ : int
         Degrees of freedom of the draws, one less than there are tests: how much tests differ is known from so few.
     """
@@ -75,13 +92,60 @@ class HierarchicalBias:
         Cancelled
             If the watch was told to stop.
         """
-        watch.report("Bias model", 0, 1)
-        x = [_rows(t.condition, t.displacement_m, t.cae_mps2, t.speed_share, number) for number, t in enumerate(tests)]
         y = np.concatenate([test.bias_mps2 for test in tests])
-        self.process_ = GaussianProcess(_PARTS, _NOISE, seed=self.seed).fit(np.concatenate(x), y)
+        self.mass_kg_ = float(np.mean([test.condition.mass_kg for test in tests]))
+        self._levels = _levels([test.condition for test in tests])
         self.freedom_ = max(len(tests) - 1, _LEAST_FREEDOM)
-        watch.report("Bias model", 1, 1)
+        choices: list[tuple[str, ...]] = [(), *((name,) for name in self._levels)]
+        choices += [tuple(self._levels)] * (len(self._levels) > 1)
+        rows = np.concatenate(
+            [
+                self._rows(t.condition, t.displacement_m, t.cae_mps2, t.speed_share, test=number)
+                for number, t in enumerate(tests)
+            ]
+        )
+        self.densities_: dict[str, float] = {}
+        for number, factors in enumerate(choices):
+            watch.report("Bias model", number, len(choices))
+            process = GaussianProcess(self._parts(factors), _NOISE, seed=self.seed).fit(rows, y)
+            density = float(process.left_out_log_density().sum())
+            if not self.densities_ or density > max(self.densities_.values()):
+                self.process_, self.factors_ = process, factors
+            self.densities_[" and ".join(factors) or "none"] = density
+        watch.report("Bias model", len(choices), len(choices))
         return self
+
+    def without(self, number: int) -> Self:
+        """The same model, hyperparameters and factors kept, as if the test of this number had not been run."""
+        other = copy.copy(self)
+        other.process_ = self.process_.without(number)
+        other.freedom_ = max(self.freedom_ - 1, _LEAST_FREEDOM)
+        return other
+
+    def _parts(self, factors: Sequence[str]) -> tuple[Part, ...]:
+        columns = {name: _FIRST_FACTOR + place for place, name in enumerate(self._levels)}
+        by_factor = (
+            Part(f"by {name}", _FACTOR_SCALE, ((_REACH,),), times=_CRUSHING, same=columns[name]) for name in factors
+        )
+        return (*_OVER_DISPLACEMENT[:-1], *by_factor, _OVER_DISPLACEMENT[-1], *_OVER_VELOCITY)
+
+    def _rows(
+        self,
+        condition: Condition,
+        displacement_m: FloatArray,
+        cae_mps2: FloatArray,
+        speed_share: FloatArray,
+        *,
+        test: int = -1,
+        crushing: bool = True,
+    ) -> FloatArray:
+        """Columns in the order of their constants above, the factors' values as numbers, then the test's number."""
+        n, mass = displacement_m.size, self.mass_kg_ / condition.mass_kg
+        values = dict(condition.factors)
+        stopping = mass * np.maximum(1 - speed_share / self.end_share, 0.0)
+        known = (levels.get(values.get(name, ""), -1) for name, levels in self._levels.items())
+        x, alike = np.tile(condition.vector, (n, 1)), np.tile([mass * crushing, *known, test], (n, 1))
+        return np.column_stack([displacement_m, x, cae_mps2 / _FORCE_UNIT, speed_share, stopping, alike])
 
     def sample(
         self,
@@ -106,18 +170,12 @@ class HierarchicalBias:
         n_draws : int
         rng : numpy.random.Generator
         """
-        moving = np.ones_like(displacement_m)
-        mean, covariance = self.process_.predict(
-            _rows(condition, displacement_m, cae_mps2, moving, number=-1), return_cov=True
-        )
-        stop = _rows(condition, np.zeros_like(speed_share), np.zeros_like(speed_share), speed_share, number=-1)
-        stop_part = _PARTS[-1]
-        own = self.process_.theta_[-1 - len(stop_part.priors) : -1]
-        stop_covariance = self.process_.output_scale_**2 * Covariance((stop_part,), stop, stop)(own)
-        widening = np.sqrt(self.freedom_ / rng.chisquare(self.freedom_, size=(n_draws, 1)))
-        deviations = widening * draw(np.zeros_like(mean), covariance, n_draws, rng)
-        stops = widening * draw(np.zeros_like(speed_share), stop_covariance, n_draws, rng)
-        return BiasDraws(np.vstack([mean, mean + deviations]), np.vstack([np.zeros_like(speed_share), stops]))
+        zero = np.zeros_like(speed_share)
+        moving = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
+        stop = self._rows(condition, zero, zero, speed_share, crushing=False)
+        mean, covariance = self.process_.predict(np.vstack([moving, stop]), return_cov=True)
+        functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
+        return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
 
     def parts(self, condition: Condition, displacement_m: FloatArray, cae_mps2: FloatArray) -> tuple[BiasPart, ...]:
         """Take the bias of a new test apart, as long as it moves: what comes with its stop is zero until then.
@@ -131,12 +189,14 @@ class HierarchicalBias:
         Returns
         -------
         tuple of BiasPart
-            Shared, by speed, by weight, ratio, own; then their total, which is the mean that :meth:`sample` gives.
+            Shared, by speed, by weight, ratio, by each factor in use, own; then their total, which is the mean that
+            :meth:`sample` gives.
         """
-        x = _rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m), number=-1)
-        moments = self.process_.predict_parts(x)[: len(_PARTS) - 1]
+        x = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
+        over_displacement = self.process_.parts[: -len(_OVER_VELOCITY)]
+        moments = self.process_.predict_parts(x)[: len(over_displacement)]
         moments.append(self.process_.predict(x, return_std=True))
-        names = (*(part.name for part in _PARTS[:-1]), "total")
+        names = (*(part.name for part in over_displacement), "total")
         reach = float(stdtrit(self.freedom_, 0.975))  # the draws have Student's t distribution
         return tuple(
             BiasPart(name, mean, mean - reach * std, mean + reach * std)
@@ -145,35 +205,46 @@ class HierarchicalBias:
 
     @property
     def state(self) -> dict[str, object]:
-        """Hyperparameters (standard deviations relative to the bias, lengths in SI), likelihood, how the fit went."""
-        names = []
-        for part in _PARTS:
+        """Hyperparameters (standard deviations relative to the bias, lengths in SI) and how the fit went."""
+        process, names = self.process_, []
+        for part in process.parts:
             columns = [column for group in part.groups for column, _ in group]
             names.append(f"{part.name}, standard deviation")
             names += [f"{part.name}, length in {_LENGTH_UNITS[column]}" for column in columns]
         names.append("noise, standard deviation")
-        process = self.process_
+
+        def by_name(values: FloatArray) -> dict[str, float]:
+            return dict(zip(names, values.round(4).tolist(), strict=True))
+
         return {
             "points": len(process.x_),
             "bias_rms_g": round(process.output_scale_ / G, 3),
-            "hyperparameters": dict(zip(names, np.exp(process.theta_).round(4).tolist(), strict=True)),
+            "hyperparameters": by_name(np.exp(process.theta_)),
+            "spread_factors": by_name(np.exp(process.spread())),
             "touched_bounds": [name for name, touched in zip(names, process.touched_, strict=True) if touched],
             "log_marginal_likelihood": round(process.log_marginal_likelihood_, 2),
             "dead": process.dead_,
             "retries": process.retries_,
+            "factors": list(self.factors_),
+            "left_out_log_density": {name: round(value, 1) for name, value in self.densities_.items()},
         }
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A warning if the fit explains nothing."""
-        return ("The bias model found nothing in the tests that noise would not explain.",) * self.process_.dead_
+        """What was decided about factors, and a warning if the fit explains nothing."""
+        notes = ("The bias model found nothing in the tests that noise would not explain.",) * self.process_.dead_
+        if self._levels:
+            used = f"{' and '.join(self.factors_)} told them apart" if self.factors_ else "they were not told apart"
+            notes += (f"Bias of tests that differ in {' or '.join(self._levels)}: {used}, by what left-out tests say.",)
+        return notes
 
 
-def _rows(
-    condition: Condition, displacement_m: FloatArray, cae_mps2: FloatArray, speed_share: FloatArray, number: int
-) -> FloatArray:
-    """Columns in the order of their constants above, then the test's number."""
-    n = displacement_m.size
-    stopping = np.maximum(1 - speed_share / HierarchicalBias.end_share, 0.0)
-    x = np.tile(condition.vector, (n, 1))
-    return np.column_stack([displacement_m, x, cae_mps2 / _FORCE_UNIT, speed_share, stopping, np.full(n, number)])
+def _levels(conditions: Sequence[Condition]) -> dict[str, dict[str, int]]:
+    """Values of each factor that may tell tests apart: all tests have it, and two of its values stand for two tests."""
+    names = [name for name, _ in conditions[0].factors]
+    levels = {}
+    for name in names:
+        counts = Counter(dict(condition.factors).get(name, "") for condition in conditions)
+        if counts[""] == 0 and sum(count > 1 for count in counts.values()) > 1:
+            levels[name] = {value: number for number, value in enumerate(sorted(counts))}
+    return levels

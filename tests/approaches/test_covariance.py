@@ -28,7 +28,7 @@ def test_groups_multiply_and_parts_add() -> None:
 def test_a_part_of_each_test_links_no_two_tests() -> None:
     """Rows of different tests have no covariance in it."""
     x = np.array([[0.0, 1], [0.0, 1], [0.0, 2]])
-    ours = Covariance((Part("own", ANY, (((0, ANY),),), of_each_test=True),), x, x)(np.log([2.0, 1.0]))
+    ours = Covariance((Part("own", ANY, (((0, ANY),),), same=-1),), x, x)(np.log([2.0, 1.0]))
     np.testing.assert_allclose(ours, [[4, 4, 0], [4, 4, 0], [0, 0, 4]])
 
 

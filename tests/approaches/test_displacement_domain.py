@@ -9,6 +9,7 @@ import pytest
 from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain, measured_bias
 from crashfuse.approaches.dynamics import integrate
 from crashfuse.approaches.rebound import follow_unloading
+from crashfuse.calibration import Coverage
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.errors import NotFittedError, UsageError
 from crashfuse.loading import loading_phase
@@ -222,16 +223,14 @@ def test_the_paper_preset_runs_and_tells_how_its_fit_went() -> None:
 
 
 def test_progress_is_reported_and_the_state_is_plain_json(campaign: Campaign) -> None:
-    """The emulator and the bias model each begin and end."""
+    """The emulator, the bias model and the check of the band each begin, in this order."""
     seen: list[Progress] = []
     model = DisplacementDomain(FEW).fit(campaign, Watch(seen.append))
-    assert [(p.step, p.done) for p in seen] == [
-        ("CAE emulator", 0),
-        ("CAE emulator", 1),
-        ("Bias model", 0),
-        ("Bias model", 1),
-    ]
-    assert json.loads(json.dumps(model.state))["seconds"] >= 0
+    assert list(dict.fromkeys(p.step for p in seen)) == ["CAE emulator", "Bias model", "Check of the band"]
+    state = json.loads(json.dumps(model.state))
+    assert state["seconds"] >= 0
+    assert state["band_check"]["left_out_tests"] == len(campaign.tests)
+    assert state["spread_factors"].keys() == state["hyperparameters"].keys()
 
 
 def test_the_parts_of_the_bias_foresee_a_test_that_was_left_out(campaign: Campaign) -> None:
@@ -247,3 +246,42 @@ def test_the_parts_of_the_bias_foresee_a_test_that_was_left_out(campaign: Campai
     assert np.sqrt(np.mean((bias.bias_mps2 - expected)[inside] ** 2)) < 0.5 * np.abs(bias.bias_mps2[inside]).max()
     with pytest.raises(NotFittedError):
         DisplacementDomain().bias_parts(held_out.condition, grid)
+
+
+def test_the_emulators_own_error_is_in_the_band() -> None:
+    """Tests with paired runs say nothing of it, so where no run was made the band is wider by it."""
+    campaign = made_up(bias())
+    domain = DisplacementDomain(FEW).fit(campaign)
+    between = replace(campaign.tests[2].condition, speed_mps=10.4)
+    assert campaign.cae.paired_run(between) is None
+
+    def width() -> float:
+        draws = domain.predict(between).draws_mps2
+        assert draws is not None
+        return float(draws[:, :400].std(axis=0).mean())
+
+    with_error = width()
+    domain.model_.emulator_.residuals_ = 0 * domain.model_.emulator_.residuals_
+    assert with_error > 1.02 * width()
+
+
+def test_the_band_after_the_stop_holds_tests_that_rebound_in_their_own_way() -> None:
+    """Tests that let go otherwise than the CAE model, each in its own way, lie inside when left out."""
+    rng = np.random.default_rng(5)
+    campaign = made_up(bias())
+    tests = []
+    for test in campaign.tests:
+        accel = test.pulse.accel_mps2.copy()
+        t0 = float(test.pulse.kinematics(test.condition.speed_mps).t0_s)
+        after = np.maximum(GRID_S - t0, 0.0)
+        accel += (after > 0) * (40 + 15 * rng.normal()) * np.sin(np.pi * np.minimum(after / 0.02, 1.0))
+        tests.append(replace(test, pulse=Pulse(GRID_S, accel)))
+    campaign = replace(campaign, tests=tuple(tests))
+    inside = []
+    for test in campaign.tests[1:5]:
+        prediction = DisplacementDomain(FEW).fit(campaign.without([test.id])).predict(test.condition)
+        assert prediction.draws_mps2 is not None
+        inside.append(Coverage.of(test, prediction.draws_mps2).rebound)
+        after = test.pulse.kinematics(test.condition.speed_mps).t0_s < GRID_S
+        assert np.abs((prediction.accel_mps2 - test.pulse.accel_mps2)[after]).max() < 60
+    assert np.mean(inside) > 0.85

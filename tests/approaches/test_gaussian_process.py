@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
@@ -19,7 +20,7 @@ ALL_KINDS = (
     Part("shared", WIDE, (((0, LogNormal(0.3, 0.5)),),)),
     Part("varying", WIDE, (((0, LogNormal(0.3, 0.5)),), ((1, WIDE), (2, WIDE)))),
     Part("ratio", WIDE, (((0, WIDE),),), times=2),
-    Part("own", LogNormal(0.3, 0.5), (((0, LogNormal(0.2, 0.5)),),), of_each_test=True),
+    Part("own", LogNormal(0.3, 0.5), (((0, LogNormal(0.2, 0.5)),),), same=-1),
 )
 NOISE = LogNormal(0.1, 0.7)
 
@@ -105,7 +106,7 @@ def test_the_fit_is_a_maximum_of_the_posterior() -> None:
 
 def test_a_new_test_gets_nothing_of_what_others_have_alone() -> None:
     """A part of each test has zero mean and its full variance for a test that was not trained on."""
-    part = Part("own", LogNormal(1.0, 0.3), (((0, LogNormal(0.3, 0.3)),),), of_each_test=True)
+    part = Part("own", LogNormal(1.0, 0.3), (((0, LogNormal(0.3, 0.3)),),), same=-1)
     x, y = rows()
     process = GaussianProcess((part,), NOISE).fit(x, y)
     new = x[:5].copy()
@@ -170,3 +171,44 @@ def test_each_part_is_the_textbooks() -> None:
         np.testing.assert_allclose(mean, cross @ inverse @ (40 * y), rtol=1e-5, atol=1e-5)
         variance = scale**2 * np.diag(prior - cross @ inverse @ cross.T)
         np.testing.assert_allclose(std**2, variance, rtol=1e-5, atol=1e-5 * scale**2)
+
+
+def test_the_density_of_a_left_out_test_is_the_textbooks() -> None:
+    """Block by block it is the normal density given the other tests, by a plain solver."""
+    x, y = rows()
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 3 * y)
+    covariance = Covariance(ALL_KINDS, x, x)(process.theta_[:-1])
+    covariance += (np.exp(2 * process.theta_[-1]) + 1e-10) * np.eye(len(y))
+    expected = []
+    for test in range(5):
+        out = x[:, -1] == test
+        gain = covariance[np.ix_(out, ~out)] @ np.linalg.inv(covariance[np.ix_(~out, ~out)])
+        left = covariance[np.ix_(out, out)] - gain @ covariance[np.ix_(~out, out)]
+        scaled = 3 * y / process.output_scale_
+        expected.append(multivariate_normal.logpdf(scaled[out], gain @ scaled[~out], left))
+    np.testing.assert_allclose(process.left_out_log_density(), expected, rtol=1e-6)
+
+
+def test_without_a_test_it_predicts_from_the_others() -> None:
+    """As scikit-learn does from their rows, with the same kernel."""
+    x, y = rows()
+    process = GaussianProcess((ONE,), NOISE).fit(x, y)
+    scale, *lengths, noise = np.exp(process.theta_)
+    rest = x[:, -1] != 2
+    peer = GaussianProcessRegressor(
+        ConstantKernel(scale**2) * Matern(lengths, nu=2.5), alpha=noise**2 + 1e-10, optimizer=None
+    ).fit(x[rest, :2], y[rest])
+    np.testing.assert_allclose(process.without(2).predict(x), peer.predict(x[:, :2]), atol=1e-7)
+    assert np.abs(process.predict(x) - peer.predict(x[:, :2])).max() > 1e-3
+
+
+def test_the_spread_of_hyperparameters_is_that_of_the_posteriors_curvature() -> None:
+    """Along one hyperparameter alone it is at least what the second difference of the posterior gives."""
+    process = GaussianProcess((ONE,), NOISE).fit(*rows())
+    spread, step = process.spread(), 1e-3
+    for i, direction in enumerate(step * np.eye(spread.size)):
+        losses = [process._loss(process.theta_ + k * direction)[0] for k in (-1, 0, 1)]
+        alone = step / np.sqrt(losses[0] - 2 * losses[1] + losses[2])
+        assert alone * 0.99 < spread[i] < 4 * alone
+    noise_of_60_rows = 1 / np.sqrt(2 * 60)
+    assert noise_of_60_rows < spread[-1] < 2 * noise_of_60_rows

@@ -31,6 +31,15 @@ def fit(biases: dict[float, FloatArray]) -> HierarchicalBias:
     return HierarchicalBias().fit([BiasPoints(condition(v), S, SHARE, cae(v), bias) for v, bias in biases.items()])
 
 
+def with_factor(values: str, effect: FloatArray) -> HierarchicalBias:
+    """Fit to tests at 6 to 15 m/s, one for each letter; those of value B have ``effect`` on top of what all share."""
+    tests = []
+    for speed, value in zip(np.linspace(6, 15, len(values)).tolist(), values, strict=True):
+        at = Condition(speed, 950.0, 700.0, factors=(("powertrain", value),))
+        tests.append(BiasPoints(at, S, SHARE, cae(speed), shared(S) + (value == "B") * effect))
+    return HierarchicalBias().fit(tests)
+
+
 def mean_and_width(model: HierarchicalBias, speed_mps: float) -> tuple[FloatArray, FloatArray]:
     """Mean bias and the standard deviation of the draws at a speed."""
     rng = np.random.default_rng(0)
@@ -126,3 +135,43 @@ def test_nothing_is_known_of_what_a_new_test_has_alone_but_its_size() -> None:
     np.testing.assert_allclose(own.mean_mps2, 0.0, atol=1e-9)
     np.testing.assert_allclose(own.upper_mps2, own.upper_mps2[0], rtol=1e-9)
     assert own.upper_mps2[0] > 3 * alike.upper_mps2[0]
+
+
+def test_a_factor_that_tells_tests_apart_is_used() -> None:
+    """The bias of vehicles with the other powertrain is predicted for a new test with it, and no other."""
+    effect = np.asarray(40 * np.sin(12 * S))
+    model = with_factor("ABABABAB", effect)
+    assert model.factors_ == ("powertrain",)
+    assert model.densities_["powertrain"] > model.densities_["none"]
+    for value, expected in (("A", shared(S)), ("B", shared(S) + effect)):
+        at = Condition(10.0, 950.0, 700.0, factors=(("powertrain", value),))
+        mean = model.sample(at, S, cae(10.0), SHARES, 4, np.random.default_rng(0)).over_displacement_mps2[0]
+        np.testing.assert_allclose(mean, expected, atol=6.0)
+    assert "by powertrain" in [part.name for part in model.parts(at, S, cae(10.0))]
+    assert any("powertrain" in note for note in model.notes)
+
+
+def test_a_factor_without_effect_is_left_out() -> None:
+    """Telling tests apart that are alike only makes each less certain."""
+    model = with_factor("ABABABAB", 0 * S)
+    assert model.factors_ == ()
+    assert model.state["factors"] == []
+
+
+@pytest.mark.parametrize("values", ["AAAAAA", "AAAAAB", "ABCDEF"])
+def test_a_factor_that_no_two_pairs_of_tests_share_is_not_tried(values: str) -> None:
+    """Test numbers, dates and single vehicles tell nothing that could be checked."""
+    assert list(with_factor(values, 0 * S).densities_) == ["none"]
+
+
+def test_leaving_a_test_out_forgets_it() -> None:
+    """The model without a test predicts as one that was told of the others alone, with the same hyperparameters."""
+    biases = {v: shared(S) * v / 10 for v in (6.0, 9.0, 12.0, 15.0)}
+    model = fit(biases)
+    rest = model.without(1)
+    assert set(np.unique(rest.process_.x_[:, -1])) == {0.0, 2.0, 3.0}
+    odd = fit({**biases, 9.0: 10 * shared(S)})
+    odd.process_.theta_, odd.process_.output_scale_ = model.process_.theta_, model.process_.output_scale_
+    other = odd.process_._y * 0  # the test that is left out may have been anything
+    odd.process_._y = np.where(odd.process_.x_[:, -1] == 1, other, model.process_._y)
+    np.testing.assert_allclose(mean_and_width(odd.without(1), 9.0)[0], mean_and_width(rest, 9.0)[0], atol=1e-9)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crashfuse.approaches.rebound import follow_unloading
+from crashfuse.approaches.rebound import Rebound, Unloading, follow_unloading
 from crashfuse.loading import loading_phase
 from crashfuse.pulse import GRID_S, FloatArray
 
@@ -60,3 +60,54 @@ def test_a_cae_pulse_that_never_stops_has_no_branch() -> None:
     np.testing.assert_array_equal(continued[t0 > GRID_S], -200.0)
     later = t0 + 0.001 < GRID_S
     np.testing.assert_allclose(continued[later], -200 * np.exp(-(GRID_S[later] - t0) / 0.005), rtol=1e-3)
+
+
+def unloading(extra: FloatArray, speed_mps: float) -> Unloading:
+    """A test that goes on after t0 as the CAE pulse and ``extra``, which is told over the time since then."""
+    cae = bouncing(0.06) * speed_mps / SPEED
+    loading = loading_phase(cae, speed_mps)
+    after = np.maximum(GRID_S - loading.t0_s, 0.0)
+    accel = cae + np.where(after > 0, np.interp(after, GRID_S, extra), 0.0) * speed_mps / SPEED
+    return Unloading(speed_mps, accel, cae, loading)
+
+
+EXTRA = -80 * (GRID_S / 0.01) * np.exp(1 - GRID_S / 0.01)  # lets go later than the CAE model
+
+
+def test_what_tests_add_to_the_unloading_is_learned() -> None:
+    """In proportion to the braking at t0, at a speed that no test had; the mean is near the truth."""
+    model = Rebound().fit([unloading(EXTRA, speed) for speed in (9.0, 11.0, 13.0, 15.0)])
+    new = unloading(EXTRA, 12.0)
+    rng = np.random.default_rng(0)
+    expected, *draws = model.follow(np.tile(new.cae_mps2, (201, 1)), 12.0, new.cae_mps2, new.cae_loading, rng)
+    after = new.cae_loading.t0_s < GRID_S
+    assert np.abs(expected - new.accel_mps2)[after].max() < 0.15 * np.abs(EXTRA).max()
+    np.testing.assert_array_equal(expected[~after], new.cae_mps2[~after])
+    width = np.std(draws, axis=0)
+    assert width[~after].max() < 1e-9 < width[after].max()
+
+
+def test_draws_start_at_t0_without_a_step() -> None:
+    """Each draw leaves its own loading continuously, however much tests differ."""
+    model = Rebound().fit([unloading(k * EXTRA, 10.0 + k) for k in (-2.0, 1.0, 3.0)])
+    new = unloading(EXTRA, 12.0)
+    rng = np.random.default_rng(0)
+    pulses = model.follow(np.tile(new.cae_mps2, (51, 1)), 12.0, new.cae_mps2, new.cae_loading, rng)
+    at = int(new.cae_loading.t0_s / GRID_S[1])
+    assert np.abs(np.diff(pulses[:, at - 1 : at + 3], axis=1)).max() < 15.0
+    assert np.std(pulses[:, at + 100]) > 20.0
+
+
+def test_a_test_left_out_is_forgotten_and_none_left_means_the_cae_branch() -> None:
+    """Its pulse no longer matters; without any test the CAE branch is followed."""
+    tests = [unloading(EXTRA, 10.0), unloading(2 * EXTRA, 13.0)]
+    model = Rebound().fit(tests)
+    assert model.process_ is not None
+    rest = model.without(0).process_
+    assert rest is not None
+    assert set(rest.x_[:, -1]) == {1.0}
+    pulses, arguments = tests[0].cae_mps2[None], (10.0, tests[0].cae_mps2, tests[0].cae_loading)
+    alone = Rebound().fit(tests[:1]).without(0).follow(pulses, *arguments, np.random.default_rng(0))
+    np.testing.assert_array_equal(alone, follow_unloading(pulses, *arguments))
+    never = Unloading(SPEED, np.full(1250, -50.0), tests[0].cae_mps2, tests[0].cae_loading)
+    assert Rebound().fit([never]).process_ is None
