@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from crashfuse.approaches import LABELS
+from crashfuse.fits import study_coverage
 from crashfuse.formats.folder import load_campaign
-from crashfuse.pulse import DT_S, kinematics
-from crashfuse.study import Fold, HoldOut, Study, StudyConfig, run_study
+from crashfuse.study import HoldOut, Study, StudyConfig, run_study
 
 _REPEATS = 0.975
 _WINDOW_MS = 60.0
@@ -34,7 +34,8 @@ def main() -> None:
 
 
 def _print_summary(study: Study) -> None:
-    print("| | 0–20 ms | 0–40 ms | 0–60 ms | worst | gap closed | change | inside the 95 % band: a, v, crush |")
+    inside = "inside the 95 % band: a, v, a after t0, crush, peak"
+    print(f"| | 0–20 ms | 0–40 ms | 0–60 ms | worst | gap closed | change | {inside} |")
     print("|---|---:|---:|---:|---:|---:|---:|---|")
     raw = _overall(study, "cae")
     for approach in study.config.approaches:
@@ -61,32 +62,12 @@ def _overall(study: Study, approach: str) -> np.ndarray:
 
 
 def _coverage(study: Study, approach: str) -> str:
-    """Shares of the loading phase inside the band of a(t) and v(t), and of tests inside that of maximum crush."""
-    counts = [found for fold in study.folds if (found := _inside(study, fold, approach)) is not None]
-    if not counts:
+    """Shares of time inside the band: a(t), v(t) up to t0, a(t) after it; counts of tests: maximum crush, peak."""
+    found = study_coverage(study).get(approach)
+    if found is None:
         return "–"
-    accel, velocity, crush = np.array(counts).T
-    return f"{accel.mean():.2f}, {velocity.mean():.2f}, {crush.sum():.0f} of {len(counts)}"
-
-
-def _inside(study: Study, fold: Fold, approach: str) -> tuple[float, float, float] | None:
-    draws = fold.estimate(approach).prediction.draws_mps2
-    if draws is None:
-        return None
-    test = study.campaign.test(fold.held_out)
-    speed = test.condition.speed_mps
-    truth, drawn = test.pulse.kinematics(speed), kinematics(draws, speed, DT_S)
-    loading = ~(test.pulse.time_s > truth.t0_s)
-
-    def share(values: np.ndarray, true: np.ndarray) -> float:
-        lower, upper = np.quantile(values, [0.025, 0.975], axis=0)
-        return float(np.mean((true >= lower) & (true <= upper)))
-
-    return (
-        share(draws[:, loading], test.pulse.accel_mps2[loading]),
-        share(drawn.velocity_mps[:, loading], truth.velocity_mps[loading]),
-        share(drawn.displacement_m.max(axis=1), truth.displacement_m.max()),
-    )
+    shares = ", ".join(f"{found.share(name):.2f}" for name in ("accel", "velocity", "rebound"))
+    return f"{shares}, {found.count('crush')} and {found.count('peak')} of {len(found.tests)}"
 
 
 if __name__ == "__main__":

@@ -85,29 +85,34 @@ class Calibration:
         """
         n = len(self.tests)
         enough = n - int(np.ceil((1 - LEVEL) * n))
-        curves = [self._mean(name) for name in ("accel", "velocity", "rebound")]
+        curves = [self.share(name) for name in ("accel", "velocity", "rebound")]
         return self.count("crush") >= enough and self.count("peak") >= enough and all(not c < LEVEL for c in curves)
 
     def count(self, name: str) -> int:
         """Number of tests whose ``crush`` or ``peak`` lies inside."""
         return sum(getattr(test, name) for test in self.tests)
 
-    def _mean(self, name: str) -> float:
+    def share(self, name: str) -> float:
+        """Mean share of ``accel``, ``velocity`` or ``rebound`` over the tests that have one."""
         values = np.array([getattr(test, name) for test in self.tests])
         known = values[~np.isnan(values)]
         return float(known.mean()) if known.size else float("nan")
 
     @property
-    def state(self) -> dict[str, object]:
-        """Counts and shares as plain JSON values."""
-        shares = {name: self._mean(name) for name in ("accel", "velocity", "rebound")}
+    def counts(self) -> dict[str, object]:
+        """Shares of time and numbers of tests inside, as plain JSON values."""
+        shares = {name: self.share(name) for name in ("accel", "velocity", "rebound")}
         return {
             "left_out_tests": len(self.tests),
-            "widening": self.widening,
             "holds": self.holds,
             **{f"{name}_inside": None if np.isnan(share) else round(share, 3) for name, share in shares.items()},
             **{f"{name}_inside": self.count(name) for name in ("crush", "peak")},
         }
+
+    @property
+    def state(self) -> dict[str, object]:
+        """The counts, and the widening that led to them."""
+        return {"widening": self.widening, **self.counts}
 
 
 def calibrate(check: Callable[[float], Sequence[Coverage]]) -> Calibration:

@@ -144,7 +144,7 @@ def _predict(arguments: argparse.Namespace) -> None:
         print(note)
     if campaign.notice:
         print(campaign.notice)
-    print(f"Written to {arguments.out}: pulses.csv, metrics.csv, report.html")
+    print(f"Written to {arguments.out}: pulses.csv, metrics.csv, report.html, prediction.json")
 
 
 def _rate(arguments: argparse.Namespace) -> None:

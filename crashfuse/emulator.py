@@ -1,8 +1,9 @@
 """What the CAE model would give at a condition where no run was made: an emulator trained on all runs.
 
-It takes the pulses apart into principal modes in time. How much of a mode a condition asks for is a Gaussian
-process over (v0, front weight, rear weight): the modes share one Matérn-5/2 correlation, and each has its own variance
-and its own noise, so that a mode that does not vary smoothly with the condition is averaged, not interpolated.
+It takes the pulses, divided by their speeds so that slow crashes count as much as fast ones, apart into principal modes
+in time. How much of a mode a condition asks for is a Gaussian process over (v0, front weight, rear weight): the modes
+share one Matérn-5/2 correlation, and each has its own variance and its own noise, so that a mode that does not vary
+smoothly with the condition is averaged, not interpolated.
 """
 
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from crashfuse.pulse import Condition, FloatArray
 _NOISE = np.geomspace(1e-6, 2.0, 30)  # a mode's noise variance over its signal variance: the values tried
 _LOG_NOISE_PRIOR = -0.5 * (np.log(_NOISE / 1e-3) / 3.0) ** 2
 _LOG_LENGTH_PRIOR = np.log([0.5, 3.0, 3.0])  # speed decides more than weight
+_LEAST_MPS = 0.5  # slower runs count as if they had this speed: there is nothing left of their pulses
 _LIKE = 30  # runs whose errors stand for that at a condition near them
 _LEARNED = (
     *("centre_", "length_scales_", "inputs_", "mean_", "modes_", "noise_", "residuals_", "speed_range_", "spread_"),
@@ -87,7 +89,7 @@ class Emulator:
         self.centre_ = vectors.mean(axis=0)
         self.spread_ = np.where((spread := vectors.std(axis=0)) > 0, spread, 1.0)
         self.inputs_ = (vectors - self.centre_) / self.spread_
-        pulses = cae.accel_mps2[used].astype(np.float64)
+        pulses = cae.accel_mps2[used] / np.maximum(vectors[:, :1], _LEAST_MPS)
         self.mean_ = pulses.mean(axis=0)
         with threadpool_limits(1):
             self._fit_modes(pulses - self.mean_)
@@ -131,13 +133,11 @@ class Emulator:
         ndarray, shape (1250,)
             Acceleration in m/s² on the study grid.
         """
-        vector = condition.vector
-        inside = np.clip(vector[0], *self.speed_range_)
-        x = (np.array([[inside, *vector[1:]]]) - self.centre_) / self.spread_
+        x = (condition.vector[None] - self.centre_) / self.spread_
         x = np.clip(x, self.inputs_.min(axis=0), self.inputs_.max(axis=0))
         correlation = Matern(self.length_scales_, nu=2.5)(x, self.inputs_)
         pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
-        return np.asarray(pulse[0] * (vector[0] / inside if inside else 1.0))
+        return np.asarray(pulse[0] * max(condition.speed_mps, _LEAST_MPS))
 
     def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
         """Draw what a run at a condition might be more than :meth:`predict`: what like runs were, left out in turn.
@@ -156,7 +156,8 @@ class Emulator:
         x = (condition.vector - self.centre_) / self.spread_
         away = np.sum(((self.inputs_ - x) / self.length_scales_) ** 2, axis=1)
         chosen = rng.choice(np.argsort(away, kind="stable")[:_LIKE], size=n)
-        return np.asarray(rng.choice([-1.0, 1.0], size=(n, 1)) * (self.residuals_[chosen] @ self.modes_))
+        signs = rng.choice([-1.0, 1.0], size=(n, 1))
+        return np.asarray(max(condition.speed_mps, _LEAST_MPS) * signs * (self.residuals_[chosen] @ self.modes_))
 
     def arrays(self) -> Entry:
         """What was learned, for the cache."""

@@ -13,6 +13,7 @@ from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.displacement_plots import bias_by_speed, over_displacement
+from crashfuse.fits import coverage_table, fit_sentences, fit_table, study_coverage
 from crashfuse.metrics import METRIC_LABELS
 from crashfuse.plots import overlay, rating_heatmap
 from crashfuse.study import Estimate, Fold, Study
@@ -65,6 +66,7 @@ def study_report(study: Study, scores: pd.DataFrame, metrics: pd.DataFrame, reco
         _ratings(mean.set_axis([f"0–{w:g} ms" for w in mean.columns], axis=1)),
         f"<h2>Rating of every held-out test, 0–{window:g} ms</h2>",
         _figure(rating_heatmap({fold.held_out: _overall(fold, window) for fold in study.folds})),
+        _coverage(study),
         _bias(campaign),
     ]
     for fold in study.folds:
@@ -79,6 +81,7 @@ def study_report(study: Study, scores: pd.DataFrame, metrics: pd.DataFrame, reco
             _ratings(table.set_axis([f"0–{w:g} ms" for w in table.columns], axis=1)),
             _metrics(metrics[metrics["held_out"] == fold.held_out]),
             _notes(fold.estimates),
+            _fits(fold.estimates),
             "</section>",
         ]
     parts.append(_provenance(record))
@@ -100,6 +103,7 @@ def prediction_report(
         _figure(over_displacement(None, predictions, speed_mps=condition.speed_mps)),
         _metrics(metrics),
         _notes(estimates),
+        _fits(estimates),
         "</section>",
         _data(campaign),
         _bias(campaign),
@@ -175,6 +179,28 @@ def _notes(estimates: Iterable[Estimate]) -> str:
         for note in estimate.prediction.notes:
             notes.setdefault(note, []).append(LABELS[estimate.approach])
     return "".join(f"<p class=quiet>{_text(', '.join(who))}: {_text(note)}</p>" for note, who in notes.items())
+
+
+def _coverage(study: Study) -> str:
+    coverage = study_coverage(study)
+    if not coverage:
+        return ""
+    return (
+        "<section><h2>What the 95 % band is worth</h2><p>How much of the held-out tests lies inside it. With "
+        f"{len(study.folds)} tests no more can be promised than these counts.</p>{_table(coverage_table(coverage))}"
+        "</section>"
+    )
+
+
+def _fits(estimates: Iterable[Estimate]) -> str:
+    """How the fits of models with hyperparameters went, for those who want to know."""
+    parts = []
+    for estimate in estimates:
+        if sentences := fit_sentences(estimate.state):
+            said = "".join(f"<p>{_text(sentence)}</p>" for sentence in sentences)
+            summary = f"How the fit went: {_text(LABELS[estimate.approach])}"
+            parts.append(f"<details><summary>{summary}</summary>{said}{_table(fit_table(estimate.state))}</details>")
+    return "".join(parts)
 
 
 def _provenance(record: Mapping[str, object]) -> str:

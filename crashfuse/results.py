@@ -15,6 +15,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files import write_atomically
+from crashfuse.fits import study_coverage
 from crashfuse.metrics import Metric, pulse_metrics
 from crashfuse.report import prediction_report, study_report
 from crashfuse.study import Estimate, Study, StudyConfig
@@ -139,6 +140,7 @@ def write_study(study: Study, folder: str | Path) -> None:
         **_provenance(study.campaign, held_out, study.config),
         "finished": True,
         "seconds": {key: round(value, 3) for key, value in study.seconds.items()},
+        "coverage": {name: found.counts for name, found in study_coverage(study).items()},
         "fits": [{"held_out": held_out, **_fit_record(estimate)} for held_out, estimate in named],
     }
     write_atomically(folder / "report.html", study_report(study, scores, metrics, record).encode())
@@ -148,7 +150,10 @@ def write_study(study: Study, folder: str | Path) -> None:
 def write_prediction(
     campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig, folder: str | Path
 ) -> pd.DataFrame:
-    """Write ``pulses.csv``, ``metrics.csv`` and ``report.html`` for one new condition; returns the metrics.
+    """Write what is predicted at one new condition; returns the metrics.
+
+    ``pulses.csv``, ``metrics.csv``, ``report.html``, and ``prediction.json`` with the condition, whether it lies
+    outside the CAE runs, and how the fits went.
 
     Raises
     ------
@@ -159,8 +164,15 @@ def write_prediction(
     metrics = metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates)
     _write_csv(folder / "pulses.csv", pulses_table(("", estimate) for estimate in estimates))
     _write_csv(folder / "metrics.csv", metrics)
-    record = {**_provenance(campaign, (), config), "fits": [_fit_record(estimate) for estimate in estimates]}
+    condition = estimates[0].prediction.condition
+    record = {
+        **_provenance(campaign, (), config),
+        "condition": asdict(condition),
+        "extrapolation": list(campaign.cae.extrapolation(condition)),
+        "fits": [_fit_record(estimate) for estimate in estimates],
+    }
     write_atomically(folder / "report.html", prediction_report(campaign, estimates, metrics, record).encode())
+    _write_json(folder / "prediction.json", record)
     return metrics
 
 

@@ -56,6 +56,7 @@ st.table(tables.metrics(columns), border="horizontal")
 st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
 
 evidence.show_notes(predictions)
+evidence.show_fits(fold.estimates)
 with st.container(horizontal=True):
     evidence.download("scores.csv", scores_table(study))
     evidence.download("pulses.csv", pulses_table((test.id, estimate) for estimate in fold.estimates))

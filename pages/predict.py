@@ -61,6 +61,7 @@ st.subheader("Pulse metrics")
 st.table(tables.metrics((LABELS[e.approach], e.metrics) for e in estimates), border="horizontal")
 st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
 evidence.show_notes(predictions)
+evidence.show_fits(estimates)
 with st.container(horizontal=True):
     evidence.download("pulses.csv", pulses_table(("", estimate) for estimate in estimates))
     evidence.download("metrics.csv", metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates))

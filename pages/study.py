@@ -2,6 +2,7 @@
 
 import streamlit as st
 
+from crashfuse.fits import coverage_table, study_coverage
 from crashfuse.plots import rating_heatmap
 from crashfuse.results import scores_table, study_metrics
 from crashfuse.ui import evidence, frame, tables
@@ -34,6 +35,13 @@ evidence.show_figure(
     alt="Ratings of each held-out test by approach, with their mean; the same numbers are in scores.csv",
 )
 st.caption("ISO/TS 18571: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
+if coverage := study_coverage(study):
+    st.subheader("What the 95 % band is worth")
+    st.table(coverage_table(coverage).style.hide(axis="index"), border="horizontal")
+    st.caption(
+        f"How much of the left-out tests lies inside. With {len(study.folds)} tests no more can be promised than these "
+        "counts."
+    )
 with st.container(horizontal=True):
     evidence.download("scores.csv", scores_table(study))
     evidence.download("metrics.csv", study_metrics(study))

@@ -206,7 +206,10 @@ def test_predict_writes_pulses_metrics_and_report(
     out = tmp_path / "out"
     command = ["predict", str(campaign_on_disk), "--out", str(out), *at_condition(30, 2400, 1500)]
     assert cli.main([*command, "--approach", "cae", "displacement_domain"]) == cli.DONE
-    assert {path.name for path in out.iterdir()} == {"pulses.csv", "metrics.csv", "report.html"}
+    assert {path.name for path in out.iterdir()} == {"pulses.csv", "metrics.csv", "report.html", "prediction.json"}
+    record = json.loads((out / "prediction.json").read_text())
+    assert record["extrapolation"][0].startswith("Extrapolation: front weight 2400 lb")
+    assert record["condition"]["speed_mps"] == pytest.approx(30 * 0.44704)
     pulses = pd.read_csv(out / "pulses.csv")
     assert len(pulses) == 2 * GRID_S.size
     assert pulses["held_out"].isna().all()

@@ -229,6 +229,7 @@ class DisplacementDomain(Approach):
                 watch.report("Check of the band", number, len(tests))
                 rng = np.random.default_rng([self.seed, number])
                 found.append(Coverage.of(test, self._simulate(view, *models, _CHECK_DRAWS, rng, widening)[1:]))
+            watch.report("Check of the band", len(tests), len(tests))
             return found
 
         return calibrate(check)

@@ -1,13 +1,15 @@
 """What a page shows for its claims: figures, remarks of the approaches, and the numbers to take away."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches import LABELS, Prediction
+from crashfuse.fits import fit_sentences, fit_table
 from crashfuse.plots import GRADE_COLOURS
+from crashfuse.study import Estimate
 
 
 def show_figure(figure: go.Figure, alt: str) -> None:
@@ -41,6 +43,15 @@ def show_notes(predictions: Mapping[str, Prediction]) -> None:
     if makers:
         st.subheader("Notes")
         st.markdown("\n".join(f"- {', '.join(names)}: {_plain(note)}" for note, names in makers.items()))
+
+
+def show_fits(estimates: Iterable[Estimate]) -> None:
+    """Tell how the fits of models with hyperparameters went, folded away: few ask, but who asks needs it all."""
+    for estimate in estimates:
+        if sentences := fit_sentences(estimate.state):
+            with st.expander(f"How the fit went: {LABELS[estimate.approach].lower()}"):
+                st.markdown("\n\n".join(_plain(sentence) for sentence in sentences))
+                st.table(fit_table(estimate.state).style.hide(axis="index"), border="horizontal")
 
 
 def download(name: str, table: pd.DataFrame) -> None:

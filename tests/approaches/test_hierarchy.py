@@ -1,6 +1,7 @@
 """The hierarchical bias model, on biases whose parts are known."""
 
 import json
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def cae(speed_mps: float) -> FloatArray:
     return np.asarray(-10 * speed_mps * (1 - np.exp(-S / 0.1)) + 30 * np.sin(20 * S))
 
 
-def fit(biases: dict[float, FloatArray]) -> HierarchicalBias:
+def fit(biases: Mapping[float, FloatArray]) -> HierarchicalBias:
     """Fit to a bias for each speed."""
     return HierarchicalBias().fit([BiasPoints(condition(v), S, SHARE, cae(v), bias) for v, bias in biases.items()])
 

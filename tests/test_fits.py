@@ -1,0 +1,74 @@
+"""What people are told of fits and bands."""
+
+import numpy as np
+
+from crashfuse.approaches import Prediction
+from crashfuse.calibration import Calibration, Coverage
+from crashfuse.campaign import Campaign
+from crashfuse.fits import coverage_table, fit_sentences, fit_table, study_coverage
+from crashfuse.study import Estimate, Fold, Study, StudyConfig
+
+INSIDE = Coverage(1.0, 0.9, 0.8, crush=True, peak=True)
+STATE = {
+    "points": 300,
+    "bias_rms_g": 7.25,
+    "log_marginal_likelihood": -12.3,
+    "dead": False,
+    "retries": 1,
+    "hyperparameters": {"shared, standard deviation": 0.7123, "noise, standard deviation": 0.05},
+    "spread_factors": {"shared, standard deviation": 1.5, "noise, standard deviation": 1.1},
+    "touched_bounds": ["noise, standard deviation"],
+    "factors": ["powertrain"],
+    "left_out_log_density": {"none": -10.4, "powertrain": -3.2},
+    "band_check": Calibration(1.15, (INSIDE,) * 3).state,
+}
+
+
+def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -> None:
+    """Draws around the test itself hold it; an approach without draws has no row."""
+    folds = []
+    for test, factor in zip(campaign.tests[:2], (1.0, 1.5), strict=True):
+        draws = factor * np.linspace(0.95, 1.05, 100)[:, None] * test.pulse.accel_mps2
+        with_band = Estimate("displacement_domain", Prediction(test.condition, draws[50], draws), {}, 0.0)
+        without = Estimate("cae", Prediction(test.condition, draws[50]), {}, 0.0)
+        folds.append(Fold(test.id, (without, with_band), {}))
+    config = StudyConfig(approaches=("cae", "displacement_domain"))
+    found = study_coverage(Study(campaign, config, tuple(folds)))
+    assert list(found) == ["displacement_domain"]
+    assert found["displacement_domain"].count("peak") == 1
+
+
+def test_the_table_of_coverage_says_percent_and_counts() -> None:
+    """Shares of time in percent, tests in numbers, and a dash where nothing is known."""
+    never = Coverage(1.0, 1.0, float("nan"), crush=False, peak=True)
+    row = coverage_table({"displacement_domain": Calibration(1.0, (INSIDE, never))}).iloc[0]
+    assert row["a(t) up to t0"] == "100 %"
+    assert row["v(t) up to t0"] == "95 %"
+    assert row["a(t) after t0"] == "80 %"
+    assert row["Maximum crush"] == "1 of 2"
+    assert coverage_table({"displacement_domain": Calibration(1.0, (never,))}).iloc[0]["a(t) after t0"] == "–"
+
+
+def test_hyperparameters_are_shown_with_their_spread_and_bounds() -> None:
+    """One row each."""
+    table = fit_table(STATE).set_index("Hyperparameter")
+    assert table.loc["shared, standard deviation"].tolist() == ["0.712", "1.50", "no"]
+    assert table.loc["noise, standard deviation", "At its bound"] == "yes"
+    assert fit_table({}).empty
+
+
+def test_a_fit_is_told_in_sentences() -> None:
+    """What was compared, which factor won, how far the band was widened and what lies inside then."""
+    text = " ".join(fit_sentences(STATE))
+    assert "300 points" in text
+    assert "Factors: powertrain" in text
+    assert "none -10, powertrain -3" in text
+    assert "widened 1.15 times" in text
+    assert "crush in 3 of 3 tests" in text
+    assert "less than a 95 % band should hold" in text  # v(t) 90 %
+    assert fit_sentences({}) == []
+
+
+def test_a_dead_fit_is_called_one() -> None:
+    """So that nobody takes an uncorrected pulse for a corrected one."""
+    assert "explains nothing" in " ".join(fit_sentences({**STATE, "dead": True}))
