@@ -9,10 +9,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.bias import BiasPart, BiasPoints, bijective_projection, uniform_points
+from crashfuse.approaches.bias import BiasDraws, BiasPart, BiasPoints, bijective_projection, uniform_points
+from crashfuse.approaches.cae_view import FINER, CaeView
 from crashfuse.approaches.dynamics import integrate
 from crashfuse.approaches.hierarchy import HierarchicalBias
-from crashfuse.approaches.rebound import Rebound, Unloading
+from crashfuse.approaches.rebound import Rebound
 from crashfuse.approaches.table4 import Table4Bias
 from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel, LoadingCurve
@@ -21,14 +22,12 @@ from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import NotFittedError, UsageError
 from crashfuse.loading import loading_phase
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import DT_S, GRID_S, N_SAMPLES, Condition, FloatArray
+from crashfuse.pulse import Condition, FloatArray
 
-_GRID = 200  # steps of the displacement grid on which the bias is drawn
 _SHARES = np.linspace(0.0, 1.0, 101)  # of the impact speed, at which what depends on velocity is drawn
 _LEAST_POINTS = 8  # of a test, however many there are
 _CHECK_DRAWS = 200  # for each test that the band is checked on
 _LEAST_CHECKED = 3  # tests: with fewer there is nothing left to learn from
-_FINER = 8  # how much finer the CAE model is read: it may turn sharply where its vehicle stops
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +125,7 @@ class DisplacementDomain(Approach):
             raise UsageError("The displacement domain learns from tests; this campaign has none.")
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         start = time.perf_counter()
-        self._views = tuple(self._view(test.condition) for test in campaign.tests)
+        self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
         self._paired = float(np.mean([view.paired for view in self._views]))
         most = max(self.config.max_points // len(campaign.tests), _LEAST_POINTS)
         with threadpool_limits(1):  # two contended threads cost many times the work of one
@@ -163,11 +162,10 @@ class DisplacementDomain(Approach):
         if not hasattr(self, "bias_"):
             raise NotFittedError("The displacement domain has not been fitted; call fit(campaign) first.")
         rng = np.random.default_rng(self.seed)
-        view = self._view(condition)
+        view = CaeView.of(self.model_, condition)
         with threadpool_limits(1):
-            pulses = self._simulate(
-                view, self.bias_, self.rebound_, self.config.n_draws, rng, self.calibration_.widening
-            )
+            bias = self._sample(view, self.bias_, self.config.n_draws, rng)
+            pulses = self._simulate(view, bias, self.rebound_, rng, self.calibration_.widening)
         notes = (*self.model_.notes(condition), *self.bias_.notes)
         if len(self.points_) == 1:
             notes += ("Only one test: how much tests differ from each other is assumed, not learned.",)
@@ -175,61 +173,50 @@ class DisplacementDomain(Approach):
             notes += ("The band holds less than it should on left-out tests, although it was widened.",)
         return Prediction(condition, pulses[0], pulses[1:], notes)
 
-    def _view(self, condition: Condition) -> "_CaeView":
-        paired = self.model_.cae_.paired_run(condition) is not None
-        pulse = self.model_.pulse(condition).accel_mps2
-        return _CaeView(condition, pulse, self.model_.loading_curve(condition), paired)
+    def _sample(
+        self, cae: CaeView, model: HierarchicalBias | Table4Bias, n_draws: int, rng: np.random.Generator
+    ) -> BiasDraws:
+        """The bias expected at a condition, and draws of it, over displacement and shares of the impact speed."""
+        grid = cae.grid_m[::FINER]
+        force = cae.curve.accel_at(grid, model.end_share)
+        bias = model.sample(cae.condition, grid, force, _SHARES, n_draws, rng)
+        if not cae.paired and self._paired:
+            # The bias of tests without a paired run has the emulator's error in it already, as what each test has of
+            # its own: only the share that the tests had paired runs for comes on top.
+            errors = np.sqrt(self._paired) * self.model_.errors(cae.condition, n_draws, rng)
+            bias.over_displacement_mps2[1:] += cae.at_displacement(errors, grid)
+        return bias
 
     def _simulate(
-        self,
-        cae: "_CaeView",
-        bias_model: HierarchicalBias | Table4Bias,
-        rebound: Rebound,
-        n_draws: int,
-        rng: np.random.Generator,
-        widening: float = 1.0,
+        self, cae: CaeView, bias: BiasDraws, rebound: Rebound, rng: np.random.Generator, widening: float
     ) -> FloatArray:
         """The expected pulse in row 0, then pulses drawn, shape (1 + n_draws, 1250)."""
-        condition, curve = cae.condition, cae.curve
-        speed, end_share = condition.speed_mps, bias_model.end_share
-        fine = np.linspace(0.0, speed * DT_S * N_SAMPLES, _GRID * _FINER + 1)  # no vehicle gets further in the record
-        grid = fine[::_FINER]
+        speed, curve, end_share, fine = cae.condition.speed_mps, cae.curve, self.bias_.end_share, cae.grid_m
+        wide = bias.widened(widening)
         force = curve.accel_at(fine, end_share)
-        bias = bias_model.sample(condition, grid, force[::_FINER], _SHARES, n_draws, rng).widened(widening)
-        over_displacement = force + [np.interp(fine, grid, function) for function in bias.over_displacement_mps2]
-        over_displacement[1:] += self._emulator_errors(cae, fine, n_draws, rng)
-        over_speed = curve.stopping_accel(_SHARES, end_share) + bias.over_speed_mps2
+        over_displacement = force + [np.interp(fine, fine[::FINER], f) for f in wide.over_displacement_mps2]
+        over_speed = curve.stopping_accel(_SHARES, end_share) + wide.over_speed_mps2
         motion = integrate(over_displacement, fine[1], over_speed, speed)
         return rebound.follow(motion.accel_mps2, speed, cae.accel_mps2, curve.own, rng, widening)
-
-    def _emulator_errors(
-        self, cae: "_CaeView", displacement_m: FloatArray, n_draws: int, rng: np.random.Generator
-    ) -> FloatArray | float:
-        """What the CAE model may be wrong in itself where no run was made.
-
-        The bias of tests without a paired run has the emulator's error in it already: it counts as what each test
-        has of its own. So only the share that the tests had paired runs for comes on top.
-        """
-        if cae.paired or not self._paired:
-            return 0.0
-        own = cae.curve.own
-        time = np.interp(displacement_m, own.displacement_m, own.time_s)
-        errors = self.model_.errors(cae.condition, n_draws, rng)
-        return float(np.sqrt(self._paired)) * np.array([np.interp(time, GRID_S, error) for error in errors])
 
     def _calibrate(self, tests: Sequence[CrashTest], watch: Watch) -> Calibration:
         """Check the band on each test, predicted from the others with the same hyperparameters; widen it if needed."""
         if isinstance(self.bias_, Table4Bias) or len(tests) < _LEAST_CHECKED:
             return Calibration(1.0, ())
-        left_out = [(self.bias_.without(number), self.rebound_.without(number)) for number in range(len(tests))]
+        left_out = []
+        for number, view in enumerate(self._views):
+            watch.report("Check of the band", number, len(tests))
+            rng = np.random.default_rng([self.seed, number])
+            left_out.append(self._sample(view, self.bias_.without(number), _CHECK_DRAWS, rng))
+        watch.report("Check of the band", len(tests), len(tests))
 
         def check(widening: float) -> list[Coverage]:
             found = []
-            for number, (test, view, models) in enumerate(zip(tests, self._views, left_out, strict=True)):
-                watch.report("Check of the band", number, len(tests))
-                rng = np.random.default_rng([self.seed, number])
-                found.append(Coverage.of(test, self._simulate(view, *models, _CHECK_DRAWS, rng, widening)[1:]))
-            watch.report("Check of the band", len(tests), len(tests))
+            for number, (test, view, bias) in enumerate(zip(tests, self._views, left_out, strict=True)):
+                watch.report("Check of the band", len(tests), len(tests))  # so that it can be cancelled
+                rng = np.random.default_rng([self.seed, number, 1])
+                rebound = self.rebound_.without(number)
+                found.append(Coverage.of(test, self._simulate(view, bias, rebound, rng, widening)[1:]))
             return found
 
         return calibrate(check)
@@ -261,17 +248,3 @@ class DisplacementDomain(Approach):
             return {}
         checked = {"band_check": self.calibration_.state} if self.calibration_.tests else {}
         return {"seconds": round(self._seconds, 2), **checked, **self.bias_.state}
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _CaeView:
-    """The CAE model at one condition, over time and over displacement; paired if a run was made there."""
-
-    condition: Condition
-    accel_mps2: FloatArray
-    curve: LoadingCurve
-    paired: bool
-
-    def beside(self, test: CrashTest) -> Unloading:
-        """A test beside it."""
-        return Unloading(self.condition.speed_mps, test.pulse.accel_mps2, self.accel_mps2, self.curve.own)
