@@ -35,6 +35,9 @@ evidence.show_figure(
     alt="Ratings of each held-out test by approach, with their mean; the same numbers are in scores.csv",
 )
 st.caption("ISO/TS 18571: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
+for test in campaign.tests:
+    for note in campaign.cae.extrapolation(test.condition):
+        st.caption(f":material/warning: {test.id}: {note}")
 if coverage := study_coverage(study):
     st.subheader("What the 95 % band is worth")
     st.table(coverage_table(coverage).style.hide(axis="index"), border="horizontal")

@@ -176,6 +176,8 @@ def _sidebar() -> _Choice:
                 help="The test to be predicted. Nothing that predicts it sees its pulse.",
             )
         ]
+        for note in campaign.cae.extrapolation(held_out.condition):
+            st.caption(f":material/warning: {note}")
         window = st.segmented_control(
             "Rated time window",
             list(WINDOWS_MS),

@@ -16,7 +16,7 @@ from streamlit.testing.v1 import AppTest
 
 from crashfuse.approaches import Approach, Prediction
 from crashfuse.cache import default_folder
-from crashfuse.campaign import Campaign
+from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.errors import DataError, Problem
 from crashfuse.formats.folder import load_campaign
 from crashfuse.progress import SILENT, Watch
@@ -29,6 +29,18 @@ APP = Path(__file__).parents[2] / "app.py"
 PAGES = ("data", "train", "compare", "study", "predict")
 SOON = 30.0
 FAST = ("cae", "lf_tcn")
+FITS: dict[str, dict[str, object]] = {
+    "displacement_domain": {
+        "points": 300,
+        "bias_rms_g": 7.25,
+        "log_marginal_likelihood": -12.3,
+        "dead": False,
+        "retries": 0,
+        "hyperparameters": {"shared, standard deviation": 0.7},
+        "spread_factors": {"shared, standard deviation": 1.5},
+        "touched_bounds": [],
+    }
+}
 
 
 @pytest.fixture(autouse=True)
@@ -63,7 +75,7 @@ def quick_study(
     for test_id in held_out:
         test = campaign.test(test_id)
         prediction = predict(campaign, test.condition)
-        estimates = tuple(Estimate(name, prediction, {}, 0.1) for name in config.approaches)
+        estimates = tuple(Estimate(name, prediction, FITS.get(name, {}), 0.1) for name in config.approaches)
         rating = rate_windows(test.pulse, Pulse(GRID_S, prediction.accel_mps2), config.windows_ms)
         folds.append(Fold(test_id, estimates, dict.fromkeys(config.approaches, rating)))
         watch.report("Held-out predictions", len(folds), len(held_out), loss=0.1)
@@ -414,13 +426,15 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert "not been predicted yet" in words(app)
     finish(press(app, "Predict test T1"))
     assert charts(app) == 2
-    ratings, metrics = tables(app)
+    ratings, metrics, fit = tables(app)
     expected = quick_study(campaign, StudyConfig(), held_out=("T1",)).folds[0].ratings["cae"]
     assert ratings["Rating 0–20 ms"][0] == f"{expected[20.0].overall:.3f} {expected[20.0].grade}"
     assert ratings["Slope 0–60 ms"][0] == f"{expected[60.0].slope:.3f}"
     assert metrics.columns[:2].tolist() == ["Pulse metric", "Test"]
     assert "[" in metrics["Displacement domain"][0]
     assert "Made for a test." in words(app)
+    assert "Fitted to 300 points of a bias of 7.2 g" in words(app)
+    assert fit["Known to a factor of"].tolist() == ["1.50"]
     assert downloads(app) == ["scores.csv", "pulses.csv", "metrics.csv"]
 
 
@@ -490,7 +504,19 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     assert charts(app) == 1
     study = quick_study(campaign, StudyConfig(), held_out=campaign.test_ids)
     assert tables(app)[0]["0–60 ms"][0].startswith(f"{study.mean_rating('cae', 60.0):.3f} ")
+    assert tables(app)[1]["Maximum crush"][0].endswith(f" of {len(study.folds)}")
+    assert "no more can be promised" in words(app)
     assert downloads(app) == ["scores.csv", "metrics.csv"]
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.parametrize("page", PAGES)
+def test_every_page_says_that_the_held_out_test_lies_outside_the_cae_runs(
+    page: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the sidebar, beside the test's name."""
+    monkeypatch.setattr(CaeLibrary, "extrapolation", lambda *_: ("Extrapolation: made for a test.",))
+    assert "Extrapolation: made for a test." in "".join(c.value for c in start(page).sidebar.caption)
 
 
 # --- Predict -------------------------------------------------------------------------------------------------------
