@@ -20,7 +20,7 @@ import numpy.typing as npt
 from scipy.interpolate import RBFInterpolator
 
 from crashfuse.approaches.dynamics import integrate
-from crashfuse.approaches.time_domain import LfTcn
+from crashfuse.approaches.lf_tcn import LfTcn
 from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.emulator import Emulator
 from crashfuse.formats.folder import load_campaign

@@ -18,8 +18,8 @@ import psutil
 
 from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain
 from crashfuse.approaches.hierarchy import HierarchicalBias
+from crashfuse.approaches.lf_tcn import LfTcn
 from crashfuse.approaches.tcn import TcnConfig
-from crashfuse.approaches.time_domain import LfTcn
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
 from crashfuse.formats.folder import load_campaign

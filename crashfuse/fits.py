@@ -67,6 +67,12 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
         compared = ", ".join(f"{name} {value:.0f}" for name, value in densities.items())
         used = " and ".join(state["factors"]) or "none"
         sentences.append(f"Factors: {used}. Log density of tests left out in turn (more is better): {compared}.")
+    if errors := state.get("left_out_rmse"):
+        sentences.append(
+            f"Fine-tuning: {state['members']} networks of {state['weights']:,} weights. A test has a share of "
+            f"{state['penalty']:g} of the increments to itself, chosen of {', '.join(errors)} by leaving each test out; "
+            f"such a test's change of velocity was met to {100 * state['left_out_delta_v_misfit']:.1f} % of its speed."
+        )
     if check := state.get("band_check"):
         n = check["left_out_tests"]
         verdict = "" if check["holds"] else " That is less than a 95 % band should hold."

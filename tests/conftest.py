@@ -25,7 +25,7 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monk
 @pytest.fixture(scope="module")
 def quick_networks() -> Iterator[None]:
     """Within one test module the fast preset trains a network of a second: small, and short."""
-    small = TcnConfig(channels=8, epochs=1, min_steps=60, tuning_steps=40)
+    small = TcnConfig(members=2, channels=8, epochs=1, min_steps=60, tuning_steps=40)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(TcnConfig, "fast", lambda: small)
         yield

@@ -69,6 +69,24 @@ def test_a_fit_is_told_in_sentences() -> None:
     assert fit_sentences({}) == []
 
 
+def test_a_fine_tuning_is_told_in_sentences() -> None:
+    """The members, what was chosen and from what, and how well ΔV was met."""
+    state = {
+        "members": 4,
+        "weights": 63000,
+        "penalty": 0.02,
+        "left_out_rmse": {"0.02": 0.23, "0.06": 0.25},
+        "left_out_delta_v_misfit": 0.041,
+        "band_check": Calibration(1.0, (INSIDE,) * 3).state,
+    }
+    first, second = fit_sentences(state)
+    assert "4 networks of 63,000 weights" in first
+    assert "0.02 of the increments to itself, chosen of 0.02, 0.06" in first
+    assert "4.1 % of its speed" in first
+    assert second.startswith("Band: checked on 3 tests")
+    assert fit_table(state).empty
+
+
 def test_a_dead_fit_is_called_one() -> None:
     """So that nobody takes an uncorrected pulse for a corrected one."""
     assert "explains nothing" in " ".join(fit_sentences({**STATE, "dead": True}))

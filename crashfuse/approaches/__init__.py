@@ -5,8 +5,9 @@ from typing import Literal, get_args
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.lf_tcn import LfTcn
 from crashfuse.approaches.tcn import TcnConfig
-from crashfuse.approaches.time_domain import LfTcn, TimeDomain
+from crashfuse.approaches.time_domain import TimeDomain
 from crashfuse.cache import Cache
 from crashfuse.errors import UsageError
 

@@ -5,13 +5,14 @@ a tap. There is no weight normalisation: on a CPU it costs 15 %.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import asdict, dataclass
+from typing import Literal, Self
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+_AFTER_LF = ("members", "tuning", "tuning_steps", "tuning_rate", "penalty", "n_draws")
 _MOST_PRODUCTS = 8  # taps: each product keeps a copy of its input for the gradient, gigabytes of them for 20 taps
 
 
@@ -27,14 +28,21 @@ class TcnConfig:
         Every how manieth sample of the study grid is a step of the sequence; a cubic spline leads back.
     time_waves, travel_waves : int
         How many sines and cosines of time, and of v0 · time, are inputs beside the paper's four.
-    scale_by_speed : bool
-        Whether the network's output is a share of an acceleration that grows with v0.
+    scale_floor : float
+        An output of 1 means an acceleration that grows with v0, from this share of its highest value at 0; 1 for one
+        acceleration at all speeds.
     batch, epochs, min_steps : int
         Pulses a step; epochs, or as many more as make that many steps in a small library.
     learning_rate, annealing_epochs : float, int
         Adam's rate and the half period of its cosine; 0 for one warm-up and one cosine over the whole training.
+    members : int
+        LF networks from different seeds, whose mean predicts.
+    tuning : {"posterior", "gradient"}
+        Fine-tuning in closed form with a band, or by Adam without.
+    n_draws : int
+        For the posterior: whole pulses drawn for the band.
     tuning_steps, tuning_rate, penalty : int, float, float
-        Steps and rate of the fine-tuning, and λ of the penalty λ‖θ_HF‖² that keeps θ_MF near θ_LF.
+        For Adam: steps and rate, and λ of the penalty λ‖θ_HF‖² that keeps θ_MF near θ_LF.
     """
 
     channels: int = 48
@@ -44,19 +52,22 @@ class TcnConfig:
     stride: int = 20
     time_waves: int = 2
     travel_waves: int = 10
-    scale_by_speed: bool = True
+    scale_floor: float = 0.3
     batch: int = 16
     epochs: int = 20
     min_steps: int = 1000
     learning_rate: float = 4e-3
     annealing_epochs: int = 0
-    tuning_steps: int = 150
-    tuning_rate: float = 3e-3
+    members: int = 4
+    tuning: Literal["posterior", "gradient"] = "posterior"
+    n_draws: int = 200
+    tuning_steps: int = 1000
+    tuning_rate: float = 3e-4
     penalty: float = 1e-3
 
     @classmethod
     def fast(cls) -> Self:
-        """Ours: some ten seconds for the LF training on one core."""
+        """Ours: some ten seconds for the LF training of each member on one core."""
         return cls()
 
     @classmethod
@@ -70,15 +81,20 @@ class TcnConfig:
             stride=1,
             time_waves=0,
             travel_waves=0,
-            scale_by_speed=False,
+            scale_floor=1.0,
             batch=32,
             epochs=1000,
             min_steps=0,
             learning_rate=3e-4,
             annealing_epochs=100,
-            tuning_steps=1000,
-            tuning_rate=3e-4,
+            members=1,
+            tuning="gradient",
         )
+
+    @property
+    def lf_settings(self) -> dict[str, object]:
+        """What the LF training of one member depends on."""
+        return {name: value for name, value in asdict(self).items() if name not in _AFTER_LF}
 
     @property
     def n_inputs(self) -> int:
@@ -109,6 +125,11 @@ class Tcn(nn.Module):
             for i, dilation in enumerate(config.dilations)
         )
         self.head = _CausalConv(config.channels, 1, 1, 1, generator)
+
+    @property
+    def device(self) -> torch.device:
+        """Where the weights are."""
+        return self.head.weight.device
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Map inputs of shape (n_times, n_pulses, n_inputs) to outputs of shape (n_times, n_pulses)."""

@@ -1,161 +1,48 @@
-"""The time-domain approach: a TCN trained on the CAE runs (LF TCN) and fine-tuned on the tests (MF TCN, Sect. 3.1)."""
+"""The time-domain approach: TCNs trained on the CAE runs, then fine-tuned on the tests (MF TCN, Sect. 3.1)."""
 
-from dataclasses import asdict
-from typing import Any, Self
+from dataclasses import replace
+from typing import Self
 
 import numpy as np
-import numpy.typing as npt
-import torch
 
-from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.tcn import Tcn, TcnConfig
-from crashfuse.approaches.training import Scaling, fine_tune, predict, train
-from crashfuse.cache import Cache
-from crashfuse.campaign import CaeLibrary, Campaign
-from crashfuse.errors import NotFittedError, UsageError
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.increments import Increments, Outlook, tangent_kernel
+from crashfuse.approaches.lf_tcn import LfTcn, TcnApproach
+from crashfuse.approaches.training import fine_tune, mean_outputs
+from crashfuse.calibration import Calibration, Coverage, calibrate
+from crashfuse.campaign import Campaign
+from crashfuse.errors import UsageError
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import Condition, FloatArray
+from crashfuse.pulse import DT_S, GRID_S, Condition, FloatArray, kinematics
 
-_KIND = "lf_tcn"
-
-
-class _TcnApproach(Approach):
-    """What both networks share: hyperparameters, and a prediction once there is a network."""
-
-    network_: Tcn
-    scaling_: Scaling
-    _library: CaeLibrary
-
-    def __init__(
-        self, config: TcnConfig | None = None, *, seed: int = 0, device: str = "auto", cache: Cache | None = None
-    ) -> None:
-        self.config = TcnConfig.fast() if config is None else config
-        self.seed = seed
-        self.device = device
-        self.cache = cache
-
-    @property
-    def _device(self) -> torch.device:
-        if self.device != "auto":
-            return torch.device(self.device)
-        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-
-    @property
-    def hardware(self) -> str:
-        """The kind of device it trains on: its numbers differ in the last bits."""
-        return self._device.type
-
-    def predict(self, condition: Condition) -> Prediction:
-        """Predict the pulse at a condition.
-
-        Raises
-        ------
-        NotFittedError
-            If called before ``fit``.
-        """
-        if not hasattr(self, "network_"):
-            raise NotFittedError(f"The approach {self.name} has not been fitted; call fit(campaign) first.")
-        accel = predict(self.network_, self.scaling_, condition.vector[None], self.config)[0]
-        return Prediction(condition, accel, notes=self._library.extrapolation(condition))
+_SMOOTH_S = 0.0032  # increments deviate faster than cars do, and draws that wiggle too fast have too high a peak
+_LEAST_SPREAD = 0.02  # of the share of v0 that is left at the end of the record, however alike the tests
+_UNKNOWN_SPREAD = 0.1  # with a single test
 
 
-class LfTcn(_TcnApproach):
-    """The network before it has seen a test: an emulator of the CAE model in time (Eq. 5).
-
-    Parameters
-    ----------
-    config : TcnConfig, optional
-        Default: :meth:`TcnConfig.fast`.
-    seed : int
-    device : str
-        ``"auto"`` takes CUDA if there is any, else the CPU.
-    cache : Cache, optional
-        Where the trained network is kept, by fingerprint of the CAE runs, config and seed.
-
-    Attributes
-    ----------
-    network_ : Tcn
-    scaling_ : Scaling
-    losses_ : ndarray, shape (n_epochs, 2)
-        Training and validation loss after each epoch.
-    """
-
-    name = "lf_tcn"
-    label = "LF TCN"
-
-    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Train on the CAE runs of the campaign, or take the network from the cache; tests are not looked at.
-
-        Raises
-        ------
-        UsageError
-            If there are fewer than two runs.
-        Cancelled
-            If the watch was told to stop.
-        """
-        if len(campaign.cae) < 2:
-            raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
-        self._library = campaign.cae
-        key = {"cae": campaign.cae.fingerprint, "config": self.config, "seed": self.seed, "device": self._device.type}
-        entry = self.cache.get(_KIND, key) if self.cache else None
-        if entry is None:
-            self.network_, self.scaling_, self.losses_ = train(
-                campaign.cae.vectors, campaign.cae.accel_mps2, self.config, self.seed, self._device, watch
-            )
-            if self.cache:
-                self.cache.put(_KIND, key, self._as_arrays())
-        else:
-            self._from_arrays(entry)
-        return self
-
-    @property
-    def state(self) -> dict[str, object]:
-        """Number of weights, epochs, final losses, device."""
-        if not hasattr(self, "network_"):
-            return {}
-        return {
-            "weights": sum(weight.numel() for weight in self.network_.parameters()),
-            "epochs": len(self.losses_),
-            "train_loss": float(self.losses_[-1, 0]),
-            "validation_loss": float(self.losses_[-1, 1]),
-            "device": self._device.type,
-        }
-
-    def _as_arrays(self) -> dict[str, npt.ArrayLike]:
-        weights = {f"weight {name}": weight.cpu().numpy() for name, weight in self.network_.state_dict().items()}
-        return {**weights, **{f"scaling {k}": v for k, v in asdict(self.scaling_).items()}, "losses": self.losses_}
-
-    def _from_arrays(self, entry: dict[str, npt.NDArray[Any]]) -> None:
-        def scaling(name: str) -> tuple[float, ...]:
-            return tuple(np.atleast_1d(entry[f"scaling {name}"]).tolist())
-
-        self.losses_ = entry["losses"]
-        self.scaling_ = Scaling(
-            scaling("centre"), scaling("spread"), scaling("lowest"), scaling("highest"), *scaling("accel_mps2")
-        )
-        self.network_ = Tcn(self.config, torch.Generator()).to(self._device)
-        kept = {k.removeprefix("weight "): torch.from_numpy(v) for k, v in entry.items() if k.startswith("weight ")}
-        self.network_.load_state_dict(kept)
-
-
-class TimeDomain(_TcnApproach):
-    """The MF TCN: the LF network with increments learned from the tests (Eq. 6). Parameters as :class:`LfTcn`.
+class TimeDomain(TcnApproach):
+    """The MF TCN: the LF networks with increments learned from the tests (Eq. 6). Parameters as :class:`LfTcn`.
 
     Attributes
     ----------
     lf_ : LfTcn
-    network_ : Tcn
+    networks_ : tuple of Tcn
+        The LF networks, or where Adam did the fine-tuning, what it made of them.
     scaling_ : Scaling
-        The LF network's own.
-    losses_ : ndarray, shape (n_steps,)
-        Loss on the tests before each step.
+        The LF networks' own.
+    increments_ : Increments
+        Posterior over θ_HF; only if it was learned in closed form.
+    calibration_ : Calibration
+        How its band holds on tests left out one by one; likewise.
+    losses_ : ndarray, shape (n_members, n_steps)
+        Loss on the tests before each step; only after fine-tuning by Adam.
     """
 
     name = "time_domain"
     label = "Time domain"
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Fine-tune the LF network, which is trained before if the cache does not have it, on the campaign's tests.
+        """Fine-tune the LF networks, which are trained before if the cache does not have them, on the tests.
 
         Raises
         ------
@@ -167,22 +54,131 @@ class TimeDomain(_TcnApproach):
         if not campaign.tests:
             raise UsageError("The time domain learns from tests; this campaign has none.")
         self.lf_ = LfTcn(self.config, seed=self.seed, device=self.device, cache=self.cache).fit(campaign, watch)
-        self._library = campaign.cae
-        vectors = np.array([test.condition.vector for test in campaign.tests])
+        self._library, self.scaling_, self.networks_ = campaign.cae, self.lf_.scaling_, self.lf_.networks_
+        self._vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
-        self.scaling_ = self.lf_.scaling_
-        self.network_, self.losses_ = fine_tune(self.lf_.network_, self.scaling_, vectors, accel, self.config, watch)
+        if self.config.tuning == "gradient":
+            tuned = [
+                fine_tune(network, self.scaling_, self._vectors, accel, self.config, watch)
+                for network in self.lf_.networks_
+            ]
+            self.networks_ = tuple(network for network, _ in tuned)
+            self.losses_ = np.array([losses for _, losses in tuned])
+            return self
+        self._learn(campaign, accel, watch)
         return self
+
+    def _learn(self, campaign: Campaign, accel_mps2: FloatArray, watch: Watch) -> None:
+        inputs = self.scaling_.inputs(self._vectors, self.config)
+        targets = self.scaling_.targets(self._vectors, accel_mps2, self.config).numpy().T.astype(np.float64)
+        lf = mean_outputs(self.networks_, inputs)
+        kernel = tangent_kernel(self.networks_, inputs, watch=watch)
+        self.increments_ = Increments().fit(kernel, targets - lf)
+
+        tests = campaign.tests
+        self._end_shares = np.array([self._end_share(tests[i].condition, targets[i]) for i in range(len(tests))])
+        left_out = [
+            self._stopped(test.condition, lf[i], self.increments_.left_out_[i], np.delete(self._end_shares, i))
+            for i, test in enumerate(tests)
+        ]
+
+        def check(widening: float) -> list[Coverage]:
+            watch.report("Checking the band on left-out tests", 0, 1)
+            return [
+                Coverage.of(test, self._pulses(test.condition, outlook, widening)[1:])
+                for test, outlook in zip(tests, left_out, strict=True)
+            ]
+
+        # wider draws have higher peaks: a measured peak below its interval must not widen the band, only be reported
+        widening = calibrate(lambda w: [replace(coverage, peak=True) for coverage in check(w)]).widening
+        self.calibration_ = Calibration(widening, tuple(check(widening)))
+        ends = np.array([self._end_share(test.condition, o.mean) for test, o in zip(tests, left_out, strict=True)])
+        self._delta_v_misfit = float(np.abs(ends - self._end_shares).mean())
+
+    def _change(self, condition: Condition) -> FloatArray:
+        """Change of velocity over the record, as a share of v0, that each output of the network means."""
+        time = GRID_S[:: self.config.stride]
+        weights = np.full(time.size, time[1])
+        weights[[0, -1]] /= 2
+        change: FloatArray = weights * self.scaling_.outputs(condition.vector[None], self.config) / condition.speed_mps
+        return change
+
+    def _end_share(self, condition: Condition, outputs: FloatArray) -> float:
+        """Share of v0 that is left at the end of the record; below 0 after a rebound."""
+        return float(1 + self._change(condition) @ outputs)
+
+    def _stopped(self, condition: Condition, lf: FloatArray, outlook: Outlook, end_shares: FloatArray) -> Outlook:
+        """The output that is expected of a vehicle that stops and bounces back about as those in the tests did.
+
+        The paper's Eq. 11 over the whole record, taken as one more measurement: acceleration must integrate to ΔV.
+        """
+        outlook = Outlook(lf + outlook.mean, outlook.covariance).smoothed(_SMOOTH_S / (DT_S * self.config.stride))
+        if not len(end_shares):
+            return outlook
+        spread = max(float(end_shares.std(ddof=1)), _LEAST_SPREAD) if len(end_shares) > 1 else _UNKNOWN_SPREAD
+        return outlook.given(self._change(condition), float(end_shares.mean()) - 1, spread**2)
+
+    def _pulses(self, condition: Condition, outlook: Outlook, widening: float) -> FloatArray:
+        """The mean pulse, then drawn ones: shape (1 + n_draws, 1250), m/s²."""
+        n_draws, n_times, dof = self.config.n_draws, outlook.mean.size, len(self._vectors)
+        rng = np.random.default_rng(self.seed)
+        normals = rng.standard_normal((n_draws, n_times))
+        # the variance itself is learned from a handful of tests: Student's t
+        factors = widening * np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
+        deviations = factors[:, None] * outlook.draw(normals)
+        outputs = outlook.mean + np.vstack([np.zeros(n_times), deviations])
+        return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
+
+    def predict(self, condition: Condition) -> Prediction:
+        """Predict the pulse at a condition, and where the increments were learned in closed form, draw pulses.
+
+        Raises
+        ------
+        NotFittedError
+            If called before ``fit``.
+        """
+        lf = super().predict(condition)
+        if not hasattr(self, "increments_"):
+            return lf
+        inputs = self.scaling_.inputs(np.vstack([self._vectors, condition.vector]), self.config)
+        own = inputs[:, -1:]
+        kernel = tangent_kernel(self.networks_, inputs, own)[:, :, 0]
+        outlook = self.increments_.outlook(kernel[:-1], kernel[-1])
+        outlook = self._stopped(condition, mean_outputs(self.networks_, own)[0], outlook, self._end_shares)
+        pulses = self._pulses(condition, outlook, self.calibration_.widening)
+        notes = lf.notes + _stopping(condition, pulses[0], lf.accel_mps2)
+        return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 
     @property
     def state(self) -> dict[str, object]:
-        """What the LF training found, and the loss on the tests before and after fine-tuning."""
-        if not hasattr(self, "network_"):
+        """What the LF training found, what was chosen for the fine-tuning and why, and how the band holds."""
+        if not hasattr(self, "networks_"):
             return {}
+        if self.config.tuning == "gradient":
+            return {
+                **self.lf_.state,
+                "tuning_steps": self.losses_.shape[1],
+                "loss_on_tests_before": float(self.losses_[:, 0].mean()),
+                "loss_on_tests_after": float(self.losses_[:, -1].mean()),
+                "penalty": self.config.penalty,
+            }
         return {
             **self.lf_.state,
-            "tuning_steps": len(self.losses_),
-            "loss_on_tests_before": float(self.losses_[0]),
-            "loss_on_tests_after": float(self.losses_[-1]),
-            "penalty": self.config.penalty,
+            "penalty": self.increments_.penalty_,
+            "band_penalty": self.increments_.band_penalty_,
+            "left_out_rmse": {str(rho): round(error, 4) for rho, error in self.increments_.left_out_error_.items()},
+            "left_out_delta_v_misfit": round(self._delta_v_misfit, 4),
+            "band_check": self.calibration_.state,
         }
+
+
+def _stopping(condition: Condition, pulse: FloatArray, lf: FloatArray) -> tuple[str, ...]:
+    """A sentence if the predicted pulse does not stop the vehicle although the CAE model's does."""
+    motion = kinematics(np.array([pulse, lf]), condition.speed_mps, DT_S)
+    if not (np.isnan(motion.t0_s[0]) and np.isfinite(motion.t0_s[1])):
+        return ()
+    left = motion.velocity_mps[0].min() / condition.speed_mps
+    return (
+        f"The predicted pulse does not stop the vehicle within {GRID_S[-1] * 1e3:.0f} ms, as the CAE model's does: "
+        f"{left:.1%} of the impact speed is left.",
+    )

@@ -2,7 +2,7 @@
 
 import copy
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -17,7 +17,6 @@ from crashfuse.pulse import GRID_S, FloatArray
 
 _VALIDATED = 0.1  # share of the CAE runs (Sect. 4.1: 90 % for training, 10 % for validation)
 _WARM_UP = 0.1  # share of the steps
-_CREEP = 0.02  # of the highest speed: below it the output's scale no longer shrinks
 _SMALL = 1_000_000  # weights: below it, a second thread costs more than it gives
 
 
@@ -32,7 +31,7 @@ class Scaling:
     lowest, highest : tuple of float
         Ends of the library: beyond them the network gets what it would get there.
     accel_mps2 : float
-        Root mean square of the accelerations, divided by v0 / top speed if outputs are scaled by speed.
+        Root mean square of the accelerations, each divided by what its speed makes of it.
     """
 
     centre: tuple[float, ...]
@@ -52,10 +51,9 @@ class Scaling:
 
     def outputs(self, vectors: FloatArray, config: TcnConfig) -> FloatArray:
         """Acceleration that an output of 1 means for each condition, m/s², shape (n,)."""
-        if not config.scale_by_speed:
-            return np.full(len(vectors), self.accel_mps2)
-        share: FloatArray = np.maximum(vectors[:, 0] / self.highest[0], _CREEP)
-        return self.accel_mps2 * share
+        floor = config.scale_floor
+        scale: FloatArray = self.accel_mps2 * (floor + (1 - floor) * vectors[:, 0] / self.highest[0])
+        return scale
 
     def inputs(self, vectors: FloatArray, config: TcnConfig) -> Tensor:
         """Input sequences for conditions of shape (n, 3): shape (n_times, n, n_inputs), float32."""
@@ -70,43 +68,65 @@ class Scaling:
         shape = (len(time), len(vectors))
         return torch.from_numpy(np.stack([np.broadcast_to(c, shape) for c in columns], axis=-1).astype(np.float32))
 
+    def pulses(self, outputs: FloatArray, vectors: FloatArray, config: TcnConfig) -> FloatArray:
+        """Pulses on the study grid, shape (n, 1250), that outputs of shape (n, n_times) at these conditions mean."""
+        sequences: FloatArray = outputs * self.outputs(vectors, config)[:, None]
+        if config.stride == 1:
+            return sequences
+        spline: FloatArray = CubicSpline(GRID_S[:: config.stride], sequences, axis=1)(GRID_S)
+        return spline
+
     def targets(self, vectors: FloatArray, accel_mps2: FloatArray, config: TcnConfig) -> Tensor:
         """What the network should put out for pulses of shape (n, 1250): shape (n_times, n), float32."""
         scaled = accel_mps2[:, :: config.stride] / self.outputs(vectors, config)[:, None]
         return torch.from_numpy(np.ascontiguousarray(scaled.T, dtype=np.float32))
 
 
-def predict(network: Tcn, scaling: Scaling, vectors: FloatArray, config: TcnConfig) -> FloatArray:
-    """Pulses of a network at conditions of shape (n, 3), on the study grid: shape (n, 1250), m/s²."""
-    device = next(network.parameters()).device
-    network.eval()
-    with torch.no_grad(), _threads(network):
-        outputs = network(scaling.inputs(vectors, config).to(device)).cpu().numpy().T.astype(np.float64)
-    pulses: FloatArray = outputs * scaling.outputs(vectors, config)[:, None]
-    if config.stride == 1:
-        return pulses
-    spline: FloatArray = CubicSpline(GRID_S[:: config.stride], pulses, axis=1)(GRID_S)
-    return spline
+def predict(networks: Sequence[Tcn], scaling: Scaling, vectors: FloatArray, config: TcnConfig) -> FloatArray:
+    """Mean pulses of networks at conditions of shape (n, 3), on the study grid: shape (n, 1250), m/s²."""
+    outputs = mean_outputs(networks, scaling.inputs(vectors, config))
+    return scaling.pulses(outputs, vectors, config)
+
+
+def mean_outputs(networks: Sequence[Tcn], inputs: Tensor) -> FloatArray:
+    """Mean outputs of networks, shape (n, n_times), for inputs of shape (n_times, n, n_inputs)."""
+    outputs = []
+    for network in networks:
+        network.eval()
+        with torch.no_grad(), one_thread_if_small(network):
+            outputs.append(network(inputs.to(network.device)).cpu().numpy().T.astype(np.float64))
+    mean: FloatArray = np.mean(outputs, axis=0)
+    return mean
 
 
 def train(
-    vectors: FloatArray, accel_mps2: FloatArray, config: TcnConfig, seed: int, device: torch.device, watch: Watch
-) -> tuple[Tcn, Scaling, FloatArray]:
+    vectors: FloatArray,
+    accel_mps2: FloatArray,
+    scaling: Scaling,
+    config: TcnConfig,
+    seed: int,
+    device: torch.device,
+    watch: Watch,
+    step_name: str = "Training LF TCN",
+) -> tuple[Tcn, FloatArray]:
     """Train the LF network on CAE runs (Eq. 5, mean square error).
 
     Parameters
     ----------
     vectors : ndarray, shape (n_runs, 3)
     accel_mps2 : ndarray, shape (n_runs, 1250)
+    scaling : Scaling
     config : TcnConfig
     seed : int
         Of the weights, the validation runs and the order of the batches.
     device : torch.device
     watch : Watch
+    step_name : str
+        What the training is called in its reports.
 
     Returns
     -------
-    Tcn, Scaling
+    Tcn
     losses : ndarray, shape (n_epochs, 2)
         Training and validation loss after each epoch.
     """
@@ -114,7 +134,6 @@ def train(
     order = torch.randperm(len(vectors), generator=generator)
     n_validated = max(1, round(_VALIDATED * len(vectors)))
     validated, trained = order[:n_validated], order[n_validated:]
-    scaling = Scaling.of(vectors[trained.numpy()], accel_mps2[trained.numpy()], config)
     inputs = scaling.inputs(vectors, config).to(device)
     targets = scaling.targets(vectors, accel_mps2, config).to(device)
     network = Tcn(config, generator).to(device)
@@ -122,8 +141,8 @@ def train(
     epochs = max(config.epochs, math.ceil(config.min_steps / steps))
     optimiser = torch.optim.Adam(network.parameters(), lr=config.learning_rate, betas=(0.9, 0.95), fused=True)
     losses = np.zeros((epochs, 2))
-    with _threads(network):
-        watch.report("Training LF TCN", 0, epochs)
+    with one_thread_if_small(network):
+        watch.report(step_name, 0, epochs)
         for epoch in range(epochs):
             network.train()
             shuffled = trained[torch.randperm(len(trained), generator=generator)]
@@ -138,10 +157,8 @@ def train(
             network.eval()
             with torch.no_grad():
                 losses[epoch, 1] = (network(inputs[:, validated]) - targets[:, validated]).square().mean().item()
-            watch.report(
-                "Training LF TCN", epoch + 1, epochs, train_loss=losses[epoch, 0], validation_loss=losses[epoch, 1]
-            )
-    return network, scaling, losses
+            watch.report(step_name, epoch + 1, epochs, train_loss=losses[epoch, 0], validation_loss=losses[epoch, 1])
+    return network, losses
 
 
 def fine_tune(
@@ -167,14 +184,14 @@ def fine_tune(
     losses : ndarray, shape (n_steps,)
         Mean square error on the tests before each step, penalty not included.
     """
-    device = next(network.parameters()).device
+    device = network.device
     inputs = scaling.inputs(vectors, config).to(device)
     targets = scaling.targets(vectors, accel_mps2, config).to(device)
     tuned = copy.deepcopy(network).eval()  # no dropout: a handful of tests is noise enough
     start = [weight.detach().clone() for weight in tuned.parameters()]
     optimiser = torch.optim.Adam(tuned.parameters(), lr=config.tuning_rate, betas=(0.9, 0.95), fused=True)
     losses = np.zeros(config.tuning_steps)
-    with _threads(network):
+    with one_thread_if_small(network):
         for step in range(config.tuning_steps):
             optimiser.param_groups[0]["lr"] = config.tuning_rate * _cosine(step / config.tuning_steps)
             loss = (tuned(inputs) - targets).square().mean()
@@ -203,7 +220,7 @@ def _cosine(done: float) -> float:
 
 
 @contextmanager
-def _threads(network: Tcn) -> Iterator[None]:
+def one_thread_if_small(network: Tcn) -> Iterator[None]:
     """Use one thread for a small network: faster, and the same numbers whatever else the machine does."""
     before = torch.get_num_threads()
     if sum(weight.numel() for weight in network.parameters()) < _SMALL:

@@ -1,0 +1,199 @@
+"""Fine-tuning in closed form: what tests say about the increments θ_HF of an ensemble of LF networks (Eq. 6).
+
+The increments are small, so the networks are taken as linear in them: f(x, θ_LF + θ_HF) = f(x, θ_LF) + J(x) θ_HF. Then
+the penalty λ‖θ_HF‖² is a Gaussian prior, the penalised least squares have one exact minimum without any step of an
+optimiser, every left-out test's prediction comes from the same matrix, and the posterior over θ_HF is the band.
+All that enters is the tangent kernel J(x) J(x')ᵀ (Jacot et al. 2018; as a posterior, Immer et al. 2021).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from crashfuse.approaches.tcn import Tcn
+from crashfuse.approaches.training import one_thread_if_small
+from crashfuse.progress import SILENT, Watch
+from crashfuse.pulse import FloatArray
+
+PENALTIES = (0.02, 0.06, 0.2, 0.6)
+"""Choices of ρ: variance of the increments that a single test has to itself, relative to those that all share.
+
+The weakest comes first and is preferred: the mean square likes a pulse that is shrunk to the CAE's, the rating
+does not.
+"""
+
+_UNRESOLVED = 0.01  # variance, relative to the kernel's mean: what a network cannot follow
+_FEW = 3  # tests: with fewer, leaving one out says nothing about ρ
+
+
+def tangent_kernel(
+    networks: Sequence[Tcn], inputs: Tensor, others: Tensor | None = None, watch: Watch = SILENT
+) -> FloatArray:
+    """J(x) J(x')ᵀ of the mean of several networks, all weights together, times the number of networks.
+
+    Parameters
+    ----------
+    networks : sequence of Tcn
+    inputs : Tensor, shape (n_times, n, n_inputs)
+        At x.
+    others : Tensor, shape (n_times, m, n_inputs), optional
+        At x'; default: x' = x.
+    watch : Watch
+
+    Returns
+    -------
+    ndarray, shape (n, n_times, m, n_times)
+    """
+    others = inputs if others is None else others
+    (n_times, n, _), m = inputs.shape, others.shape[1]
+    kernel = np.zeros((n * n_times, m * n_times))
+    for i, network in enumerate(networks):
+        watch.report("Fine-tuning on tests", i, len(networks))
+        with one_thread_if_small(network):
+            jacobian = _jacobian(network.eval(), inputs.to(network.device))
+            other = jacobian if others is inputs else _jacobian(network, others.to(network.device))
+            kernel += (jacobian @ other.T).cpu().numpy() / len(networks)
+    return kernel.reshape(n, n_times, m, n_times)
+
+
+def _jacobian(network: Tcn, inputs: Tensor) -> Tensor:
+    """Derivatives of all outputs by all weights, shape (n * n_times, n_weights); one pulse after the other."""
+    weights = {name: weight.detach() for name, weight in network.named_parameters()}
+    rows = []
+    for pulse in torch.split(inputs, 1, dim=1):
+
+        def outputs(weights: dict[str, Tensor], pulse: Tensor = pulse) -> Tensor:
+            result: Tensor = torch.func.functional_call(network, weights, (pulse,))
+            return result[:, 0]
+
+        pullback = torch.func.vjp(outputs, weights)[1]
+        (gradients,) = torch.func.vmap(pullback)(torch.eye(len(pulse), device=pulse.device))
+        rows.append(torch.cat([gradient.flatten(1) for gradient in gradients.values()], dim=1))
+    return torch.cat(rows)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Outlook:
+    """What is expected at one condition before a test there: mean and covariance of the network's output."""
+
+    mean: FloatArray
+    covariance: FloatArray
+
+    def given(self, functional: FloatArray, value: float, variance: float) -> "Outlook":
+        """What is left to expect once functional · output is known to be this value, give or take this variance."""
+        with_all = self.covariance @ functional
+        gain = with_all / (functional @ with_all + variance)
+        mean = self.mean + gain * (value - functional @ self.mean)
+        return Outlook(mean, self.covariance - np.outer(gain, with_all))
+
+    def smoothed(self, n_steps: float) -> "Outlook":
+        """The same variance at each time, but deviations averaged over about this many steps (Gaussian, one sigma)."""
+        step = np.arange(self.mean.size)
+        average = np.exp(-0.5 * ((step[:, None] - step) / n_steps) ** 2)
+        smooth = average @ self.covariance @ average.T
+        scale = np.sqrt(np.diag(self.covariance) / np.diag(smooth))
+        return Outlook(self.mean, smooth * scale[:, None] * scale)
+
+    def draw(self, normals: FloatArray) -> FloatArray:
+        """Whole functions about the mean made of standard normal numbers: deviations, shape (n_draws, n_times)."""
+        variances, axes = np.linalg.eigh(self.covariance)
+        deviations: FloatArray = normals @ (axes * np.sqrt(np.maximum(variances, 0.0))).T
+        return deviations
+
+
+class Increments:
+    """Increments that all tests share, and those each test has to itself (repeats differ): θ_HF + θ_k.
+
+    Minimises ‖θ_HF‖² + Σ‖θ_k‖² / ρ + misfit² / unresolved variance; ρ is taken from :data:`PENALTIES` by leaving out
+    each test in turn: the first whose error is within one standard error of the least. That is for the mean; the
+    covariance takes the ρ by which the errors on left-out tests were likeliest.
+
+    Attributes
+    ----------
+    penalty_, band_penalty_ : float
+        ρ of the mean and of the covariance.
+    left_out_ : tuple of Outlook
+        For each test, from all the others.
+    left_out_error_ : dict of float to float
+        Root mean square error on left-out tests for each ρ, in units of the network's output.
+    """
+
+    def fit(self, kernel: FloatArray, misfit: FloatArray) -> Self:
+        """Learn from tests.
+
+        Parameters
+        ----------
+        kernel : ndarray, shape (n, n_times, n, n_times)
+            Tangent kernel between the tests.
+        misfit : ndarray, shape (n, n_times)
+            Measured minus LF prediction, in units of the network's output.
+        """
+        n, n_times = misfit.shape
+        unit = float(np.trace(kernel.reshape(n * n_times, -1))) / misfit.size
+        trials = {rho: _Trial.of(kernel / unit, misfit, rho) for rho in PENALTIES}
+        squares = {rho: np.mean(trial.errors**2, axis=1) for rho, trial in trials.items()}
+        self.left_out_error_ = {rho: float(np.sqrt(square.mean())) for rho, square in squares.items()}
+        self.penalty_ = _one_standard_error(squares) if n >= _FEW else PENALTIES[0]
+        errors = trials[self.penalty_].errors
+        sizes = {rho: np.mean(errors**2 / trial.variances) for rho, trial in trials.items()}
+        surprise = {rho: np.log(sizes[rho] * trial.variances).mean() for rho, trial in trials.items()}
+        self.band_penalty_ = min(PENALTIES, key=lambda rho: float(surprise[rho])) if n >= _FEW else PENALTIES[-1]
+        band = trials[self.band_penalty_]
+        self._unit, self._size, self._inverse = unit, float(sizes[self.band_penalty_]), band.inverse
+        self._weights = trials[self.penalty_].inverse @ misfit.ravel()
+        resolved = band.covariances - _UNRESOLVED * np.eye(n_times)
+        self.left_out_ = tuple(Outlook(*pair) for pair in zip(misfit - errors, self._size * resolved, strict=True))
+        return self
+
+    def outlook(self, across: FloatArray, own: FloatArray) -> Outlook:
+        """What a new test would add to the LF prediction.
+
+        Parameters
+        ----------
+        across : ndarray, shape (n, n_times, n_times)
+            Tangent kernel between the tests and the new condition.
+        own : ndarray, shape (n_times, n_times)
+            That of the new condition with itself.
+        """
+        n_times = own.shape[0]
+        across, own = across.reshape(-1, n_times) / self._unit, own / self._unit
+        mean = across.T @ self._weights
+        covariance = (1 + self.band_penalty_) * own - across.T @ self._inverse @ across
+        return Outlook(mean, self._size * covariance)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Trial:
+    """One ρ: the inverse covariance of the tests, and error and covariance of each as predicted from the others."""
+
+    inverse: FloatArray
+    errors: FloatArray
+    covariances: FloatArray
+
+    @property
+    def variances(self) -> FloatArray:
+        """Of each test's output at each time, as predicted from the others, shape (n, n_times)."""
+        return np.diagonal(self.covariances, axis1=1, axis2=2)
+
+    @classmethod
+    def of(cls, kernel: FloatArray, misfit: FloatArray, rho: float) -> Self:
+        """Leave out blocks of the inverse (Rasmussen & Williams 2006, Eqs. 5.10–5.12, a whole test at a time)."""
+        n, n_times = misfit.shape
+        same_test = np.eye(n)[:, None, :, None]
+        covariance = (kernel * (1 + rho * same_test)).reshape(misfit.size, -1) + _UNRESOLVED * np.eye(misfit.size)
+        inverse = np.linalg.inv(covariance)
+        weights = (inverse @ misfit.ravel()).reshape(n, n_times)
+        blocks = inverse.reshape(n, n_times, n, n_times)
+        covariances = np.linalg.inv(np.array([blocks[i, :, i] for i in range(n)]))
+        return cls(inverse, np.einsum("itu,iu->it", covariances, weights), covariances)
+
+
+def _one_standard_error(squares: dict[float, FloatArray]) -> float:
+    """The first ρ whose mean square error on left-out tests exceeds the least by no more than its standard error."""
+    best = min(squares, key=lambda rho: float(squares[rho].mean()))
+    excess = {rho: square - squares[best] for rho, square in squares.items()}
+    return next(rho for rho, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(len(e)))
