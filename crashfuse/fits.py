@@ -70,7 +70,7 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     if errors := state.get("left_out_rmse"):
         sentences.append(
             f"Fine-tuning: {state['members']} networks of {state['weights']:,} weights. A test has a share of "
-            f"{state['penalty']:g} of the increments to itself, chosen of {', '.join(errors)} by leaving each test out; "
+            f"{state['penalty']:g} of the increments to itself, chosen of {', '.join(errors)} by leaving each out; "
             f"such a test's change of velocity was met to {100 * state['left_out_delta_v_misfit']:.1f} % of its speed."
         )
     if check := state.get("band_check"):
