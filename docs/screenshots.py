@@ -51,7 +51,7 @@ def _visit(address: str, scratch: str) -> None:
     for flag in (*_FLAGS, f"--user-data-dir={scratch}/profile"):
         options.add_argument(flag)
     browser = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
-    waiting = WebDriverWait(browser, 120, ignored_exceptions=[StaleElementReferenceException])
+    waiting = WebDriverWait(browser, 500, ignored_exceptions=[StaleElementReferenceException])
     for page, (height, button, words) in _PAGES.items():
         browser.set_window_size(1440, height)
         browser.get(f"{address}/{page}?held_out=T09+%C2%B7+35.1+mph")

@@ -17,7 +17,7 @@ st.subheader(f"Test {test.id}: {test.condition}")
 study = result_of(
     StudyRequest(campaign, (test.id,), config),
     invitation=f"Test {test.id} has not been predicted yet. Every approach will learn from the other "
-    f"{len(campaign.tests) - 1} tests and the CAE runs; the first time takes a few minutes, later ones less.",
+    f"{len(campaign.tests) - 1} tests and the CAE runs; the first time takes a minute or two, later ones less.",
     button=f"Predict test {test.id}",
 )
 fold = study.fold(test.id)

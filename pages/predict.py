@@ -47,7 +47,7 @@ for note in campaign.cae.extrapolation(condition):
 fitted = result_of(
     FitRequest(campaign, config),
     invitation=f"The approaches have yet to learn from all {len(campaign.tests)} tests of this campaign. That takes a "
-    "few minutes the first time; after that, every condition is answered at once.",
+    "minute or two the first time; after that, every condition is answered in seconds.",
     button="Predict",
 )
 estimates = fitted.estimates(condition)
