@@ -134,6 +134,14 @@ class Campaign:
                 return test
         raise UsageError(f"There is no test {test_id!r} in {self.name}; it has {', '.join(self.test_ids)}.")
 
+    @property
+    def factors(self) -> dict[str, tuple[str, ...]]:
+        """Values of each further column of the tests table (powertrain, drive), sorted."""
+        pairs = {pair for test in self.tests for pair in test.condition.factors if pair[1]}
+        return {
+            name: tuple(sorted(value for of, value in pairs if of == name)) for name in sorted({of for of, _ in pairs})
+        }
+
     def without(self, test_ids: Sequence[str]) -> "Campaign":
         """The campaign with these tests held out: what predicts them may see this and nothing else."""
         held_out = {self.test(test_id).id for test_id in test_ids}

@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -133,7 +133,9 @@ def _predict(arguments: argparse.Namespace) -> None:
         if not 0 < getattr(arguments, flag) < float("inf"):
             raise UsageError(f"--{flag.replace('_', '-')} must be a number above 0.")
     campaign = load_campaign(arguments.campaign)
-    condition = Condition(arguments.speed_mph * MPH, arguments.front_weight_lb * LB, arguments.rear_weight_lb * LB)
+    factors = tuple(_factor(text, campaign.factors) for text in arguments.factor or ())
+    weights = (arguments.front_weight_lb * LB, arguments.rear_weight_lb * LB)
+    condition = Condition(arguments.speed_mph * MPH, *weights, factors)
     config = StudyConfig(preset=arguments.preset or "fast", seed=arguments.seed or 0)
     names = tuple(dict.fromkeys(arguments.approach or config.approaches))
     with ProgressBar() as bar:
@@ -145,6 +147,14 @@ def _predict(arguments: argparse.Namespace) -> None:
     if campaign.notice:
         print(campaign.notice)
     print(f"Written to {arguments.out}: pulses.csv, metrics.csv, report.html, prediction.json")
+
+
+def _factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:
+    name, _, value = text.partition("=")
+    if value not in known.get(name, ()):
+        choices = "; ".join(f"{name}={value}" for name, values in known.items() for value in values) or "none"
+        raise UsageError(f"No test has the factor {text!r}; the tests have: {choices}.")
+    return name, value
 
 
 def _rate(arguments: argparse.Namespace) -> None:
@@ -219,6 +229,7 @@ def parser() -> argparse.ArgumentParser:
     predict.add_argument("campaign", type=Path, metavar="CAMPAIGN")
     for name, unit in (("speed", "mph"), ("front-weight", "lb"), ("rear-weight", "lb")):
         predict.add_argument(f"--{name}-{unit}", type=float, required=True, metavar=name[0].upper())
+    predict.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of the tests' table (powertrain=V6, say)")
     predict.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     _add_model_options(predict)
     predict.set_defaults(run=_predict)

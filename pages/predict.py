@@ -35,10 +35,26 @@ def field(column: DeltaGenerator, label: str, unit: float, start: float, *, step
 
 speed_mps, front_kg, rear_kg = np.median(campaign.cae.vectors, axis=0).tolist()  # to begin with
 left, middle, right = st.columns(3)
+factors = {
+    name: choice
+    for column, (name, values) in zip(st.columns(max(len(campaign.factors), 3)), campaign.factors.items(), strict=False)
+    if (
+        choice := column.selectbox(
+            name.capitalize(),
+            values,
+            index=None,
+            placeholder="not given",
+            key=f"{name} {campaign.fingerprint[:8]}",
+            persist_state="session",
+            help="Tests may differ by it; without it the band has to allow for any.",
+        )
+    )
+}
 condition = Condition(
     speed_mps=field(left, "Impact speed (mph)", MPH, speed_mps, step=0.5, digits=1),
     front_weight_kg=field(middle, "Front weight (lb)", LB, front_kg, step=10.0, digits=0),
     rear_weight_kg=field(right, "Rear weight (lb)", LB, rear_kg, step=10.0, digits=0),
+    factors=tuple(factors.items()),
 )
 st.caption(f"{condition}; {condition.mass_kg:.0f} kg in all")
 for note in campaign.cae.extrapolation(condition):

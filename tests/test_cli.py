@@ -217,6 +217,21 @@ def test_predict_writes_pulses_metrics_and_report(
     assert "Extrapolation: front weight 2400 lb" in (out / "report.html").read_text()
 
 
+def test_predict_takes_factors_that_tests_have_and_no_others(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The factor is in the record; one that no test has is refused with what there is."""
+    command = ["predict", str(campaign_on_disk), *at_condition(30, 2100, 1500), "--approach", "cae"]
+    assert cli.main([*command, "--out", str(tmp_path / "a"), "--factor", "drive=FWD"]) == cli.DONE
+    record = json.loads((tmp_path / "a" / "prediction.json").read_text())
+    assert record["condition"]["factors"] == [["drive", "FWD"]]
+    for wrong in ("drive=AWD", "engine=V6", "drive"):
+        capsys.readouterr()
+        assert cli.main([*command, "--out", str(tmp_path / "b"), "--factor", wrong]) == cli.WRONG_USAGE
+        assert f"No test has the factor '{wrong}'; the tests have: drive=FWD." in capsys.readouterr().err
+    assert not (tmp_path / "b").exists()
+
+
 def test_rate_prints_the_rating_as_a_table_and_as_json(
     campaign_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -168,6 +168,8 @@ class DisplacementDomain(Approach):
             bias = self._sample(view, self.bias_, self.config.n_draws, rng)
             pulses = self._simulate(view, bias, self.rebound_, rng, self.calibration_.widening)
         notes = (*self.model_.notes(condition), *self.bias_.notes)
+        if isinstance(self.bias_, HierarchicalBias) and (unknown := self.bias_.unknown_factors(condition)):
+            notes += (f"Of no known {' and '.join(unknown)}: the band allows for any, so it is wide.",)
         if len(self.points_) == 1:
             notes += ("Only one test: how much tests differ from each other is assumed, not learned.",)
         if self.calibration_.tests and not self.calibration_.holds:

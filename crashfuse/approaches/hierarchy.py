@@ -229,6 +229,11 @@ class HierarchicalBias:
             "left_out_log_density": {name: round(value, 1) for name, value in self.densities_.items()},
         }
 
+    def unknown_factors(self, condition: Condition) -> tuple[str, ...]:
+        """Factors in use whose value at a condition is not given, or is that of no test."""
+        values = dict(condition.factors)
+        return tuple(name for name in self.factors_ if values.get(name, "") not in self._levels[name])
+
     @property
     def notes(self) -> tuple[str, ...]:
         """What was decided about factors, and a warning if the fit explains nothing."""

@@ -148,6 +148,8 @@ def test_a_factor_that_tells_tests_apart_is_used() -> None:
         at = Condition(10.0, 950.0, 700.0, factors=(("powertrain", value),))
         mean = model.sample(at, S, cae(10.0), SHARES, 4, np.random.default_rng(0)).over_displacement_mps2[0]
         np.testing.assert_allclose(mean, expected, atol=6.0)
+    assert model.unknown_factors(at) == ()
+    assert model.unknown_factors(condition(10.0)) == ("powertrain",)
     assert "by powertrain" in [part.name for part in model.parts(at, S, cae(10.0))]
     assert any("powertrain" in note for note in model.notes)
 

@@ -557,6 +557,10 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
     speed.set_value(60.0).run()
     assert "Extrapolation: speed 60 mph lies outside" in words(app)
     assert "60.0 mph (96.6 km/h)" in words(app)
+    (drive,) = [box for box in app.selectbox if box.label == "Drive"]
+    assert drive.options == ["FWD"]
+    drive.select("FWD").run()
+    assert not app.exception
     assert charts(app) == 1
     assert len(fits) == count
 
