@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import psutil
+from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain
 from crashfuse.approaches.hierarchy import HierarchicalBias
@@ -39,7 +40,8 @@ def main() -> None:
         cache = Cache(Path(scratch) / "cache")
         domain = DisplacementDomain(cache=cache).fit(nine_tenths)  # with the emulator, which both presets share
         alike = [replace(points, condition=replace(points.condition, factors=())) for points in domain.points_]
-        one_fit = _cpu_seconds(lambda: HierarchicalBias().fit(alike))
+        with threadpool_limits(1):  # as the approach fits it
+            one_fit = _cpu_seconds(lambda: HierarchicalBias().fit(alike))
         fast_gp = _cpu_seconds(lambda: DisplacementDomain(cache=cache).fit(nine_tenths))
         paper_gp = _cpu_seconds(lambda: DisplacementDomain(DisplacementConfig.paper(), cache=cache).fit(nine_tenths))
         fast_lf = _cpu_seconds(lambda: LfTcn(cache=Cache(Path(scratch) / "lf")).fit(campaign))
