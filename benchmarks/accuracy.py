@@ -49,11 +49,15 @@ def _print_summary(study: Study) -> None:
 
 
 def _print_tests(study: Study) -> None:
-    print(f"\nBy test, 0–{_WINDOW_MS:g} ms:\n")
+    windows = study.config.windows_ms
+    print(f"\nBy test and window, {' / '.join(f'0–{window:g}' for window in windows)} ms:\n")
     print("| | " + " | ".join(LABELS[approach] for approach in study.config.approaches) + " |")
     print("|---|" + "---:|" * len(study.config.approaches))
     for fold in study.folds:
-        scores = (f"{fold.ratings[approach][_WINDOW_MS].overall:.3f}" for approach in study.config.approaches)
+        scores = (
+            " / ".join(f"{fold.ratings[approach][window].overall:.3f}" for window in windows)
+            for approach in study.config.approaches
+        )
         print(f"| {fold.held_out} | " + " | ".join(scores) + " |")
 
 
