@@ -19,6 +19,7 @@ from crashfuse.pulse import FloatArray
 
 _BOUND = 4.0  # prior standard deviations within which a hyperparameter is searched
 _JITTER = 1e-10
+_GAIN_A_POINT = 0.25  # nats: what takes less than a fifth off the error, exp(-0.25), is no pattern
 
 
 class GaussianProcess:
@@ -133,10 +134,11 @@ class GaussianProcess:
         return 0.5 * float(away @ away) - value, away / self._spread - gradient
 
     def _is_dead(self, theta: FloatArray) -> bool:
-        """Whether the likelihood is within a nat a hyperparameter of that of noise alone."""
+        """Whether the likelihood is within a nat a hyperparameter of that of noise alone; less where points are few."""
         power = float(np.mean(self._y**2))
         noise_alone = -0.5 * self._y.size * (np.log(2 * np.pi * power) + 1) if power else np.inf
-        return bool(power) and bool(self.log_marginal_likelihood(theta)[0] < noise_alone + theta.size)
+        gain = min(theta.size, _GAIN_A_POINT * self._y.size)
+        return bool(power) and bool(self.log_marginal_likelihood(theta)[0] < noise_alone + gain)
 
     @staticmethod
     def _cholesky(covariance: FloatArray, log_noise: float) -> FloatArray:

@@ -212,3 +212,12 @@ def test_the_spread_of_hyperparameters_is_that_of_the_posteriors_curvature() -> 
         assert alone * 0.99 < spread[i] < 4 * alone
     noise_of_60_rows = 1 / np.sqrt(2 * 60)
     assert noise_of_60_rows < spread[-1] < 2 * noise_of_60_rows
+
+
+def test_a_pattern_in_few_points_is_not_called_dead() -> None:
+    """A single test has some twenty points: they can give fewer nats than a hierarchy has hyperparameters."""
+    x = np.column_stack([np.linspace(0, 1, 8), np.zeros((8, 3))])
+    noise = np.random.default_rng(0).normal(scale=0.2, size=8)
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, np.sin(5 * x[:, 0]) + noise)
+    assert not process.dead_
+    assert process.retries_ == 0
