@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from crashfuse.approaches import LABELS
-from crashfuse.fits import study_coverage
 from crashfuse.formats.folder import load_campaign
 from crashfuse.study import HoldOut, Study, StudyConfig, run_study
 
@@ -67,7 +66,7 @@ def _overall(study: Study, approach: str) -> np.ndarray:
 
 def _coverage(study: Study, approach: str) -> str:
     """Shares of time inside the band: a(t), v(t) up to t0, a(t) after it; counts of tests: maximum crush, peak."""
-    found = study_coverage(study).get(approach)
+    found = study.coverage.get(approach)
     if found is None:
         return "–"
     shares = ", ".join(f"{found.share(name):.2f}" for name in ("accel", "velocity", "rebound"))

@@ -7,22 +7,10 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.approaches import LABELS
-from crashfuse.calibration import Calibration, Coverage
-from crashfuse.study import Study
+from crashfuse.calibration import Calibration
 
 _HEADINGS = {"accel": "a(t) up to t0", "velocity": "v(t) up to t0", "rebound": "a(t) after t0"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration"}
-
-
-def study_coverage(study: Study) -> dict[str, Calibration]:
-    """How much of the held-out tests lies inside the 95 % band of each approach that has one."""
-    found: dict[str, Calibration] = {}
-    for name in study.config.approaches:
-        folds = [(study.campaign.test(f.held_out), f.estimate(name).prediction.draws_mps2) for f in study.folds]
-        inside = tuple(Coverage.of(test, draws) for test, draws in folds if draws is not None)
-        if inside:
-            found[name] = Calibration(1.0, inside)
-    return found
 
 
 def coverage_table(coverage: Mapping[str, Calibration]) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.displacement_plots import bias_by_speed, over_displacement
-from crashfuse.fits import coverage_table, fit_sentences, fit_table, study_coverage
+from crashfuse.fits import coverage_table, fit_sentences, fit_table
 from crashfuse.metrics import METRIC_LABELS
 from crashfuse.plots import overlay, rating_heatmap
 from crashfuse.study import Estimate, Fold, Study
@@ -182,13 +182,12 @@ def _notes(estimates: Iterable[Estimate]) -> str:
 
 
 def _coverage(study: Study) -> str:
-    coverage = study_coverage(study)
-    if not coverage:
+    if not study.coverage:
         return ""
     return (
         "<section><h2>What the 95 % band is worth</h2><p>How much of the held-out tests lies inside it. With "
-        f"{len(study.folds)} tests no more can be promised than these counts.</p>{_table(coverage_table(coverage))}"
-        "</section>"
+        f"{len(study.folds)} tests no more can be promised than these counts.</p>"
+        f"{_table(coverage_table(study.coverage))}</section>"
     )
 
 

@@ -15,7 +15,6 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files import write_atomically
-from crashfuse.fits import study_coverage
 from crashfuse.metrics import Metric, pulse_metrics
 from crashfuse.report import prediction_report, study_report
 from crashfuse.study import Estimate, Study, StudyConfig
@@ -140,7 +139,7 @@ def write_study(study: Study, folder: str | Path) -> None:
         **_provenance(study.campaign, held_out, study.config),
         "finished": True,
         "seconds": {key: round(value, 3) for key, value in study.seconds.items()},
-        "coverage": {name: found.counts for name, found in study_coverage(study).items()},
+        "coverage": {name: found.counts for name, found in study.coverage.items()},
         "fits": [{"held_out": held_out, **_fit_record(estimate)} for held_out, estimate in named],
     }
     write_atomically(folder / "report.html", study_report(study, scores, metrics, record).encode())

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Generator, Sequence, Set
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import joblib
@@ -18,6 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches import APPROACHES, CAE_ONLY, Prediction, Preset, create
 from crashfuse.cache import Cache
+from crashfuse.calibration import Calibration, Coverage
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.metrics import Metric, pulse_metrics
@@ -104,6 +106,17 @@ class Study:
     def mean_rating(self, approach: str, window_ms: float) -> float:
         """Overall rating of an approach over one window, averaged over the held-out tests."""
         return float(np.mean([fold.ratings[approach][window_ms].overall for fold in self.folds]))
+
+    @cached_property
+    def coverage(self) -> dict[str, Calibration]:
+        """How much of the held-out tests lies inside the 95 % band of each approach that has one."""
+        found: dict[str, Calibration] = {}
+        for name in self.config.approaches:
+            folds = [(self.campaign.test(f.held_out), f.estimate(name).prediction.draws_mps2) for f in self.folds]
+            inside = tuple(Coverage.of(test, draws) for test, draws in folds if draws is not None)
+            if inside:
+                found[name] = Calibration(1.0, inside)
+        return found
 
 
 def run_study(

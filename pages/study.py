@@ -2,7 +2,7 @@
 
 import streamlit as st
 
-from crashfuse.fits import coverage_table, study_coverage
+from crashfuse.fits import coverage_table
 from crashfuse.plots import rating_heatmap
 from crashfuse.results import scores_table, study_metrics
 from crashfuse.ui import evidence, frame, tables
@@ -38,9 +38,9 @@ st.caption("ISO/TS 18571: Excellent above 0.94, Good above 0.80, Fair above 0.58
 for test in campaign.tests:
     for note in campaign.cae.extrapolation(test.condition):
         st.caption(f":material/warning: {test.id}: {note}")
-if coverage := study_coverage(study):
+if study.coverage:
     st.subheader("What the 95 % band is worth")
-    st.table(coverage_table(coverage).style.hide(axis="index"), border="horizontal")
+    st.table(coverage_table(study.coverage).style.hide(axis="index"), border="horizontal")
     st.caption(
         f"How much of the left-out tests lies inside. With {len(study.folds)} tests no more can be promised than these "
         "counts."

@@ -5,7 +5,7 @@ import numpy as np
 from crashfuse.approaches import Prediction
 from crashfuse.calibration import Calibration, Coverage
 from crashfuse.campaign import Campaign
-from crashfuse.fits import coverage_table, fit_sentences, fit_table, study_coverage
+from crashfuse.fits import coverage_table, fit_sentences, fit_table
 from crashfuse.study import Estimate, Fold, Study, StudyConfig
 
 INSIDE = Coverage(1.0, 0.9, 0.8, crush=True, peak=True)
@@ -33,7 +33,7 @@ def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -
         without = Estimate("cae", Prediction(test.condition, draws[50]), {}, 0.0)
         folds.append(Fold(test.id, (without, with_band), {}))
     config = StudyConfig(approaches=("cae", "displacement_domain"))
-    found = study_coverage(Study(campaign, config, tuple(folds)))
+    found = Study(campaign, config, tuple(folds)).coverage
     assert list(found) == ["displacement_domain"]
     assert found["displacement_domain"].count("peak") == 1
 

@@ -7,6 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from crashfuse.campaign import Campaign
+from crashfuse.errors import NotFittedError
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import GRID_S, Condition, FloatArray
 
@@ -72,6 +73,11 @@ class Approach(ABC):
         NotFittedError
             If called before :meth:`fit`.
         """
+
+    def _require(self, learned: str) -> None:
+        """Raise unless ``fit`` has set this attribute."""
+        if not hasattr(self, learned):
+            raise NotFittedError(f"The approach {self.name} has not been fitted; call fit(campaign) first.")
 
     @property
     def hardware(self) -> str:

@@ -6,7 +6,6 @@ from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
-from crashfuse.errors import NotFittedError
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import Condition
 
@@ -51,6 +50,5 @@ class Cae(Approach):
         NotFittedError
             If called before :meth:`fit`.
         """
-        if not hasattr(self, "model_"):
-            raise NotFittedError("The CAE approach has not been fitted; call fit(campaign) first.")
+        self._require("model_")
         return Prediction(condition, self.model_.pulse(condition).accel_mps2, notes=self.model_.notes(condition))

@@ -19,7 +19,7 @@ from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel, LoadingCurve
 from crashfuse.calibration import Calibration, Coverage, calibrate
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.errors import NotFittedError, UsageError
+from crashfuse.errors import UsageError
 from crashfuse.loading import loading_phase
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import Condition, FloatArray
@@ -160,8 +160,7 @@ class DisplacementDomain(Approach):
         NotFittedError
             If called before :meth:`fit`.
         """
-        if not hasattr(self, "bias_"):
-            raise NotFittedError("The displacement domain has not been fitted; call fit(campaign) first.")
+        self._require("bias_")
         rng = np.random.default_rng(self.seed)
         view = CaeView.of(self.model_, condition)
         with threadpool_limits(1):
@@ -238,8 +237,7 @@ class DisplacementDomain(Approach):
         NotFittedError
             If called before :meth:`fit`.
         """
-        if not hasattr(self, "bias_"):
-            raise NotFittedError("The displacement domain has not been fitted; call fit(campaign) first.")
+        self._require("bias_")
         if isinstance(self.bias_, Table4Bias):
             return ()
         cae = self.model_.loading_curve(condition).accel_at(displacement_m, self.bias_.end_share)

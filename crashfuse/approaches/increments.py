@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from crashfuse.approaches.gaussian_process import draw
 from crashfuse.approaches.tcn import Tcn
 from crashfuse.approaches.training import one_thread_if_small
 from crashfuse.progress import SILENT, Watch
@@ -98,11 +99,9 @@ class Outlook:
         scale = np.sqrt(np.diag(self.covariance) / np.diag(smooth))
         return Outlook(self.mean, smooth * scale[:, None] * scale)
 
-    def draw(self, normals: FloatArray) -> FloatArray:
-        """Whole functions about the mean made of standard normal numbers: deviations, shape (n_draws, n_times)."""
-        variances, axes = np.linalg.eigh(self.covariance)
-        deviations: FloatArray = normals @ (axes * np.sqrt(np.maximum(variances, 0.0))).T
-        return deviations
+    def draw(self, n_draws: int, rng: np.random.Generator) -> FloatArray:
+        """Draw whole functions: their deviations from the mean, shape (n_draws, n_times)."""
+        return draw(np.zeros_like(self.mean), self.covariance, n_draws, rng)
 
 
 class Increments:

@@ -11,7 +11,7 @@ from crashfuse.approaches.tcn import Tcn, TcnConfig
 from crashfuse.approaches.training import Scaling, predict, train
 from crashfuse.cache import Cache
 from crashfuse.campaign import CaeLibrary, Campaign
-from crashfuse.errors import NotFittedError, UsageError
+from crashfuse.errors import UsageError
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import Condition, FloatArray
 
@@ -52,8 +52,7 @@ class TcnApproach(Approach):
         NotFittedError
             If called before ``fit``.
         """
-        if not hasattr(self, "networks_"):
-            raise NotFittedError(f"The approach {self.name} has not been fitted; call fit(campaign) first.")
+        self._require("networks_")
         accel = predict(self.networks_, self.scaling_, condition.vector[None], self.config)[0]
         return Prediction(condition, accel, notes=self._library.extrapolation(condition))
 

@@ -122,10 +122,10 @@ class TimeDomain(TcnApproach):
         """The mean pulse, then drawn ones: shape (1 + n_draws, 1250), m/s²."""
         n_draws, n_times, dof = self.config.n_draws, outlook.mean.size, len(self._vectors)
         rng = np.random.default_rng(self.seed)
-        normals = rng.standard_normal((n_draws, n_times))
+        normal = outlook.draw(n_draws, rng)
         # the variance itself is learned from a handful of tests: Student's t
         factors = widening * np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
-        deviations = factors[:, None] * outlook.draw(normals)
+        deviations = factors[:, None] * normal
         outputs = outlook.mean + np.vstack([np.zeros(n_times), deviations])
         return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
 

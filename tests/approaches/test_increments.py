@@ -108,7 +108,7 @@ def test_draws_have_the_covariance_of_the_outlook() -> None:
     """20,000 deviations give it back to within 5 %."""
     root = np.random.default_rng(0).standard_normal((4, 4))
     outlook = Outlook(np.zeros(4), root @ root.T)
-    draws = outlook.draw(np.random.default_rng(1).standard_normal((20_000, 4)))
+    draws = outlook.draw(20_000, np.random.default_rng(1))
     np.testing.assert_allclose(np.cov(draws.T), outlook.covariance, atol=0.05 * np.abs(outlook.covariance).max())
 
 
