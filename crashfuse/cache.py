@@ -7,6 +7,7 @@ import logging
 import os
 import zipfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -72,6 +73,11 @@ class Cache:
             write_atomically(self.path(kind, key), hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
         except OSError as error:  # a full disk must not cost what was computed
             log.warning("A result could not be kept in %s: %s", self.folder, error)
+
+    def drop(self, kind: str, key: Mapping[str, object]) -> None:
+        """Forget what was kept under this key."""
+        with suppress(OSError):
+            self.path(kind, key).unlink(missing_ok=True)
 
 
 @cache

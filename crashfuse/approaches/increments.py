@@ -6,7 +6,6 @@ optimiser, every left-out test's prediction comes from the same matrix, and the 
 All that enters is the tangent kernel J(x) J(x')ᵀ (Jacot et al. 2018; as a posterior, Immer et al. 2021).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -14,9 +13,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from crashfuse.approaches.descent import quick_threads
 from crashfuse.approaches.gaussian_process import draw
 from crashfuse.approaches.tcn import Tcn
-from crashfuse.approaches.training import one_thread_if_small
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import FloatArray
 
@@ -31,14 +30,12 @@ _UNRESOLVED = 0.01  # variance, relative to the kernel's mean: what a network ca
 _FEW = 3  # tests: with fewer, leaving one out says nothing about ρ
 
 
-def tangent_kernel(
-    networks: Sequence[Tcn], inputs: Tensor, others: Tensor | None = None, watch: Watch = SILENT
-) -> FloatArray:
-    """J(x) J(x')ᵀ of the mean of several networks, all weights together, times the number of networks.
+def tangent_kernel(network: Tcn, inputs: Tensor, others: Tensor | None = None, watch: Watch = SILENT) -> FloatArray:
+    """J(x) J(x')ᵀ of the mean of the members, all weights together, times the number of members.
 
     Parameters
     ----------
-    networks : sequence of Tcn
+    network : Tcn
     inputs : Tensor, shape (n_times, n, n_inputs)
         At x.
     others : Tensor, shape (n_times, m, n_inputs), optional
@@ -52,24 +49,25 @@ def tangent_kernel(
     others = inputs if others is None else others
     (n_times, n, _), m = inputs.shape, others.shape[1]
     kernel = np.zeros((n * n_times, m * n_times))
-    for i, network in enumerate(networks):
-        watch.report("Fine-tuning on tests", i, len(networks))
-        with one_thread_if_small(network):
-            jacobian = _jacobian(network.eval(), inputs.to(network.device))
-            other = jacobian if others is inputs else _jacobian(network, others.to(network.device))
-            kernel += (jacobian @ other.T).cpu().numpy() / len(networks)
+    network.eval()
+    for member in range(network.members):  # one after the other: a Jacobian takes 15 MB a pulse
+        watch.report("Fine-tuning on tests", member, network.members)
+        weights = {name: weight.detach()[member : member + 1] for name, weight in network.named_parameters()}
+        with quick_threads(network):
+            jacobian = _jacobian(network, weights, inputs.to(network.device))
+            other = jacobian if others is inputs else _jacobian(network, weights, others.to(network.device))
+            kernel += (jacobian @ other.T).cpu().numpy() / network.members
     return kernel.reshape(n, n_times, m, n_times)
 
 
-def _jacobian(network: Tcn, inputs: Tensor) -> Tensor:
-    """Derivatives of all outputs by all weights, shape (n * n_times, n_weights); one pulse after the other."""
-    weights = {name: weight.detach() for name, weight in network.named_parameters()}
+def _jacobian(network: Tcn, weights: dict[str, Tensor], inputs: Tensor) -> Tensor:
+    """Derivatives of one member's outputs by its weights, shape (n * n_times, n_weights); one pulse after the other."""
     rows = []
     for pulse in torch.split(inputs, 1, dim=1):
 
         def outputs(weights: dict[str, Tensor], pulse: Tensor = pulse) -> Tensor:
-            result: Tensor = torch.func.functional_call(network, weights, (pulse,))
-            return result[:, 0]
+            result: Tensor = torch.func.functional_call(network, weights, (pulse[None],))
+            return result[0, :, 0]
 
         pullback = torch.func.vjp(outputs, weights)[1]
         (gradients,) = torch.func.vmap(pullback)(torch.eye(len(pulse), device=pulse.device))

@@ -1,10 +1,13 @@
 """The temporal convolutional network (Figs. 3 and 4, Eq. 4; after Bai et al. 2018) and what it is fed with.
 
-Sequences are time-major, shape (n_times, n_pulses, n_channels): a short causal convolution is then one matrix product
-a tap. There is no weight normalisation: on a CPU it costs 15 %.
+Sequences are time-major, shape (n_members, n_times, n_pulses, n_channels): a short causal convolution is then one
+matrix product a tap, and the members of an ensemble, which know nothing of each other, share each product in a batch,
+which saves a fifth of the time that they take one by one.
+There is no weight normalisation: on a CPU it costs 15 %.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Literal, Self
 
@@ -12,7 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-_AFTER_LF = ("members", "tuning", "tuning_steps", "tuning_rate", "penalty", "n_draws")
+_AFTER_LF = ("tuning", "tuning_steps", "tuning_rate", "penalty", "n_draws")
 _MOST_PRODUCTS = 8  # taps: each product keeps a copy of its input for the gradient, gigabytes of them for 20 taps
 
 
@@ -93,7 +96,7 @@ class TcnConfig:
 
     @property
     def lf_settings(self) -> dict[str, object]:
-        """What the LF training of one member depends on."""
+        """What the LF training depends on."""
         return {name: value for name, value in asdict(self).items() if name not in _AFTER_LF}
 
     @property
@@ -108,32 +111,59 @@ class TcnConfig:
 
 
 class Tcn(nn.Module):
-    """Residual blocks of two causal convolutions each, and a linear output.
+    """Residual blocks of two causal convolutions each, and a linear output; an ensemble of them, side by side.
 
     Parameters
     ----------
     config : TcnConfig
     generator : torch.Generator
         Of the initial weights and the dropout.
+    members : int, optional
+        Number of networks; default: that of the configuration.
     """
 
-    def __init__(self, config: TcnConfig, generator: torch.Generator) -> None:
+    def __init__(self, config: TcnConfig, generator: torch.Generator, members: int | None = None) -> None:
         super().__init__()
+        members = config.members if members is None else members
         widths = [config.n_inputs] + [config.channels] * len(config.dilations)
         self.blocks = nn.ModuleList(
-            _ResidualBlock(widths[i], widths[i + 1], config.kernel, dilation, config.dropout, generator)
+            _ResidualBlock(members, widths[i], widths[i + 1], config.kernel, dilation, config.dropout, generator)
             for i, dilation in enumerate(config.dilations)
         )
-        self.head = _CausalConv(config.channels, 1, 1, 1, generator)
+        self.head = _CausalConv(members, config.channels, 1, 1, 1, generator)
 
     @property
     def device(self) -> torch.device:
         """Where the weights are."""
         return self.head.weight.device
 
+    @classmethod
+    def joined(cls, networks: "Sequence[Tcn]", config: TcnConfig) -> "Tcn":
+        """All members of several networks in one."""
+        whole = cls(config, torch.Generator(), 1).to(networks[0].device)
+        states = [network.state_dict() for network in networks]
+        for name, weight in whole.named_parameters():
+            weight.data = torch.cat([state[name] for state in states])
+        return whole.eval()
+
+    @property
+    def members(self) -> int:
+        """Number of networks."""
+        return self.head.weight.shape[0]
+
+    @property
+    def size(self) -> int:
+        """Number of weights of one member."""
+        return sum(weight.numel() for weight in self.parameters()) // self.members
+
     def forward(self, inputs: Tensor) -> Tensor:
-        """Map inputs of shape (n_times, n_pulses, n_inputs) to outputs of shape (n_times, n_pulses)."""
-        hidden = inputs
+        """Map inputs to outputs of shape (n_members, n_times, n_pulses).
+
+        Parameters
+        ----------
+        inputs : Tensor, shape (n_members, n_times, n_pulses, n_inputs), or without the first for all members alike
+        """
+        hidden = inputs if inputs.ndim == 4 else inputs.expand(self.members, *inputs.shape)
         for block in self.blocks:
             hidden = block(hidden)
         outputs: Tensor = self.head(hidden)[..., 0]
@@ -144,12 +174,19 @@ class _ResidualBlock(nn.Module):
     """Fig. 4: two times convolution, ReLU and spatial dropout, beside a shortcut that matches the channels."""
 
     def __init__(
-        self, n_in: int, n_out: int, kernel: int, dilation: int, dropout: float, generator: torch.Generator
+        self,
+        members: int,
+        n_in: int,
+        n_out: int,
+        kernel: int,
+        dilation: int,
+        dropout: float,
+        generator: torch.Generator,
     ) -> None:
         super().__init__()
-        self.first = _CausalConv(n_in, n_out, kernel, dilation, generator)
-        self.second = _CausalConv(n_out, n_out, kernel, dilation, generator)
-        self.shortcut = nn.Identity() if n_in == n_out else _CausalConv(n_in, n_out, 1, 1, generator)
+        self.first = _CausalConv(members, n_in, n_out, kernel, dilation, generator)
+        self.second = _CausalConv(members, n_out, n_out, kernel, dilation, generator)
+        self.shortcut = nn.Identity() if n_in == n_out else _CausalConv(members, n_in, n_out, 1, 1, generator)
         self._dropout, self._generator = dropout, generator
 
     def forward(self, inputs: Tensor) -> Tensor:
@@ -161,30 +198,38 @@ class _ResidualBlock(nn.Module):
         """Silence whole channels of a pulse, from our own generator: the caller's random state is not touched."""
         if not (self.training and self._dropout):
             return hidden
-        kept = torch.rand((1, *hidden.shape[1:]), generator=self._generator) >= self._dropout
+        members, _, n_pulses, channels = hidden.shape
+        kept = torch.rand((members, 1, n_pulses, channels), generator=self._generator) >= self._dropout
         return hidden * kept.to(hidden.device) / (1 - self._dropout)
 
 
 class _CausalConv(nn.Module):
     """Eq. 4: a dilated convolution over now and the past; what came before the sequence is zero."""
 
-    def __init__(self, n_in: int, n_out: int, kernel: int, dilation: int, generator: torch.Generator) -> None:
+    def __init__(
+        self, members: int, n_in: int, n_out: int, kernel: int, dilation: int, generator: torch.Generator
+    ) -> None:
         super().__init__()
         bound = 1 / math.sqrt(n_in * kernel)
-        self.weight = nn.Parameter((2 * torch.rand(kernel, n_in, n_out, generator=generator) - 1) * bound)
-        self.bias = nn.Parameter((2 * torch.rand(n_out, generator=generator) - 1) * bound)
+        self.weight = nn.Parameter((2 * torch.rand(members, kernel, n_in, n_out, generator=generator) - 1) * bound)
+        self.bias = nn.Parameter((2 * torch.rand(members, n_out, generator=generator) - 1) * bound)
         self._dilation = dilation
 
     def forward(self, inputs: Tensor) -> Tensor:
-        n_times, n_pulses, n_in = inputs.shape
-        past = (len(self.weight) - 1) * self._dilation
-        if len(self.weight) > _MOST_PRODUCTS:
-            sequences = functional.pad(inputs.permute(1, 2, 0), (past, 0))
-            weights = self.weight.permute(2, 1, 0)
-            return functional.conv1d(sequences, weights, self.bias, dilation=self._dilation).permute(2, 0, 1)
+        members, kernel, n_in, n_out = self.weight.shape
+        n_times, n_pulses = inputs.shape[1:3]
+        past = (kernel - 1) * self._dilation
+        if kernel > _MOST_PRODUCTS:
+            sequences = inputs.permute(2, 0, 3, 1).reshape(n_pulses, members * n_in, n_times)
+            weights = self.weight.permute(0, 3, 2, 1).reshape(members * n_out, n_in, kernel)
+            outputs = functional.conv1d(
+                functional.pad(sequences, (past, 0)), weights, self.bias.flatten(), dilation=self._dilation,
+                groups=members,
+            )  # fmt: skip
+            return outputs.view(n_pulses, members, n_out, n_times).permute(1, 3, 0, 2)
         padded = functional.pad(inputs, (0, 0, 0, 0, past, 0)) if past else inputs
-        outputs = self.bias.expand(n_times * n_pulses, -1)
-        for tap, weight in enumerate(self.weight):
-            shifted = padded[tap * self._dilation : tap * self._dilation + n_times]
-            outputs = torch.addmm(outputs, shifted.reshape(-1, n_in), weight)
-        return outputs.view(n_times, n_pulses, -1)
+        outputs = self.bias[:, None].expand(members, n_times * n_pulses, n_out)
+        for tap in range(kernel):
+            shifted = padded[:, tap * self._dilation : tap * self._dilation + n_times]
+            outputs = torch.baddbmm(outputs, shifted.reshape(members, -1, n_in), self.weight[:, tap])
+        return outputs.view(members, n_times, n_pulses, n_out)

@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.descent import Checkpoint
 from crashfuse.approaches.increments import Increments, Outlook, tangent_kernel
 from crashfuse.approaches.lf_tcn import LfTcn, TcnApproach
 from crashfuse.approaches.training import fine_tune, mean_outputs
@@ -26,7 +27,7 @@ class TimeDomain(TcnApproach):
     Attributes
     ----------
     lf_ : LfTcn
-    networks_ : tuple of Tcn
+    network_ : Tcn
         The LF networks, or where Adam did the fine-tuning, what it made of them.
     scaling_ : Scaling
         The LF networks' own.
@@ -54,16 +55,15 @@ class TimeDomain(TcnApproach):
         if not campaign.tests:
             raise UsageError("The time domain learns from tests; this campaign has none.")
         self.lf_ = LfTcn(self.config, seed=self.seed, device=self.device, cache=self.cache).fit(campaign, watch)
-        self._library, self.scaling_, self.networks_ = campaign.cae, self.lf_.scaling_, self.lf_.networks_
+        self._library, self.scaling_, self.network_ = campaign.cae, self.lf_.scaling_, self.lf_.network_
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         if self.config.tuning == "gradient":
-            tuned = [
-                fine_tune(network, self.scaling_, self._vectors, accel, self.config, watch)
-                for network in self.lf_.networks_
-            ]
-            self.networks_ = tuple(network for network, _ in tuned)
-            self.losses_ = np.array([losses for _, losses in tuned])
+            key = {"campaign": campaign.fingerprint, "config": self.config, "seed": self.seed, "device": self.hardware}
+            checkpoint = Checkpoint(self.cache, {**key, "training": self.name})
+            self.network_, self.losses_ = fine_tune(
+                self.network_, self.scaling_, self._vectors, accel, self.config, checkpoint, watch
+            )
             return self
         self._learn(campaign, accel, watch)
         return self
@@ -71,8 +71,8 @@ class TimeDomain(TcnApproach):
     def _learn(self, campaign: Campaign, accel_mps2: FloatArray, watch: Watch) -> None:
         inputs = self.scaling_.inputs(self._vectors, self.config)
         targets = self.scaling_.targets(self._vectors, accel_mps2, self.config).numpy().T.astype(np.float64)
-        lf = mean_outputs(self.networks_, inputs)
-        kernel = tangent_kernel(self.networks_, inputs, watch=watch)
+        lf = mean_outputs(self.network_, inputs)
+        kernel = tangent_kernel(self.network_, inputs, watch=watch)
         self.increments_ = Increments().fit(kernel, targets - lf)
 
         tests = campaign.tests
@@ -142,9 +142,9 @@ class TimeDomain(TcnApproach):
             return lf
         inputs = self.scaling_.inputs(np.vstack([self._vectors, condition.vector]), self.config)
         own = inputs[:, -1:]
-        kernel = tangent_kernel(self.networks_, inputs, own)[:, :, 0]
+        kernel = tangent_kernel(self.network_, inputs, own)[:, :, 0]
         outlook = self.increments_.outlook(kernel[:-1], kernel[-1])
-        outlook = self._stopped(condition, mean_outputs(self.networks_, own)[0], outlook, self._end_shares)
+        outlook = self._stopped(condition, mean_outputs(self.network_, own)[0], outlook, self._end_shares)
         pulses = self._pulses(condition, outlook, self.calibration_.widening)
         notes = lf.notes + _stopping(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
@@ -152,7 +152,7 @@ class TimeDomain(TcnApproach):
     @property
     def state(self) -> dict[str, object]:
         """What the LF training found, what was chosen for the fine-tuning and why, and how the band holds."""
-        if not hasattr(self, "networks_"):
+        if not hasattr(self, "network_"):
             return {}
         if self.config.tuning == "gradient":
             return {

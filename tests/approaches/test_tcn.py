@@ -8,7 +8,7 @@ from crashfuse.approaches.tcn import Tcn, TcnConfig
 
 
 def _weights(config: TcnConfig) -> int:
-    return sum(weight.numel() for weight in Tcn(config, torch.Generator()).parameters())
+    return Tcn(config, torch.Generator()).size
 
 
 def test_the_papers_network_has_its_size() -> None:
@@ -27,34 +27,34 @@ def test_the_papers_training_is_table_2() -> None:
     assert paper.stride == 1
 
 
-@pytest.mark.parametrize("config", [TcnConfig.fast(), TcnConfig(kernel=20, dilations=(1,), channels=6)])
+@pytest.mark.parametrize("config", [TcnConfig.fast(), TcnConfig(kernel=20, dilations=(1,), channels=6, members=2)])
 def test_what_comes_later_changes_nothing_before(config: TcnConfig) -> None:
     """Causality: an input at step 30 moves no output before 30, and some from there on."""
     network = Tcn(config, torch.Generator().manual_seed(1)).double()
     inputs = torch.randn(60, 2, config.n_inputs, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
     changed = inputs.clone()
     changed[30] += 1.0
-    difference = (network(changed) - network(inputs)).abs().amax(dim=1)
+    difference = (network(changed) - network(inputs)).abs().amax(dim=(0, 2))
     assert difference[:30].max() == 0
     assert difference[30] > 0
 
 
-@pytest.mark.parametrize("config", [TcnConfig.fast(), TcnConfig(kernel=20, dilations=(1,), channels=6)])
+@pytest.mark.parametrize("config", [TcnConfig.fast(), TcnConfig(kernel=20, dilations=(1,), channels=6, members=2)])
 def test_nothing_reaches_beyond_the_receptive_field(config: TcnConfig) -> None:
     """An input is forgotten after as many steps as the receptive field has, and not one step earlier."""
     network = Tcn(config, torch.Generator().manual_seed(1)).double()
     inputs = torch.randn(90, 8, config.n_inputs, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
     changed = inputs.clone()
     changed[5] += 3.0
-    difference = (network(changed) - network(inputs)).abs().amax(dim=1)
+    difference = (network(changed) - network(inputs)).abs().amax(dim=(0, 2))
     assert difference[5 + config.receptive_field :].max() == 0
     assert difference[5 + config.receptive_field - 1] > 0
 
 
 def test_a_convolution_is_the_sum_of_eq_4() -> None:
     """Σ l(i) F(p − d i), written out for one channel, kernel 3 and dilation 2."""
-    convolution = tcn._CausalConv(1, 1, 3, 2, torch.Generator().manual_seed(0))
-    inputs = torch.randn(12, 1, 1, generator=torch.Generator().manual_seed(1))
+    convolution = tcn._CausalConv(1, 1, 1, 3, 2, torch.Generator().manual_seed(0))
+    inputs = torch.randn(1, 12, 1, 1, generator=torch.Generator().manual_seed(1))
     taps = convolution.weight.flatten().tolist()  # the last tap is the present
     past = [0.0] * 4 + inputs.flatten().tolist()
     expected = [sum(taps[2 - i] * past[4 + p - 2 * i] for i in range(3)) + convolution.bias.item() for p in range(12)]
@@ -63,8 +63,8 @@ def test_a_convolution_is_the_sum_of_eq_4() -> None:
 
 def test_many_taps_are_convolved_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     """The way for long kernels and the way for short ones give the same numbers."""
-    convolution = tcn._CausalConv(3, 4, 10, 2, torch.Generator().manual_seed(0)).double()
-    inputs = torch.randn(30, 2, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    convolution = tcn._CausalConv(2, 3, 4, 10, 2, torch.Generator().manual_seed(0)).double()
+    inputs = torch.randn(2, 30, 2, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
     by_library = convolution(inputs)
     monkeypatch.setattr(tcn, "_MOST_PRODUCTS", 10)
     torch.testing.assert_close(convolution(inputs), by_library)
@@ -85,3 +85,30 @@ def test_the_callers_random_state_is_left_alone() -> None:
     network = Tcn(TcnConfig(dropout=0.5), torch.Generator().manual_seed(0))
     network(torch.zeros(5, 1, TcnConfig().n_inputs))
     assert torch.equal(torch.random.get_rng_state(), before)
+
+
+def test_members_know_nothing_of_each_other() -> None:
+    """Each member of an ensemble gives what it gives alone, and joined networks what each gave."""
+    config = TcnConfig(channels=6, dilations=(1, 2), members=3)
+    generator = torch.Generator().manual_seed(0)
+    whole = Tcn(config, generator).double()
+    inputs = torch.randn(20, 4, config.n_inputs, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    alone = []
+    for member in range(3):
+        single = Tcn(config, generator, 1).double()
+        single.load_state_dict({name: w[member : member + 1] for name, w in whole.state_dict().items()})
+        alone.append(single)
+    torch.testing.assert_close(whole(inputs), torch.cat([single(inputs) for single in alone]))
+    torch.testing.assert_close(Tcn.joined(alone, config)(inputs), whole(inputs))
+
+
+def test_members_may_be_fed_each_with_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Inputs with a leading axis reach one member each, by either way to convolve."""
+    config = TcnConfig(channels=6, dilations=(1, 2), members=2)
+    network = Tcn(config, torch.Generator().manual_seed(0)).double()
+    inputs = torch.randn(2, 20, 3, config.n_inputs, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    both = network(inputs)
+    torch.testing.assert_close(both[0], network(inputs[0])[0])
+    torch.testing.assert_close(both[1], network(inputs[1])[1])
+    monkeypatch.setattr(tcn, "_MOST_PRODUCTS", 0)
+    torch.testing.assert_close(network(inputs), both)
