@@ -45,7 +45,7 @@ def main() -> None:
         fast_gp = _cpu_seconds(lambda: DisplacementDomain(cache=cache).fit(nine_tenths))
         paper_gp = _cpu_seconds(lambda: DisplacementDomain(DisplacementConfig.paper(), cache=cache).fit(nine_tenths))
         fast_lf = _cpu_seconds(lambda: LfTcn(cache=Cache(Path(scratch) / "lf")).fit(campaign))
-        paper_lf = _paper_training_cpu_seconds(campaign, Cache(Path(scratch) / "paper"))
+        paper_lf = _paper_training_cpu_seconds(campaign)
         wall, memory = _study(folder, Path(scratch))
     folds = len(campaign.tests)
     ours, papers = fast_lf + folds * fast_gp, paper_lf + folds * paper_gp
@@ -70,7 +70,7 @@ def _cpu_seconds(work: Callable[[], object]) -> float:
     return time.process_time() - start
 
 
-def _paper_training_cpu_seconds(campaign: Campaign, cache: Cache) -> float:
+def _paper_training_cpu_seconds(campaign: Campaign) -> float:
     """CPU seconds of the 1000 epochs of Table 2, from as many CAE runs as make a few batches, for one epoch."""
     paper = TcnConfig.paper()
     few = _STEPS * paper.batch
@@ -81,7 +81,7 @@ def _paper_training_cpu_seconds(campaign: Campaign, cache: Cache) -> float:
         accel_mps2=campaign.cae.accel_mps2[:few],
     )
     short = replace(paper, epochs=1)
-    cpu = _cpu_seconds(lambda: LfTcn(short, cache=cache).fit(replace(campaign, cae=library), Watch()))
+    cpu = _cpu_seconds(lambda: LfTcn(short).fit(replace(campaign, cae=library), Watch()))
     return cpu * paper.epochs * len(campaign.cae) / few
 
 

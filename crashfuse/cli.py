@@ -89,6 +89,7 @@ def _study(arguments: argparse.Namespace) -> None:
             ("seed", arguments.seed),
             ("windows_ms", arguments.windows_ms and tuple(arguments.windows_ms)),
             ("hold_out", "speed group" if arguments.speed_groups else None),
+            ("device", arguments.device),
         )
         if value is not None
     }
@@ -136,7 +137,7 @@ def _predict(arguments: argparse.Namespace) -> None:
     factors = tuple(_factor(text, campaign.factors) for text in arguments.factor or ())
     weights = (arguments.front_weight_lb * LB, arguments.rear_weight_lb * LB)
     condition = Condition(arguments.speed_mph * MPH, *weights, factors)
-    config = StudyConfig(preset=arguments.preset or "fast", seed=arguments.seed or 0)
+    config = StudyConfig(preset=arguments.preset or "fast", seed=arguments.seed or 0, device=arguments.device or "auto")
     names = tuple(dict.fromkeys(arguments.approach or config.approaches))
     with ProgressBar() as bar:
         estimates = [estimate_at(campaign, condition, name, config, watch=Watch(bar.show)) for name in names]
@@ -247,6 +248,9 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--approach", nargs="+", metavar="NAME", help="cae, lf_tcn, time_domain, displacement_domain")
     parser.add_argument("--preset", choices=("fast", "paper"), help="settings: ours (default) or the paper's")
     parser.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
+    parser.add_argument(
+        "--device", choices=("auto", "cpu", "cuda"), help="where networks are trained (default: auto, CUDA if any)"
+    )
 
 
 def _whole(low: int, high: int | None = None) -> Callable[[str], int]:

@@ -17,7 +17,7 @@ import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches import APPROACHES, CAE_ONLY, Prediction, Preset, create
+from crashfuse.approaches import APPROACHES, CAE_ONLY, Approach, Device, Prediction, Preset, create
 from crashfuse.cache import Cache
 from crashfuse.calibration import Calibration, Coverage
 from crashfuse.campaign import Campaign, CrashTest
@@ -47,6 +47,8 @@ class StudyConfig:
     hold_out : {"test", "speed group"}
         Whether each test is left out alone, or with all tests at about its speed: then nothing like it remains to be
         remembered, and what is rated is the step to a new speed.
+    device : {"auto", "cpu", "cuda"}
+        Where networks are trained: numbers of different kinds of device differ in their last digits.
     """
 
     approaches: tuple[str, ...] = APPROACHES
@@ -54,10 +56,15 @@ class StudyConfig:
     seed: int = 0
     windows_ms: tuple[float, ...] = WINDOWS_MS
     hold_out: HoldOut = "test"
+    device: Device = "auto"
 
     def rest(self, campaign: Campaign, test_id: str) -> Campaign:
         """What may be learned from when this test is to be predicted."""
         return campaign.without([test_id] if self.hold_out == "test" else campaign.speed_group(test_id))
+
+    def create(self, approach: str, cache: Cache | None = None) -> Approach:
+        """The approach of this name with these settings, unfitted."""
+        return create(approach, preset=self.preset, seed=self.seed, device=self.device, cache=cache)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +217,7 @@ def estimate_at(
     if kept is not None:
         return kept
     start = time.perf_counter()
-    fitted = create(approach, preset=config.preset, seed=config.seed, cache=cache).fit(campaign, watch)
+    fitted = config.create(approach, cache).fit(campaign, watch)
     prediction = fitted.predict(condition)
     if prediction.draws_mps2 is not None:  # as it will come out of the cache
         prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
@@ -244,7 +251,7 @@ def find_estimate(
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
-    settings = create(approach, preset=config.preset, seed=config.seed)
+    settings = config.create(approach)
     return {
         "campaign": campaign.fingerprint,
         "condition": condition,
@@ -273,7 +280,7 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
     if not config.approaches:
         raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
     for name in config.approaches:
-        create(name, preset=config.preset)  # raises what is wrong with a name before anything is computed
+        _ = config.create(name).hardware  # raises what is wrong with a name or the device before anything is computed
     if not 0 <= config.seed < 2**32:
         raise UsageError(f"A seed is a whole number from 0 to {2**32 - 1}, not {config.seed}.")
     for window in config.windows_ms:
@@ -291,7 +298,7 @@ def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cach
     """Fit once what only the CAE runs decide, with all cores; the folds then find it in the cache."""
     cae_only = campaign.without(campaign.test_ids)
     for name in sorted({CAE_ONLY[name] for name in approaches}):
-        create(name, preset=config.preset, seed=config.seed, cache=cache).fit(cae_only, watch)
+        config.create(name, cache).fit(cae_only, watch)
 
 
 def _completed(

@@ -5,7 +5,7 @@ from typing import Literal, get_args
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain
-from crashfuse.approaches.lf_tcn import LfTcn
+from crashfuse.approaches.lf_tcn import DEVICES, Device, LfTcn
 from crashfuse.approaches.tcn import TcnConfig
 from crashfuse.approaches.time_domain import TimeDomain
 from crashfuse.cache import Cache
@@ -27,7 +27,9 @@ CAE_ONLY: dict[str, str] = {"cae": "cae", "lf_tcn": "lf_tcn", "time_domain": "lf
 """For each approach the one that does, from the CAE runs alone, the work that all its folds share."""
 
 
-def create(name: str, *, preset: Preset = "fast", seed: int = 0, cache: Cache | None = None) -> Approach:
+def create(
+    name: str, *, preset: Preset = "fast", seed: int = 0, device: Device = "auto", cache: Cache | None = None
+) -> Approach:
     """An unfitted approach.
 
     Parameters
@@ -37,25 +39,40 @@ def create(name: str, *, preset: Preset = "fast", seed: int = 0, cache: Cache | 
     preset : {"fast", "paper"}
         ``paper`` takes the settings of Tables 2 and 4, ``fast`` ours.
     seed : int
+    device : {"auto", "cpu", "cuda"}
+        Where networks are trained; ``auto`` takes CUDA if there is any. All else runs on the CPU.
     cache : Cache, optional
         Where what doesn't depend on the tests (LF training, emulator) is kept.
 
     Raises
     ------
     UsageError
-        If there is no approach or preset of that name.
+        If there is no approach, preset or device of that name.
     """
     if name not in _CLASSES:
         raise UsageError(f"There is no approach {name!r}; choose from {', '.join(APPROACHES)}.")
     if preset not in PRESETS:
         raise UsageError(f"There is no preset {preset!r}; choose from {', '.join(PRESETS)}.")
+    if device not in DEVICES:
+        raise UsageError(f"There is no device {device!r}; choose from {', '.join(DEVICES)}.")
     if name == Cae.name:
         return Cae(cache=cache)
     if name == DisplacementDomain.name:
         displacement = DisplacementConfig.paper() if preset == "paper" else DisplacementConfig.fast()
         return DisplacementDomain(displacement, seed=seed, cache=cache)
     network = TcnConfig.paper() if preset == "paper" else TcnConfig.fast()
-    return (LfTcn if name == LfTcn.name else TimeDomain)(network, seed=seed, cache=cache)
+    return (LfTcn if name == LfTcn.name else TimeDomain)(network, seed=seed, device=device, cache=cache)
 
 
-__all__ = ["APPROACHES", "CAE_ONLY", "LABELS", "PRESETS", "Approach", "Prediction", "Preset", "create"]
+__all__ = [
+    "APPROACHES",
+    "CAE_ONLY",
+    "DEVICES",
+    "LABELS",
+    "PRESETS",
+    "Approach",
+    "Device",
+    "Prediction",
+    "Preset",
+    "create",
+]

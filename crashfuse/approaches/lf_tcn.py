@@ -1,6 +1,6 @@
 """The TCN before it has seen a test: an emulator of the CAE model in time (LF TCN, Eq. 5)."""
 
-from typing import Self
+from typing import Literal, Self, get_args
 
 import torch
 
@@ -15,6 +15,9 @@ from crashfuse.errors import UsageError
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import Condition
 
+Device = Literal["auto", "cpu", "cuda"]
+DEVICES: tuple[Device, ...] = get_args(Device)
+
 _KIND = "lf_tcn"
 
 
@@ -26,7 +29,7 @@ class TcnApproach(Approach):
     _library: CaeLibrary
 
     def __init__(
-        self, config: TcnConfig | None = None, *, seed: int = 0, device: str = "auto", cache: Cache | None = None
+        self, config: TcnConfig | None = None, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None
     ) -> None:
         self.config = TcnConfig.fast() if config is None else config
         self.seed = seed
@@ -35,9 +38,10 @@ class TcnApproach(Approach):
 
     @property
     def _device(self) -> torch.device:
-        if self.device != "auto":
-            return torch.device(self.device)
-        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        there_is_cuda = torch.cuda.is_available()
+        if self.device == "cuda" and not there_is_cuda:
+            raise UsageError("There is no CUDA device that this torch can use; leave it to auto, or take cpu.")
+        return torch.device("cuda" if there_is_cuda and self.device != "cpu" else "cpu")
 
     @property
     def hardware(self) -> str:
@@ -65,8 +69,8 @@ class LfTcn(TcnApproach):
     config : TcnConfig, optional
         Default: :meth:`TcnConfig.fast`.
     seed : int
-    device : str
-        ``"auto"`` takes CUDA if there is any, else the CPU.
+    device : {"auto", "cpu", "cuda"}
+        ``auto`` takes CUDA if there is any, else the CPU.
     cache : Cache, optional
         Where the trained networks are kept, by fingerprint of the CAE runs, settings of the training and seed; and
         checkpoints of a training that has not come to its end.

@@ -29,8 +29,10 @@ class TcnConfig:
         One residual block for each dilation.
     stride : int
         Every how manieth sample of the study grid is a step of the sequence; a cubic spline leads back.
-    time_waves, travel_waves : int
-        How many sines and cosines of time, and of v0 · time, are inputs beside the paper's four.
+    time_waves, travel_waves, velocity_waves : int
+        How many sines and cosines of time, and of the displacement and velocity that CAE runs at this speed typically
+        have by then, are inputs beside the paper's four. What tests teach then carries over to where a vehicle at
+        another speed is as far crushed, or is about to stop. No travel waves: neither of the two.
     scale_floor : float
         An output of 1 means an acceleration that grows with v0, from this share of its highest value at 0; 1 for one
         acceleration at all speeds.
@@ -55,6 +57,7 @@ class TcnConfig:
     stride: int = 20
     time_waves: int = 2
     travel_waves: int = 10
+    velocity_waves: int = 1
     scale_floor: float = 0.3
     batch: int = 16
     epochs: int = 20
@@ -84,6 +87,7 @@ class TcnConfig:
             stride=1,
             time_waves=0,
             travel_waves=0,
+            velocity_waves=0,
             scale_floor=1.0,
             batch=32,
             epochs=1000,
@@ -101,8 +105,9 @@ class TcnConfig:
 
     @property
     def n_inputs(self) -> int:
-        """Time, v0, front and rear weight; nominal travel v0 · time, if it has waves; and the waves."""
-        return 4 + 2 * self.time_waves + (1 + 2 * self.travel_waves if self.travel_waves else 0)
+        """Time, v0, front and rear weight; typical displacement and velocity, if they have waves; and the waves."""
+        motion = 2 + 2 * self.travel_waves + 2 * self.velocity_waves if self.travel_waves else 0
+        return 4 + 2 * self.time_waves + motion
 
     @property
     def receptive_field(self) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import streamlit as st
 
-from crashfuse.approaches import APPROACHES, Approach, create
+from crashfuse.approaches import APPROACHES, Approach
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
 from crashfuse.progress import Watch
@@ -144,7 +144,7 @@ class FitRequest:
         cache, fitted, seconds = Cache(), {}, {}
         for name in self.config.approaches:
             start = time.perf_counter()
-            approach = create(name, preset=self.config.preset, seed=self.config.seed, cache=cache)
+            approach = self.config.create(name, cache)
             fitted[name] = approach.fit(self.campaign, watch)
             seconds[name] = time.perf_counter() - start
         return Fitted(fitted, seconds)
