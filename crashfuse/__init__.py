@@ -15,16 +15,18 @@ if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
     from crashfuse.errors import CrashfuseError, DataError, UsageError
     from crashfuse.formats.folder import load_campaign
+    from crashfuse.models import load_model, save_model
     from crashfuse.pulse import Condition, Pulse
     from crashfuse.rating import Rating, rate_iso18571
     from crashfuse.results import write_prediction, write_study
-    from crashfuse.study import Study, StudyConfig, estimate_at, run_study
+    from crashfuse.study import Fit, Study, StudyConfig, estimate_at, run_study
 
 _HOMES = {
     "Campaign": "campaign",
     "Condition": "pulse",
     "CrashfuseError": "errors",
     "DataError": "errors",
+    "Fit": "study",
     "Pulse": "pulse",
     "Rating": "rating",
     "Study": "study",
@@ -32,8 +34,10 @@ _HOMES = {
     "UsageError": "errors",
     "estimate_at": "study",
     "load_campaign": "formats.folder",
+    "load_model": "models",
     "rate_iso18571": "rating",
     "run_study": "study",
+    "save_model": "models",
     "write_prediction": "results",
     "write_study": "results",
 }
@@ -43,6 +47,7 @@ __all__ = [
     "Condition",
     "CrashfuseError",
     "DataError",
+    "Fit",
     "Pulse",
     "Rating",
     "Study",
@@ -51,8 +56,10 @@ __all__ = [
     "__version__",
     "estimate_at",
     "load_campaign",
+    "load_model",
     "rate_iso18571",
     "run_study",
+    "save_model",
     "write_prediction",
     "write_study",
 ]

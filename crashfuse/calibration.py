@@ -1,7 +1,7 @@
 """Whether a band holds what it promises: how much of left-out tests lies inside, and how much wider it has to be."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Self
 
 import numpy as np
@@ -72,10 +72,13 @@ class Calibration:
         Factor on every draw's deviation; 1 where the band held as it was.
     tests : tuple of Coverage
         One for each left-out test, with the widened band.
+    late_widening : float, optional
+        The factor after t0, where it is not the same.
     """
 
     widening: float
     tests: tuple[Coverage, ...]
+    late_widening: float | None = None
 
     @property
     def holds(self) -> bool:
@@ -110,9 +113,21 @@ class Calibration:
         }
 
     @property
+    def inside(self) -> FloatArray:
+        """What is known of each test, as rows of numbers, shape (n_tests, 5)."""
+        return np.array([astuple(test) for test in self.tests], dtype=np.float64).reshape(-1, 5)
+
+    @classmethod
+    def of(cls, widening: float, inside: FloatArray, late_widening: float | None = None) -> Self:
+        """The calibration of which :attr:`inside` told this."""
+        tests = tuple(Coverage(a, v, after, bool(crush), bool(peak)) for a, v, after, crush, peak in inside.tolist())
+        return cls(widening, tests, late_widening)
+
+    @property
     def state(self) -> dict[str, object]:
         """The counts, and the widening that led to them."""
-        return {"widening": self.widening, **self.counts}
+        late = {} if self.late_widening is None else {"late_widening": self.late_widening}
+        return {"widening": self.widening, **late, **self.counts}
 
 
 def calibrate(check: Callable[[float], Sequence[Coverage]]) -> Calibration:

@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,9 @@ from crashfuse.version import __version__
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from crashfuse.campaign import Campaign
+    from crashfuse.study import Fit, StudyConfig
 
 DONE, WRONG_DATA, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -121,13 +124,57 @@ def _study(arguments: argparse.Namespace) -> None:
     print(f"Written to {arguments.out}: scores.csv, pulses.csv, metrics.csv, study.json, report.html")
 
 
-def _predict(arguments: argparse.Namespace) -> None:
+def _train(arguments: argparse.Namespace) -> None:
     from crashfuse.formats.folder import load_campaign
+    from crashfuse.models import save_model
     from crashfuse.progress import Watch
     from crashfuse.progress_bar import ProgressBar
+    from crashfuse.study import Fit
+
+    campaign = load_campaign(arguments.campaign)
+    config = _config(arguments)
+    names = tuple(dict.fromkeys(arguments.approach or config.approaches))
+    with ProgressBar() as bar:
+        for name in names:
+            fit = Fit.of(campaign, name, config, watch=Watch(bar.show))
+            save_model(fit, campaign, _model_path(arguments.out, name))
+    print(f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs of {campaign.name}.")
+    print(f"Written to {arguments.out}: {', '.join(_model_path(Path(), name).name for name in names)}")
+
+
+def _model_path(folder: Path, approach: str) -> Path:
+    return folder / f"{approach}.safetensors"
+
+
+def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> Iterator["Fit"]:
+    """The approaches that are asked for, from saved models if there is a folder of them, else trained."""
+    from crashfuse.approaches import APPROACHES
+    from crashfuse.cache import Cache
+    from crashfuse.models import load_model
+    from crashfuse.progress import Watch
+    from crashfuse.progress_bar import ProgressBar
+    from crashfuse.study import Fit
+
+    asked = tuple(dict.fromkeys(arguments.approach or ()))
+    if arguments.models is None:
+        config = _config(arguments)
+        with ProgressBar() as bar:
+            for name in asked or config.approaches:
+                yield Fit.of(campaign, name, config, watch=Watch(bar.show))
+        return
+    if any(value is not None for value in (arguments.preset, arguments.seed, arguments.device)):
+        raise UsageError("Saved models have their preset and seed in them; leave out --preset, --seed and --device.")
+    saved = tuple(name for name in APPROACHES if _model_path(arguments.models, name).is_file())
+    if not saved:
+        raise UsageError(f"There is no saved model in {arguments.models}; make some with crashfuse train.")
+    for name in asked or saved:
+        yield load_model(_model_path(arguments.models, name), campaign, cache=Cache())
+
+
+def _predict(arguments: argparse.Namespace) -> None:
+    from crashfuse.formats.folder import load_campaign
     from crashfuse.pulse import Condition
     from crashfuse.results import write_prediction
-    from crashfuse.study import StudyConfig, estimate_at
     from crashfuse.units import LB, MPH
 
     for flag in ("speed_mph", "front_weight_lb", "rear_weight_lb"):
@@ -137,10 +184,10 @@ def _predict(arguments: argparse.Namespace) -> None:
     factors = tuple(_factor(text, campaign.factors) for text in arguments.factor or ())
     weights = (arguments.front_weight_lb * LB, arguments.rear_weight_lb * LB)
     condition = Condition(arguments.speed_mph * MPH, *weights, factors)
-    config = StudyConfig(preset=arguments.preset or "fast", seed=arguments.seed or 0, device=arguments.device or "auto")
-    names = tuple(dict.fromkeys(arguments.approach or config.approaches))
-    with ProgressBar() as bar:
-        estimates = [estimate_at(campaign, condition, name, config, watch=Watch(bar.show)) for name in names]
+    fits = list(_fits(arguments, campaign))
+    if len({(fit.config.preset, fit.config.seed) for fit in fits}) > 1:
+        raise UsageError(f"The models in {arguments.models} were trained with different presets or seeds.")
+    estimates, config = [fit.estimate(condition) for fit in fits], fits[0].config
     metrics = write_prediction(campaign, estimates, config, arguments.out)
     print(metrics.drop(columns="held_out").to_string(index=False, na_rep="", float_format="{:.4g}".format))
     for note in dict.fromkeys(note for estimate in estimates for note in estimate.prediction.notes):
@@ -148,6 +195,12 @@ def _predict(arguments: argparse.Namespace) -> None:
     if campaign.notice:
         print(campaign.notice)
     print(f"Written to {arguments.out}: pulses.csv, metrics.csv, report.html, prediction.json")
+
+
+def _config(arguments: argparse.Namespace) -> "StudyConfig":
+    from crashfuse.study import StudyConfig
+
+    return StudyConfig(preset=arguments.preset or "fast", seed=arguments.seed or 0, device=arguments.device or "auto")
 
 
 def _factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:
@@ -232,8 +285,15 @@ def parser() -> argparse.ArgumentParser:
         predict.add_argument(f"--{name}-{unit}", type=float, required=True, metavar=name[0].upper())
     predict.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of the tests' table (powertrain=V6, say)")
     predict.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    predict.add_argument("--models", type=Path, metavar="DIR", help="predict with the models that train saved there")
     _add_model_options(predict)
     predict.set_defaults(run=_predict)
+
+    train = commands.add_parser("train", help="learn from all tests and CAE runs, and save the models")
+    train.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    train.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the models")
+    _add_model_options(train)
+    train.set_defaults(run=_train)
 
     rate = commands.add_parser("rate", help="rate one pulse against another by ISO/TS 18571")
     rate.add_argument("reference", type=Path, metavar="REFERENCE.csv", help="time_ms or _s, acceleration_g or _mps2")

@@ -11,13 +11,14 @@ from collections.abc import Generator, Sequence, Set
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches import APPROACHES, CAE_ONLY, Approach, Device, Prediction, Preset, create
+from crashfuse.approaches.learned import Learned
 from crashfuse.cache import Cache
 from crashfuse.calibration import Calibration, Coverage
 from crashfuse.campaign import Campaign, CrashTest
@@ -30,7 +31,7 @@ from crashfuse.rating import Rating, rate_windows
 WINDOWS_MS = (20.0, 40.0, 60.0)
 HoldOut = Literal["test", "speed group"]
 _STEP = "Held-out predictions"
-_KIND = "predictions"  # of entries in the cache
+_KIND, _FITS = "predictions", "fits"  # of entries in the cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +193,64 @@ def run_study(
     return Study(campaign, config, tuple(folds), {"prepare": prepared - start, "held_out_tests": finished - prepared})
 
 
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An approach that has learned from a campaign and answers any condition, and how long the learning took."""
+
+    approach: Approach
+    config: StudyConfig
+    seconds: float
+
+    @classmethod
+    def of(
+        cls,
+        campaign: Campaign,
+        approach: str,
+        config: StudyConfig = StudyConfig(),
+        *,
+        cache: Cache | None = None,
+        watch: Watch = SILENT,
+    ) -> Self:
+        """Fit an approach on the whole campaign that is handed over, or take from the cache what was learned from it.
+
+        Raises
+        ------
+        UsageError
+            If there is no such approach, preset or device, or not enough to learn from.
+        Cancelled
+            If the watch was told to stop.
+        """
+        cache = cache or Cache()
+        unfitted = config.create(approach, cache)
+        key = {**_settings(approach, config), "campaign": campaign.fingerprint}
+        if (entry := cache.get(_FITS, key)) is not None:
+            text = json.loads(str(entry.pop("text")))
+            return cls(unfitted.restore(campaign, Learned(text["values"], entry)), config, text["seconds"])
+        start = time.perf_counter()
+        fit = cls(unfitted.fit(campaign, watch), config, time.perf_counter() - start)
+        learned = fit.approach.learned()
+        text = json.dumps({"values": learned.values, "seconds": fit.seconds})
+        cache.put(_FITS, key, {**learned.arrays, "text": np.array(text)})
+        return fit
+
+    def estimate(self, condition: Condition) -> Estimate:
+        """What the approach expects at a condition, with numbers as they are kept.
+
+        Raises
+        ------
+        UsageError
+            If the speed or a weight is not above 0.
+        """
+        if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
+            raise UsageError(f"A prediction takes a speed and weights above 0, not {condition}.")
+        start = time.perf_counter()
+        prediction = self.approach.predict(condition)
+        if prediction.draws_mps2 is not None:
+            prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
+        seconds = self.seconds + time.perf_counter() - start
+        return Estimate(self.approach.name, prediction, self.approach.state, seconds)
+
+
 def estimate_at(
     campaign: Campaign,
     condition: Condition,
@@ -210,18 +269,12 @@ def estimate_at(
     Cancelled
         If the watch was told to stop.
     """
-    if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
-        raise UsageError(f"A prediction takes a speed and weights above 0, not {condition}.")
     cache = cache or Cache()
     kept = find_estimate(campaign, condition, approach, config, cache=cache)
     if kept is not None:
         return kept
-    start = time.perf_counter()
-    fitted = config.create(approach, cache).fit(campaign, watch)
-    prediction = fitted.predict(condition)
-    if prediction.draws_mps2 is not None:  # as it will come out of the cache
-        prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
-    estimate = Estimate(approach, prediction, fitted.state, time.perf_counter() - start)
+    estimate = Fit.of(campaign, approach, config, cache=cache, watch=watch).estimate(condition)
+    prediction = estimate.prediction
     text = json.dumps({"notes": prediction.notes, "state": estimate.state, "seconds": estimate.seconds})
     arrays = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
     if prediction.draws_mps2 is not None:
@@ -251,14 +304,17 @@ def find_estimate(
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
-    settings = config.create(approach)
+    return {**_settings(approach, config), "campaign": campaign.fingerprint, "condition": condition}
+
+
+def _settings(approach: str, config: StudyConfig) -> dict[str, object]:
+    """All that decides the numbers, beside the data."""
+    unfitted = config.create(approach)
     return {
-        "campaign": campaign.fingerprint,
-        "condition": condition,
         "approach": approach,
-        "config": getattr(settings, "config", None),
+        "config": getattr(unfitted, "config", None),
         "seed": config.seed,
-        "hardware": settings.hardware,
+        "hardware": unfitted.hardware,
     }
 
 

@@ -11,6 +11,7 @@ def test_the_public_names_are_these() -> None:
         "Condition",
         "CrashfuseError",
         "DataError",
+        "Fit",
         "Pulse",
         "Rating",
         "Study",
@@ -19,8 +20,10 @@ def test_the_public_names_are_these() -> None:
         "__version__",
         "estimate_at",
         "load_campaign",
+        "load_model",
         "rate_iso18571",
         "run_study",
+        "save_model",
         "write_prediction",
         "write_study",
     ]

@@ -6,6 +6,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from crashfuse.approaches.learned import Learned
 from crashfuse.campaign import Campaign
 from crashfuse.errors import NotFittedError
 from crashfuse.progress import SILENT, Watch
@@ -72,6 +73,26 @@ class Approach(ABC):
         ------
         NotFittedError
             If called before :meth:`fit`.
+        """
+
+    @abstractmethod
+    def learned(self) -> Learned:
+        """What :meth:`fit` found.
+
+        Raises
+        ------
+        NotFittedError
+            If called before :meth:`fit`.
+        """
+
+    @abstractmethod
+    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+        """Take up what an approach with these hyperparameters learned from this campaign, instead of :meth:`fit`.
+
+        Raises
+        ------
+        KeyError, ValueError, RuntimeError
+            If that is no such thing.
         """
 
     def _require(self, learned: str) -> None:

@@ -3,6 +3,7 @@
 from typing import Self
 
 from crashfuse.approaches.base import Approach, Prediction
+from crashfuse.approaches.learned import Learned
 from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
@@ -41,6 +42,15 @@ class Cae(Approach):
         """
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         return self
+
+    def learned(self) -> Learned:
+        """Nothing but the emulator, which is trained in a second."""
+        self._require("model_")
+        return Learned({}, {})
+
+    def restore(self, campaign: Campaign, learned: Learned) -> Self:  # noqa: ARG002 - there is nothing in it
+        """As :meth:`fit`."""
+        return self.fit(campaign)
 
     def predict(self, condition: Condition) -> Prediction:
         """Give the CAE pulse at a condition, and say where it comes from.

@@ -13,7 +13,8 @@ from crashfuse.approaches.bias import BiasDraws, BiasPart, BiasPoints, bijective
 from crashfuse.approaches.cae_view import FINER, CaeView
 from crashfuse.approaches.dynamics import integrate
 from crashfuse.approaches.hierarchy import HierarchicalBias
-from crashfuse.approaches.rebound import Rebound
+from crashfuse.approaches.learned import Learned
+from crashfuse.approaches.rebound import Rebound, Unloading
 from crashfuse.approaches.table4 import Table4Bias
 from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel, LoadingCurve
@@ -124,24 +125,44 @@ class DisplacementDomain(Approach):
         """
         if not campaign.tests:
             raise UsageError("The displacement domain learns from tests; this campaign has none.")
-        self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        unloadings = self._begin(campaign, watch)
         start = time.perf_counter()
-        self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
-        self._paired = float(np.mean([view.paired for view in self._views]))
-        most = max(self.config.max_points // len(campaign.tests), _LEAST_POINTS)
         with threadpool_limits(1):  # two contended threads cost many times the work of one
-            if self.config.bias == "table 4":
-                self.bias_: HierarchicalBias | Table4Bias = Table4Bias(self.config.restarts, seed=self.seed)
-                self.rebound_ = Rebound().fit(())
-            else:
-                self.bias_ = HierarchicalBias(seed=self.seed)
-                both = zip(campaign.tests, self._views, strict=True)
-                self.rebound_ = Rebound().fit([view.beside(test) for test, view in both])
-            both = zip(campaign.tests, self._views, strict=True)
-            self.points_ = tuple(self._points(test, view.curve, most) for test, view in both)
+            self.rebound_ = Rebound().fit(unloadings)
             self.bias_.fit(self.points_, watch)
             self.calibration_ = self._calibrate(campaign.tests, watch)
         self._seconds = time.perf_counter() - start
+        return self
+
+    def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> list[Unloading]:
+        """Lay the tests beside the CAE model, as both ways to learn need it; returns how they bounced back."""
+        self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
+        self._paired = float(np.mean([view.paired for view in self._views]))
+        both = list(zip(campaign.tests, self._views, strict=True))
+        by_table_4 = self.config.bias == "table 4"
+        self.bias_: HierarchicalBias | Table4Bias = (
+            Table4Bias(self.config.restarts, seed=self.seed) if by_table_4 else HierarchicalBias(seed=self.seed)
+        )
+        most = max(self.config.max_points // len(campaign.tests), _LEAST_POINTS)
+        self.points_ = tuple(self._points(test, view.curve, most) for test, view in both)
+        return [] if by_table_4 else [view.beside(test) for test, view in both]
+
+    def learned(self) -> Learned:
+        """Hyperparameters of bias and rebound, and the check of the band."""
+        self._require("calibration_")
+        values = {"seconds": self._seconds, "widening": self.calibration_.widening}
+        parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned()}
+        return Learned.of(values, {"inside": self.calibration_.inside}, **parts)
+
+    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+        """Take up hyperparameters, and condition on the tests again."""
+        unloadings = self._begin(campaign)
+        with threadpool_limits(1):
+            self.rebound_ = Rebound().restore(unloadings, learned.part("rebound"))
+            self.bias_.restore(self.points_, learned.part("bias"))
+        self.calibration_ = Calibration.of(learned.values["widening"], learned.arrays["inside"])
+        self._seconds = learned.values["seconds"]
         return self
 
     def _points(self, test: CrashTest, curve: LoadingCurve, most: int) -> BiasPoints:

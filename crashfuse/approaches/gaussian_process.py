@@ -14,6 +14,7 @@ from scipy.linalg import cho_solve, lapack, solve_triangular
 from scipy.optimize import minimize
 
 from crashfuse.approaches.covariance import Covariance, LogNormal, Part
+from crashfuse.approaches.learned import Learned
 from crashfuse.errors import NotFittedError
 from crashfuse.pulse import FloatArray
 
@@ -65,6 +66,26 @@ class GaussianProcess:
             The last column numbers the test that a row belongs to.
         y : ndarray, shape (n,)
         """
+        self._take(x, y)
+        rng = np.random.default_rng(self.seed)
+        best, self.retries_ = self._climb(self._median), 0
+        while self._is_dead(best) and self.retries_ < self.restarts:
+            self.retries_ += 1
+            start = self._median + self._spread * rng.standard_normal(self._spread.size)
+            best = min(best, self._climb(start), key=lambda theta: self._loss(theta)[0])
+        return self._settle(best)
+
+    def restore(self, x: FloatArray, y: FloatArray, learned: Learned) -> Self:
+        """Condition on the data that hyperparameters were learned from, as :meth:`fit` does at its end."""
+        self._take(x, y)
+        self.retries_ = learned.values["retries"]
+        return self._settle(learned.arrays["theta"])
+
+    def learned(self) -> Learned:
+        """The hyperparameters."""
+        return Learned({"retries": self.retries_}, {"theta": self.theta_})
+
+    def _take(self, x: FloatArray, y: FloatArray) -> None:
         self.x_ = np.asarray(x, dtype=np.float64)
         self.output_scale_ = float(np.sqrt(np.mean(np.square(y)))) or 1.0
         self._y = np.asarray(y, dtype=np.float64) / self.output_scale_
@@ -72,16 +93,12 @@ class GaussianProcess:
         priors = (*(prior for part in self.parts for prior in part.priors), self.noise)
         self._median = np.log([prior.median for prior in priors])
         self._spread = np.array([prior.spread for prior in priors])
-        rng = np.random.default_rng(self.seed)
-        best, self.retries_ = self._climb(self._median), 0
-        while self._is_dead(best) and self.retries_ < self.restarts:
-            self.retries_ += 1
-            start = self._median + self._spread * rng.standard_normal(self._spread.size)
-            best = min(best, self._climb(start), key=lambda theta: self._loss(theta)[0])
-        self.theta_ = best
-        self.touched_ = np.abs(best - self._median) > 0.999 * _BOUND * self._spread
-        self.dead_ = self._is_dead(best)
-        self.log_marginal_likelihood_ = self.log_marginal_likelihood(best)[0]
+
+    def _settle(self, theta: FloatArray) -> Self:
+        self.theta_ = theta
+        self.touched_ = np.abs(theta - self._median) > 0.999 * _BOUND * self._spread
+        self.dead_ = self._is_dead(theta)
+        self.log_marginal_likelihood_ = self.log_marginal_likelihood(theta)[0]
         self._condition()
         return self
 

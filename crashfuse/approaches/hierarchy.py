@@ -11,6 +11,7 @@ from scipy.special import stdtrit
 from crashfuse.approaches.bias import BiasDraws, BiasPart, BiasPoints
 from crashfuse.approaches.covariance import LogNormal, Part
 from crashfuse.approaches.gaussian_process import GaussianProcess, student_draws
+from crashfuse.approaches.learned import Learned
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import Condition, FloatArray
 from crashfuse.units import G
@@ -92,28 +93,47 @@ class HierarchicalBias:
         Cancelled
             If the watch was told to stop.
         """
-        y = np.concatenate([test.bias_mps2 for test in tests])
-        self.mass_kg_ = float(np.mean([test.condition.mass_kg for test in tests]))
-        self._levels = _levels([test.condition for test in tests])
-        self.freedom_ = max(len(tests) - 1, _LEAST_FREEDOM)
+        rows, y = self._take(tests)
         choices: list[tuple[str, ...]] = [(), *((name,) for name in self._levels)]
         choices += [tuple(self._levels)] * (len(self._levels) > 1)
-        rows = np.concatenate(
-            [
-                self._rows(t.condition, t.displacement_m, t.cae_mps2, t.speed_share, test=number)
-                for number, t in enumerate(tests)
-            ]
-        )
         self.densities_: dict[str, float] = {}
         for number, factors in enumerate(choices):
             watch.report("Bias model", number, len(choices))
-            process = GaussianProcess(self._parts(factors), _NOISE, seed=self.seed).fit(rows, y)
+            process = self._process(factors).fit(rows, y)
             density = float(process.left_out_log_density().sum())
             if not self.densities_ or density > max(self.densities_.values()):
                 self.process_, self.factors_ = process, factors
             self.densities_[" and ".join(factors) or "none"] = density
         watch.report("Bias model", len(choices), len(choices))
         return self
+
+    def learned(self) -> Learned:
+        """Hyperparameters, and the factors with what was compared to choose them."""
+        values = {"factors": list(self.factors_), "densities": self.densities_}
+        return Learned.of(values, {}, process=self.process_.learned())
+
+    def restore(self, tests: Sequence[BiasPoints], learned: Learned) -> Self:
+        """Take up what was learned from the bias of these tests."""
+        rows, y = self._take(tests)
+        self.factors_, self.densities_ = tuple(learned.values["factors"]), dict(learned.values["densities"])
+        self.process_ = self._process(self.factors_).restore(rows, y, learned.part("process"))
+        return self
+
+    def _process(self, factors: Sequence[str]) -> GaussianProcess:
+        return GaussianProcess(self._parts(factors), _NOISE, seed=self.seed)
+
+    def _take(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
+        """Rows and output for the process."""
+        self.mass_kg_ = float(np.mean([test.condition.mass_kg for test in tests]))
+        self._levels = _levels([test.condition for test in tests])
+        self.freedom_ = max(len(tests) - 1, _LEAST_FREEDOM)
+        rows = np.concatenate(
+            [
+                self._rows(t.condition, t.displacement_m, t.cae_mps2, t.speed_share, test=number)
+                for number, t in enumerate(tests)
+            ]
+        )
+        return rows, np.concatenate([test.bias_mps2 for test in tests])
 
     def without(self, number: int) -> Self:
         """The same model, hyperparameters and factors kept, as if the test of this number had not been run."""

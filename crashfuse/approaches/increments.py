@@ -15,6 +15,7 @@ from torch import Tensor
 
 from crashfuse.approaches.descent import quick_threads
 from crashfuse.approaches.gaussian_process import draw
+from crashfuse.approaches.learned import Learned
 from crashfuse.approaches.tcn import Tcn
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import FloatArray
@@ -82,12 +83,23 @@ class Outlook:
     mean: FloatArray
     covariance: FloatArray
 
-    def given(self, functional: FloatArray, value: float, variance: float) -> "Outlook":
-        """What is left to expect once functional · output is known to be this value, give or take this variance."""
-        with_all = self.covariance @ functional
+    def given(
+        self, functional: FloatArray, value: float, variance: float, where: FloatArray | None = None
+    ) -> "Outlook":
+        """What is left to expect once functional · output is known to be this value, give or take this variance.
+
+        Parameters
+        ----------
+        functional : ndarray, shape (n_times,)
+        value, variance : float
+        where : ndarray, shape (n_times,), optional
+            Weights from 0 to 1 of the output's deviations: where they are 0, everything is known already.
+        """
+        covariance = self.covariance if where is None else self.covariance * where[:, None] * where
+        with_all = covariance @ functional
         gain = with_all / (functional @ with_all + variance)
         mean = self.mean + gain * (value - functional @ self.mean)
-        return Outlook(mean, self.covariance - np.outer(gain, with_all))
+        return Outlook(mean, covariance - np.outer(gain, with_all))
 
     def smoothed(self, n_steps: float) -> "Outlook":
         """The same variance at each time, but deviations averaged over about this many steps (Gaussian, one sigma)."""
@@ -161,6 +173,26 @@ class Increments:
         mean = across.T @ self._weights
         covariance = (1 + self.band_penalty_) * own - across.T @ self._inverse @ across
         return Outlook(mean, self._size * covariance)
+
+    def learned(self) -> Learned:
+        """All that :meth:`outlook` needs, and how the choice was made."""
+        values = {
+            "penalty": self.penalty_,
+            "band_penalty": self.band_penalty_,
+            "left_out_error": list(self.left_out_error_.items()),
+            "unit": self._unit,
+            "size": self._size,
+        }
+        return Learned(values, {"inverse": self._inverse, "weights": self._weights})
+
+    def restore(self, learned: Learned) -> Self:
+        """Take up what was learned before, but for the outlooks on tests left out."""
+        values, arrays = learned.values, learned.arrays
+        self.penalty_, self.band_penalty_ = values["penalty"], values["band_penalty"]
+        self.left_out_error_ = dict(values["left_out_error"])
+        self._unit, self._size = values["unit"], values["size"]
+        self._inverse, self._weights = arrays["inverse"], arrays["weights"]
+        return self
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -6,6 +6,7 @@ import torch
 
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.descent import Checkpoint, load_weights, weights_of
+from crashfuse.approaches.learned import Learned
 from crashfuse.approaches.scaling import Scaling
 from crashfuse.approaches.tcn import Tcn, TcnConfig
 from crashfuse.approaches.training import predict, train
@@ -100,21 +101,32 @@ class LfTcn(TcnApproach):
         cae, config = campaign.cae, self.config
         if len(cae) < 2:
             raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
-        self._library = cae
-        self.scaling_ = Scaling.of(cae.vectors, cae.accel_mps2, config)
         key = {"cae": cae.fingerprint, "config": config.lf_settings, "seed": self.seed, "device": self._device.type}
         entry = self.cache.get(_KIND, key) if self.cache else None
         if entry is not None:
-            self.losses_ = entry.pop("losses")
-            self.network_ = Tcn(config, torch.Generator()).to(self._device).eval()
-            load_weights(self.network_, entry)
-            return self
+            return self.restore(campaign, Learned({}, entry))
+        self._library, self.scaling_ = cae, Scaling.of(cae.vectors, cae.accel_mps2, config)
         checkpoint = Checkpoint(self.cache, {**key, "training": _KIND})
         self.network_, self.losses_ = train(
             cae.vectors, cae.accel_mps2, self.scaling_, config, self.seed, self._device, checkpoint, watch
         )
         if self.cache:
-            self.cache.put(_KIND, key, {**weights_of(self.network_), "losses": self.losses_})
+            self.cache.put(_KIND, key, self.learned().arrays)
+        return self
+
+    def learned(self) -> Learned:
+        """Weights and learning curves."""
+        self._require("network_")
+        return Learned({}, {**weights_of(self.network_), "losses": self.losses_})
+
+    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+        """Take up weights; the scaling is the library's."""
+        cae = campaign.cae
+        self._library, self.scaling_ = cae, Scaling.of(cae.vectors, cae.accel_mps2, self.config)
+        weights = dict(learned.arrays)
+        self.losses_ = weights.pop("losses")
+        self.network_ = Tcn(self.config, torch.Generator()).to(self._device).eval()
+        load_weights(self.network_, weights)
         return self
 
     @property

@@ -9,6 +9,7 @@ import numpy as np
 
 from crashfuse.approaches.covariance import LogNormal, Part
 from crashfuse.approaches.gaussian_process import GaussianProcess, student_draws
+from crashfuse.approaches.learned import Learned
 from crashfuse.loading import LoadingPhase
 from crashfuse.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import G
@@ -99,7 +100,23 @@ class Rebound:
 
     def fit(self, tests: Sequence[Unloading]) -> Self:
         """Learn from tests; those whose record ends with their t0 are passed over."""
-        x, y = [], []
+        x, y = self._rows_of(tests)
+        self.process_ = GaussianProcess(_PARTS, _NOISE).fit(x, y) if len(x) else None
+        return self
+
+    def learned(self) -> Learned:
+        """The hyperparameters."""
+        return Learned({}, {}) if self.process_ is None else self.process_.learned()
+
+    def restore(self, tests: Sequence[Unloading], learned: Learned) -> Self:
+        """Take up hyperparameters that were learned from these tests."""
+        x, y = self._rows_of(tests)
+        self.process_ = GaussianProcess(_PARTS, _NOISE).restore(x, y, learned) if len(x) else None
+        return self
+
+    def _rows_of(self, tests: Sequence[Unloading]) -> tuple[FloatArray, FloatArray]:
+        x: list[FloatArray] = [np.empty((0, _LATE + 2))]
+        y: list[FloatArray] = [np.empty(0)]
         for number, test in enumerate(tests):
             t0 = float(kinematics(test.accel_mps2, test.speed_mps, DT_S).t0_s)
             if not t0 <= GRID_S[-1] - _LEAST_S:
@@ -109,9 +126,8 @@ class Rebound:
             x.append(_rows(after, test.speed_mps, number))
             extra = np.interp(t0 + after, GRID_S, test.accel_mps2 - branch)
             y.append(extra / _unit(np.interp(t0, GRID_S, test.accel_mps2)))
-        self.process_ = GaussianProcess(_PARTS, _NOISE).fit(np.concatenate(x), np.concatenate(y)) if x else None
-        self.freedom_ = max(len(x) - 1, _LEAST_FREEDOM)
-        return self
+        self.freedom_ = max(len(x) - 2, _LEAST_FREEDOM)
+        return np.concatenate(x), np.concatenate(y)
 
     def without(self, number: int) -> Self:
         """The same model, hyperparameters kept, as if the test of this number had not been run."""

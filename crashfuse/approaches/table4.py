@@ -12,6 +12,7 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from crashfuse.approaches.bias import BiasDraws, BiasPoints
 from crashfuse.approaches.gaussian_process import draw
+from crashfuse.approaches.learned import Learned
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import Condition, FloatArray
 
@@ -62,10 +63,6 @@ class Table4Bias:
         Cancelled
             If the watch was told to stop.
         """
-        x = np.concatenate([_columns(test.condition, test.displacement_m) for test in tests])
-        y = np.concatenate([test.bias_mps2 for test in tests])
-        self.centre_ = x.mean(axis=0)
-        self.spread_ = np.where((spread := x.std(axis=0)) > 0, spread, 1.0)
         kernel = ConstantKernel(_START, _BOUNDS) * Matern(np.full(len(_INPUTS), _START), _BOUNDS, nu=1.5)
         done = 0
 
@@ -81,16 +78,35 @@ class Table4Bias:
             done += 1
             return found.x, found.fun
 
-        self.process_ = GaussianProcessRegressor(
+        process = GaussianProcessRegressor(
             kernel, alpha=_ALPHA, optimizer=climb, n_restarts_optimizer=self.restarts, random_state=self.seed
         )
         with warnings.catch_warnings():  # which border was touched is told by the state
             warnings.simplefilter("ignore", ConvergenceWarning)
-            self.process_.fit((x - self.centre_) / self.spread_, y)
+            self._fit(process, tests)
         watch.report("Bias model", self.restarts + 1, self.restarts + 1)
+        return self
+
+    def learned(self) -> Learned:
+        """The kernel's variance and length scales."""
+        kernel = self.process_.kernel_
+        return Learned({"variance": float(kernel.k1.constant_value)}, {"lengths": np.array(kernel.k2.length_scale)})
+
+    def restore(self, tests: Sequence[BiasPoints], learned: Learned) -> Self:
+        """Take up hyperparameters that were learned from the bias of these tests."""
+        variance, lengths = learned.values["variance"], learned.arrays["lengths"]
+        kernel = ConstantKernel(variance, _BOUNDS) * Matern(lengths, _BOUNDS, nu=1.5)
+        self._fit(GaussianProcessRegressor(kernel, alpha=_ALPHA, optimizer=None), tests)
+        return self
+
+    def _fit(self, process: GaussianProcessRegressor, tests: Sequence[BiasPoints]) -> None:
+        x = np.concatenate([_columns(test.condition, test.displacement_m) for test in tests])
+        y = np.concatenate([test.bias_mps2 for test in tests])
+        self.centre_ = x.mean(axis=0)
+        self.spread_ = np.where((spread := x.std(axis=0)) > 0, spread, 1.0)
+        self.process_ = process.fit((x - self.centre_) / self.spread_, y)
         noise_alone = -0.5 * y.size * (np.log(2 * np.pi * max(np.mean(y**2), _ALPHA)) + 1)
         self.dead_ = bool(self.process_.log_marginal_likelihood_value_ < noise_alone + _DEAD * y.size)
-        return self
 
     def sample(
         self,

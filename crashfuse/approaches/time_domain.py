@@ -1,13 +1,15 @@
 """The time-domain approach: TCNs trained on the CAE runs, then fine-tuned on the tests (MF TCN, Sect. 3.1)."""
 
+import copy
 from dataclasses import replace
 from typing import Self
 
 import numpy as np
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.descent import Checkpoint
+from crashfuse.approaches.descent import Checkpoint, load_weights, weights_of
 from crashfuse.approaches.increments import Increments, Outlook, tangent_kernel
+from crashfuse.approaches.learned import Learned
 from crashfuse.approaches.lf_tcn import LfTcn, TcnApproach
 from crashfuse.approaches.training import fine_tune, mean_outputs
 from crashfuse.calibration import Calibration, Coverage, calibrate
@@ -17,8 +19,10 @@ from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import DT_S, GRID_S, Condition, FloatArray, kinematics
 
 _SMOOTH_S = 0.0032  # increments deviate faster than cars do, and draws that wiggle too fast have too high a peak
+_DRIFT_MPS = 12.0  # over which increments change: what 10 mph tell of 35 mph is not all that 30 mph tell
 _LEAST_SPREAD = 0.02  # of the share of v0 that is left at the end of the record, however alike the tests
 _UNKNOWN_SPREAD = 0.1  # with a single test
+_HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
 class TimeDomain(TcnApproach):
@@ -54,10 +58,7 @@ class TimeDomain(TcnApproach):
         """
         if not campaign.tests:
             raise UsageError("The time domain learns from tests; this campaign has none.")
-        self.lf_ = LfTcn(self.config, seed=self.seed, device=self.device, cache=self.cache).fit(campaign, watch)
-        self._library, self.scaling_, self.network_ = campaign.cae, self.lf_.scaling_, self.lf_.network_
-        self._vectors = np.array([test.condition.vector for test in campaign.tests])
-        accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
+        accel = self._begin(campaign, self._lf().fit(campaign, watch))
         if self.config.tuning == "gradient":
             key = {"campaign": campaign.fingerprint, "config": self.config, "seed": self.seed, "device": self.hardware}
             checkpoint = Checkpoint(self.cache, {**key, "training": self.name})
@@ -68,30 +69,76 @@ class TimeDomain(TcnApproach):
         self._learn(campaign, accel, watch)
         return self
 
+    def _lf(self) -> LfTcn:
+        return LfTcn(self.config, seed=self.seed, device=self.device, cache=self.cache)
+
+    def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
+        """Start from the LF networks; returns the tests' pulses."""
+        self.lf_, self._library, self.scaling_, self.network_ = lf, campaign.cae, lf.scaling_, lf.network_
+        self._vectors = np.array([test.condition.vector for test in campaign.tests])
+        accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
+        shares = self._targets(accel)
+        self._end_shares = np.array(
+            [self._end_share(t.condition, s) for t, s in zip(campaign.tests, shares, strict=True)]
+        )
+        return accel
+
+    def _targets(self, accel_mps2: FloatArray) -> FloatArray:
+        """What the network should put out for the tests, shape (n_tests, n_times)."""
+        return self.scaling_.targets(self._vectors, accel_mps2, self.config).numpy().T.astype(np.float64)
+
+    def learned(self) -> Learned:
+        """What the LF networks learned, and the increments."""
+        self._require("network_")
+        lf = self.lf_.learned()
+        if self.config.tuning == "gradient":
+            return Learned.of({}, {"losses": self.losses_}, lf=lf, network=Learned({}, weights_of(self.network_)))
+        check = self.calibration_
+        values = {
+            "widening": check.widening,
+            "late_widening": check.late_widening,
+            "delta_v_misfit": self._delta_v_misfit,
+        }
+        return Learned.of(values, {"inside": check.inside}, lf=lf, increments=self.increments_.learned())
+
+    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+        """Take up networks and increments."""
+        self._begin(campaign, self._lf().restore(campaign, learned.part("lf")))
+        if self.config.tuning == "gradient":
+            self.losses_, self.network_ = learned.arrays["losses"], copy.deepcopy(self.network_)
+            load_weights(self.network_, learned.part("network").arrays)
+            return self
+        self.increments_ = Increments().restore(learned.part("increments"))
+        values = learned.values
+        self.calibration_ = Calibration.of(values["widening"], learned.arrays["inside"], values["late_widening"])
+        self._delta_v_misfit = learned.values["delta_v_misfit"]
+        return self
+
     def _learn(self, campaign: Campaign, accel_mps2: FloatArray, watch: Watch) -> None:
         inputs = self.scaling_.inputs(self._vectors, self.config)
-        targets = self.scaling_.targets(self._vectors, accel_mps2, self.config).numpy().T.astype(np.float64)
+        targets = self._targets(accel_mps2)
         lf = mean_outputs(self.network_, inputs)
-        kernel = tangent_kernel(self.network_, inputs, watch=watch)
+        kernel = tangent_kernel(self.network_, inputs, watch=watch) * self._alike(self._vectors)[:, None, :, None]
         self.increments_ = Increments().fit(kernel, targets - lf)
 
         tests = campaign.tests
-        self._end_shares = np.array([self._end_share(tests[i].condition, targets[i]) for i in range(len(tests))])
         left_out = [
             self._stopped(test.condition, lf[i], self.increments_.left_out_[i], np.delete(self._end_shares, i))
             for i, test in enumerate(tests)
         ]
 
-        def check(widening: float) -> list[Coverage]:
+        def check(widening: float, late: float) -> list[Coverage]:
             watch.report("Checking the band on left-out tests", 0, 1)
             return [
-                Coverage.of(test, self._pulses(test.condition, outlook, widening)[1:])
+                Coverage.of(test, self._pulses(test.condition, outlook, widening, late)[1:])
                 for test, outlook in zip(tests, left_out, strict=True)
             ]
 
-        # wider draws have higher peaks: a measured peak below its interval must not widen the band, only be reported
-        widening = calibrate(lambda w: [replace(coverage, peak=True) for coverage in check(w)]).widening
-        self.calibration_ = Calibration(widening, tuple(check(widening)))
+        # Wider draws have higher peaks: a measured peak below its interval must not widen the band, only be reported.
+        # What comes after t0 is less certain, and has a factor of its own.
+        first = calibrate(lambda w: [replace(c, rebound=np.nan, peak=True) for c in check(w, w)]).widening
+        late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
+        self.calibration_ = Calibration(first, tuple(check(first, late)), late)
         ends = np.array([self._end_share(test.condition, o.mean) for test, o in zip(tests, left_out, strict=True)])
         self._delta_v_misfit = float(np.abs(ends - self._end_shares).mean())
 
@@ -116,16 +163,38 @@ class TimeDomain(TcnApproach):
         if not len(end_shares):
             return outlook
         spread = max(float(end_shares.std(ddof=1)), _LEAST_SPREAD) if len(end_shares) > 1 else _UNKNOWN_SPREAD
-        return outlook.given(self._change(condition), float(end_shares.mean()) - 1, spread**2)
+        change = self._change(condition)
+        known = change, float(end_shares.mean()) - 1, spread**2
+        stopped = outlook.given(*known)
+        after = self._after_t0(condition, outlook.mean)
+        if not after.any():
+            return stopped
+        # The expected pulse brings the vehicle to its stop, so only what comes after that is put right.
+        return Outlook(outlook.given(*known, where=after).mean, stopped.covariance)
 
-    def _pulses(self, condition: Condition, outlook: Outlook, widening: float) -> FloatArray:
-        """The mean pulse, then drawn ones: shape (1 + n_draws, 1250), m/s²."""
+    def _after_t0(self, condition: Condition, outputs: FloatArray) -> FloatArray:
+        """Weights that rise from 0 to 1 where these outputs have brought the vehicle to its stop."""
+        share_left = 1 + np.cumsum(self._change(condition) * outputs)
+        time = GRID_S[:: self.config.stride]
+        t0 = time[np.argmax(share_left <= 0)] if (share_left <= 0).any() else time[-1]
+        after: FloatArray = 1 - np.exp(-np.maximum(time - t0, 0.0) / _SMOOTH_S)
+        return after
+
+    def _alike(self, vectors: FloatArray) -> FloatArray:
+        """How alike increments at the tests and at other conditions are, shape (n_tests, n): they drift with speed."""
+        apart = self._vectors[:, None, 0] - vectors[:, 0]
+        correlation: FloatArray = np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2)
+        return correlation
+
+    def _pulses(self, condition: Condition, outlook: Outlook, widening: float, late: float) -> FloatArray:
+        """The mean pulse, then drawn ones with wider deviations: shape (1 + n_draws, 1250), m/s²."""
         n_draws, n_times, dof = self.config.n_draws, outlook.mean.size, len(self._vectors)
         rng = np.random.default_rng(self.seed)
         normal = outlook.draw(n_draws, rng)
         # the variance itself is learned from a handful of tests: Student's t
-        factors = widening * np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
-        deviations = factors[:, None] * normal
+        factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
+        wide = widening + (late - widening) * self._after_t0(condition, outlook.mean)
+        deviations = factors[:, None] * normal * wide
         outputs = outlook.mean + np.vstack([np.zeros(n_times), deviations])
         return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
 
@@ -143,9 +212,11 @@ class TimeDomain(TcnApproach):
         inputs = self.scaling_.inputs(np.vstack([self._vectors, condition.vector]), self.config)
         own = inputs[:, -1:]
         kernel = tangent_kernel(self.network_, inputs, own)[:, :, 0]
-        outlook = self.increments_.outlook(kernel[:-1], kernel[-1])
+        across = kernel[:-1] * self._alike(condition.vector[None])[:, :, None]
+        outlook = self.increments_.outlook(across, kernel[-1])
         outlook = self._stopped(condition, mean_outputs(self.network_, own)[0], outlook, self._end_shares)
-        pulses = self._pulses(condition, outlook, self.calibration_.widening)
+        check = self.calibration_
+        pulses = self._pulses(condition, outlook, check.widening, check.late_widening or check.widening)
         notes = lf.notes + _stopping(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 

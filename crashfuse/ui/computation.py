@@ -1,18 +1,17 @@
 """What has been computed on this server, and how to have it computed: the jobs behind the pages."""
 
 import threading
-import time
 from collections.abc import Hashable
 from dataclasses import dataclass
 
 import streamlit as st
 
-from crashfuse.approaches import APPROACHES, Approach
+from crashfuse.approaches import APPROACHES
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
 from crashfuse.progress import Watch
 from crashfuse.pulse import Condition
-from crashfuse.study import Estimate, Study, StudyConfig, find_estimate, run_study
+from crashfuse.study import Estimate, Fit, Study, StudyConfig, find_estimate, run_study
 from crashfuse.ui.jobs import Job, Jobs
 
 
@@ -108,15 +107,11 @@ class StudyRequest:
 class Fitted:
     """Approaches that have learned from all tests of a campaign and answer any condition at once."""
 
-    approaches: dict[str, Approach]
-    seconds: dict[str, float]
+    fits: tuple[Fit, ...]
 
     def estimates(self, condition: Condition) -> list[Estimate]:
         """What each of them expects at a condition."""
-        return [
-            Estimate(name, approach.predict(condition), approach.state, self.seconds[name])
-            for name, approach in self.approaches.items()
-        ]
+        return [fit.estimate(condition) for fit in self.fits]
 
 
 @dataclass(frozen=True)
@@ -141,10 +136,5 @@ class FitRequest:
         return jobs().get(self.key)
 
     def _work(self, watch: Watch) -> Fitted:
-        cache, fitted, seconds = Cache(), {}, {}
-        for name in self.config.approaches:
-            start = time.perf_counter()
-            approach = self.config.create(name, cache)
-            fitted[name] = approach.fit(self.campaign, watch)
-            seconds[name] = time.perf_counter() - start
-        return Fitted(fitted, seconds)
+        names = self.config.approaches
+        return Fitted(tuple(Fit.of(self.campaign, name, self.config, watch=watch) for name in names))

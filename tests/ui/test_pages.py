@@ -15,6 +15,7 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from crashfuse.approaches import Approach, Prediction
+from crashfuse.approaches.learned import Learned
 from crashfuse.cache import default_folder
 from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.errors import DataError, Problem
@@ -533,6 +534,14 @@ class Quick(Approach):
         self.campaign_ = campaign
         return self
 
+    def learned(self) -> Learned:
+        """Nothing."""
+        return Learned({}, {})
+
+    def restore(self, campaign: Campaign, learned: Learned) -> "Quick":  # noqa: ARG002 - there is nothing in it
+        """Remember the campaign."""
+        return self.fit(campaign)
+
     def predict(self, condition: Condition) -> Prediction:
         """Predict the nearest run."""
         return predict(self.campaign_, condition)
@@ -547,7 +556,7 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
         fits.append(name)
         return Quick()
 
-    monkeypatch.setattr(computation, "create", create)
+    monkeypatch.setattr("crashfuse.study.create", create)
     app = start("predict")
     finish(press(app, "Predict"))
     assert charts(app) == 1
