@@ -133,13 +133,12 @@ def _train(arguments: argparse.Namespace) -> None:
 
     campaign = load_campaign(arguments.campaign)
     config = _config(arguments)
-    names = tuple(dict.fromkeys(arguments.approach or config.approaches))
     with ProgressBar() as bar:
-        for name in names:
+        for name in config.approaches:
             fit = Fit.of(campaign, name, config, watch=Watch(bar.show))
             save_model(fit, campaign, _model_path(arguments.out, name))
     print(f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs of {campaign.name}.")
-    print(f"Written to {arguments.out}: {', '.join(_model_path(Path(), name).name for name in names)}")
+    print(f"Written to {arguments.out}: {', '.join(_model_path(Path(), name).name for name in config.approaches)}")
 
 
 def _model_path(folder: Path, approach: str) -> Path:
@@ -155,11 +154,10 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> Iterator["Fit"
     from crashfuse.progress_bar import ProgressBar
     from crashfuse.study import Fit
 
-    asked = tuple(dict.fromkeys(arguments.approach or ()))
     if arguments.models is None:
         config = _config(arguments)
         with ProgressBar() as bar:
-            for name in asked or config.approaches:
+            for name in config.approaches:
                 yield Fit.of(campaign, name, config, watch=Watch(bar.show))
         return
     if any(value is not None for value in (arguments.preset, arguments.seed, arguments.device)):
@@ -167,7 +165,7 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> Iterator["Fit"
     saved = tuple(name for name in APPROACHES if _model_path(arguments.models, name).is_file())
     if not saved:
         raise UsageError(f"There is no saved model in {arguments.models}; make some with crashfuse train.")
-    for name in asked or saved:
+    for name in dict.fromkeys(arguments.approach or saved):
         yield load_model(_model_path(arguments.models, name), campaign, cache=Cache())
 
 
@@ -200,7 +198,13 @@ def _predict(arguments: argparse.Namespace) -> None:
 def _config(arguments: argparse.Namespace) -> "StudyConfig":
     from crashfuse.study import StudyConfig
 
-    return StudyConfig(preset=arguments.preset or "fast", seed=arguments.seed or 0, device=arguments.device or "auto")
+    given = {name: getattr(arguments, name) for name in ("preset", "seed", "device")}
+    if arguments.approach:
+        given["approaches"] = tuple(dict.fromkeys(arguments.approach))
+    config = StudyConfig(**{name: value for name, value in given.items() if value is not None})
+    for name in config.approaches:
+        _ = config.create(name).hardware  # raises what is wrong with a name or the device before anything is computed
+    return config
 
 
 def _factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:

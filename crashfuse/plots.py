@@ -293,6 +293,37 @@ def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: 
     return figure
 
 
+def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], chosen: str) -> go.Figure:
+    """Draw how far tests are missed for each strength of the fine-tuning: learned from, and left out in turn.
+
+    Parameters
+    ----------
+    errors, left_out : mapping of str to float
+        Root mean square error by the share that each test has to itself, strongest last; on tests that were learned
+        from, and on each as predicted from the others.
+    chosen : str
+        The share that was taken.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = new_figure(height=260)
+    for name, values, colour in (("Tests learned from", errors, "#0072B2"), ("Tests left out", left_out, "#D55E00")):
+        figure.add_scatter(
+            x=list(values), y=np.array(list(values.values()), dtype=np.float32), name=name, mode="lines+markers",
+            line={"color": colour, "width": 2}, marker={"size": 9}, hovertemplate="%{y:.3f}",
+        )  # fmt: skip
+    figure.add_vline(x=list(errors).index(chosen), line={"color": "#5B6270", "dash": "dot"})
+    figure.update_layout(LEGEND_ABOVE)
+    figure.update_xaxes(
+        title="Share of the increments that a test has to itself (dotted: chosen)", type="category", range=None,
+        unifiedhovertitle=None,
+    )  # fmt: skip
+    figure.update_yaxes(title="Error (1 = CAE pulses' RMS)", rangemode="tozero")
+    return figure
+
+
 def _curve(figure: go.Figure, approach: str, values: FloatArray, *, row: int = 1, has_band: bool = False) -> None:
     line = {"color": COLOURS[approach], "width": 2, "dash": DASHES.get(approach, "solid")}
     name = LABELS[approach] + (" (95 % band)" if has_band else "")

@@ -6,7 +6,7 @@ from crashfuse import plots
 from crashfuse.approaches import LABELS
 from crashfuse.metrics import pulse_metrics
 from crashfuse.results import pulses_table, scores_table, study_metrics
-from crashfuse.ui import displacement, evidence, frame, tables
+from crashfuse.ui import displacement, evidence, frame, network, tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.panel import result_of
 
@@ -44,6 +44,7 @@ evidence.show_figure(
     alt=f"Acceleration, velocity and displacement over time: test {test.id} and every prediction of it",
 )
 
+network.show(view, fold)
 displacement.show(view, config, predictions)
 
 st.subheader("Rating by approach and window")

@@ -338,3 +338,66 @@ def test_rating_two_pulses_does_not_wait_for_torch() -> None:
     code = "import sys, crashfuse; crashfuse.rate_iso18571; print('torch' in sys.modules, 'streamlit' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={**os.environ})
     assert done.stdout.split() == ["False", "False"]
+
+
+def test_saved_models_predict_without_learning_again(
+    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All that train saved is used; with an empty cache nothing is trained."""
+    assert cli.main(["train", str(campaign_on_disk), "--out", str(tmp_path / "models")]) == cli.DONE
+    assert "Learned from 4 tests and 24 CAE runs" in capsys.readouterr().out
+    names = {path.stem for path in (tmp_path / "models").iterdir()}
+    assert names == set(APPROACHES)
+
+    def forbidden(*_: object, **__: object) -> None:
+        raise AssertionError("trained again")
+
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path / "empty"))
+    monkeypatch.setattr("crashfuse.approaches.lf_tcn.train", forbidden)
+    monkeypatch.setattr("crashfuse.approaches.gaussian_process.GaussianProcess.fit", forbidden)
+    out = tmp_path / "out"
+    command = ["predict", str(campaign_on_disk), *at_condition(22, 2060, 1520), "--out", str(out)]
+    assert cli.main([*command, "--models", str(tmp_path / "models")]) == cli.DONE
+    assert set(pd.read_csv(out / "pulses.csv")["approach"]) == set(APPROACHES)
+    record = json.loads((out / "prediction.json").read_text())
+    assert record["config"]["preset"] == "fast"
+
+
+def test_what_saved_models_cannot_be_combined_with_is_said(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An empty folder, settings that the models have in them, an approach that was not saved."""
+    models, out = tmp_path / "models", ["--out", str(tmp_path / "out")]
+    command = ["predict", str(campaign_on_disk), *at_condition(22, 2060, 1520), *out, "--models", str(models)]
+    assert cli.main(command) == cli.WRONG_USAGE
+    assert "no saved model" in capsys.readouterr().err
+    assert cli.main(["train", str(campaign_on_disk), "--out", str(models), "--approach", "cae"]) == cli.DONE
+    assert cli.main([*command, "--seed", "1"]) == cli.WRONG_USAGE
+    assert "leave out --preset, --seed and --device" in capsys.readouterr().err
+    assert cli.main([*command, "--approach", "lf_tcn"]) == cli.WRONG_DATA
+    assert "lf_tcn.safetensors: expected a saved model, found no such file" in capsys.readouterr().err
+    other = ["train", str(campaign_on_disk), "--out", str(models), "--approach", "displacement_domain", "--seed", "1"]
+    assert cli.main(other) == cli.DONE
+    assert cli.main(command) == cli.WRONG_USAGE
+    assert "different presets or seeds" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_device_that_is_not_there_is_wrong_usage(
+    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Said before anything is computed, by study, predict and train."""
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    condition = at_condition(22, 2060, 1520)
+    for command, more in (("study", []), ("predict", condition), ("train", [])):
+        run = [command, str(campaign_on_disk), *more, "--out", str(tmp_path / "out"), "--device", "cuda"]
+        assert cli.main(run) == cli.WRONG_USAGE
+        assert "There is no CUDA device" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_device_is_recorded(campaign_on_disk: Path, tmp_path: Path) -> None:
+    """In study.json, with the other settings."""
+    command = ["study", str(campaign_on_disk), "--out", str(tmp_path), "--held-out", "T2", "--device", "cpu"]
+    assert cli.main(command) == cli.DONE
+    assert json.loads((tmp_path / "study.json").read_text())["config"]["device"] == "cpu"

@@ -209,3 +209,12 @@ def test_every_approach_has_a_colour_of_its_own_that_shows_on_white() -> None:
 def test_black_text_reads_on_every_grade() -> None:
     """WCAG 2.1 asks for a contrast of 4.5 for text."""
     assert min((luminance(colour) + 0.05) / 0.05 for colour in plots.GRADE_COLOURS.values()) >= 4.5
+
+
+def test_the_strength_of_the_fine_tuning_is_drawn_with_its_choice() -> None:
+    """Errors on tests learned from and left out, in their order, and a line at what was taken."""
+    figure = plots.tuning_strength({"0.02": 0.1, "0.06": 0.2}, {"0.02": 0.4, "0.06": 0.3}, "0.06")
+    np.testing.assert_allclose(trace(figure, "Tests learned from").y, [0.1, 0.2])
+    np.testing.assert_allclose(trace(figure, "Tests left out").y, [0.4, 0.3])
+    (line,) = figure.layout.shapes
+    assert line.x0 == line.x1 == 1

@@ -127,8 +127,9 @@ class Increments:
         ρ of the mean and of the covariance.
     left_out_ : tuple of Outlook
         For each test, from all the others.
-    left_out_error_ : dict of float to float
-        Root mean square error on left-out tests for each ρ, in units of the network's output.
+    left_out_error_, error_ : dict of float to float
+        Root mean square error for each ρ, in units of the network's output: on each test as predicted from the others,
+        and as predicted with it.
     """
 
     def fit(self, kernel: FloatArray, misfit: FloatArray) -> Self:
@@ -146,6 +147,11 @@ class Increments:
         trials = {rho: _Trial.of(kernel / unit, misfit, rho) for rho in PENALTIES}
         squares = {rho: np.mean(trial.errors**2, axis=1) for rho, trial in trials.items()}
         self.left_out_error_ = {rho: float(np.sqrt(square.mean())) for rho, square in squares.items()}
+        misfits = {
+            rho: misfit.ravel() - kernel.reshape(misfit.size, -1) @ (trial.inverse @ misfit.ravel()) / unit
+            for rho, trial in trials.items()
+        }
+        self.error_ = {rho: float(np.sqrt(np.mean(left**2))) for rho, left in misfits.items()}
         self.penalty_ = _one_standard_error(squares) if n >= _FEW else PENALTIES[0]
         errors = trials[self.penalty_].errors
         sizes = {rho: np.mean(errors**2 / trial.variances) for rho, trial in trials.items()}
@@ -180,6 +186,7 @@ class Increments:
             "penalty": self.penalty_,
             "band_penalty": self.band_penalty_,
             "left_out_error": list(self.left_out_error_.items()),
+            "error": list(self.error_.items()),
             "unit": self._unit,
             "size": self._size,
         }
@@ -189,7 +196,7 @@ class Increments:
         """Take up what was learned before, but for the outlooks on tests left out."""
         values, arrays = learned.values, learned.arrays
         self.penalty_, self.band_penalty_ = values["penalty"], values["band_penalty"]
-        self.left_out_error_ = dict(values["left_out_error"])
+        self.left_out_error_, self.error_ = dict(values["left_out_error"]), dict(values["error"])
         self._unit, self._size = values["unit"], values["size"]
         self._inverse, self._weights = arrays["inverse"], arrays["weights"]
         return self

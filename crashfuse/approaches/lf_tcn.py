@@ -1,7 +1,9 @@
 """The TCN before it has seen a test: an emulator of the CAE model in time (LF TCN, Eq. 5)."""
 
+from collections.abc import Sequence
 from typing import Literal, Self, get_args
 
+import numpy as np
 import torch
 
 from crashfuse.approaches.base import Approach, Prediction
@@ -14,12 +16,13 @@ from crashfuse.cache import Cache
 from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.errors import UsageError
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import Condition
+from crashfuse.pulse import Condition, FloatArray
 
 Device = Literal["auto", "cpu", "cuda"]
 DEVICES: tuple[Device, ...] = get_args(Device)
 
 _KIND = "lf_tcn"
+_MOST_POINTS = 200  # of a learning curve that is shown
 
 
 class TcnApproach(Approach):
@@ -131,7 +134,7 @@ class LfTcn(TcnApproach):
 
     @property
     def state(self) -> dict[str, object]:
-        """Number of members, weights and epochs, final losses (mean of the members), device."""
+        """Number of members, weights and epochs, losses (mean of the members), device."""
         if not hasattr(self, "network_"):
             return {}
         train_loss, validation_loss = self.losses_[:, -1].mean(axis=0).tolist()
@@ -142,4 +145,18 @@ class LfTcn(TcnApproach):
             "train_loss": train_loss,
             "validation_loss": validation_loss,
             "device": self._device.type,
+            "learning_curve": thinned(self.losses_.mean(axis=0), ("train_loss", "validation_loss")),
         }
+
+
+def thinned(curve: FloatArray, columns: Sequence[str]) -> dict[str, list[float]]:
+    """A learning curve of at most 200 epochs, as plain JSON values: ``epoch`` and each column.
+
+    Parameters
+    ----------
+    curve : ndarray, shape (n_epochs, n_columns)
+    columns : sequence of str
+    """
+    chosen = np.unique(np.linspace(0, len(curve) - 1, min(len(curve), _MOST_POINTS)).astype(int))
+    values = {name: [float(f"{value:.4g}") for value in curve[chosen, i]] for i, name in enumerate(columns)}
+    return {"epoch": (chosen + 1).tolist(), **values}

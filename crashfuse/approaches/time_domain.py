@@ -8,9 +8,9 @@ import numpy as np
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.descent import Checkpoint, load_weights, weights_of
-from crashfuse.approaches.increments import Increments, Outlook, tangent_kernel
+from crashfuse.approaches.increments import PENALTIES, Increments, Outlook, tangent_kernel
 from crashfuse.approaches.learned import Learned
-from crashfuse.approaches.lf_tcn import LfTcn, TcnApproach
+from crashfuse.approaches.lf_tcn import LfTcn, TcnApproach, thinned
 from crashfuse.approaches.training import fine_tune, mean_outputs
 from crashfuse.calibration import Calibration, Coverage, calibrate
 from crashfuse.campaign import Campaign
@@ -119,7 +119,10 @@ class TimeDomain(TcnApproach):
         targets = self._targets(accel_mps2)
         lf = mean_outputs(self.network_, inputs)
         kernel = tangent_kernel(self.network_, inputs, watch=watch) * self._alike(self._vectors)[:, None, :, None]
-        self.increments_ = Increments().fit(kernel, targets - lf)
+        self.increments_ = increments = Increments().fit(kernel, targets - lf)
+        for number, rho in enumerate(reversed(PENALTIES), start=1):
+            errors = {"error": increments.error_[rho], "left_out_error": increments.left_out_error_[rho]}
+            watch.report("Strength of the fine-tuning", number, len(PENALTIES), **errors)
 
         tests = campaign.tests
         left_out = [
@@ -226,8 +229,10 @@ class TimeDomain(TcnApproach):
         if not hasattr(self, "network_"):
             return {}
         if self.config.tuning == "gradient":
+            curve = thinned(self.losses_.mean(axis=0)[:, None], ("train_loss",))
             return {
                 **self.lf_.state,
+                "tuning_curve": curve,
                 "tuning_steps": self.losses_.shape[1],
                 "loss_on_tests_before": float(self.losses_[:, 0].mean()),
                 "loss_on_tests_after": float(self.losses_[:, -1].mean()),
@@ -237,6 +242,7 @@ class TimeDomain(TcnApproach):
             **self.lf_.state,
             "penalty": self.increments_.penalty_,
             "band_penalty": self.increments_.band_penalty_,
+            "rmse": {str(rho): round(error, 4) for rho, error in self.increments_.error_.items()},
             "left_out_rmse": {str(rho): round(error, 4) for rho, error in self.increments_.left_out_error_.items()},
             "left_out_delta_v_misfit": round(self._delta_v_misfit, 4),
             "band_check": self.calibration_.state,

@@ -82,10 +82,9 @@ def show_job(job: Job[Any]) -> None:
         for name, step in steps:
             _show_step(name, step)
         told = [(name, step) for name, step in steps if any(len(points) > 1 for points in step.curves.values())]
-        if told:
-            name, step = told[-1]
+        for column, (name, step) in zip(st.columns(max(len(told), 1)), told, strict=False):
             curves = {what.replace("_", " "): list(points) for what, points in list(step.curves.items())}
-            st.plotly_chart(
+            column.plotly_chart(
                 learning_curves(curves, step=name, total=step.progress.total),
                 theme=None,
                 config={"displayModeBar": False},

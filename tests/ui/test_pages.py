@@ -384,7 +384,7 @@ def test_the_settings_reach_the_study_and_hold_on_other_pages(monkeypatch: pytes
     app.number_input(key="seed").set_value(7).run()
     finish(press(app, "Start"))
     assert asked == [StudyConfig(approaches=FAST, preset="paper", seed=7)]
-    assert charts(go(app, "compare")) == 2
+    assert charts(go(app, "compare")) == 3
     assert len(asked) == 1
 
 
@@ -426,7 +426,7 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     app = start("compare")
     assert "not been predicted yet" in words(app)
     finish(press(app, "Predict test T1"))
-    assert charts(app) == 2
+    assert charts(app) == 4
     ratings, metrics, fit = tables(app)
     expected = quick_study(campaign, StudyConfig(), held_out=("T1",)).folds[0].ratings["cae"]
     assert ratings["Rating 0–20 ms"][0] == f"{expected[20.0].overall:.3f} {expected[20.0].grade}"
@@ -460,7 +460,7 @@ def test_compare_shows_four_figures_over_displacement() -> None:
     for choice, sentence in told.items():
         app.button_group(key="over displacement").set_value(choice).run()
         assert not app.exception
-        assert charts(app) == 2
+        assert charts(app) == 4
         assert sentence in words(app)
     app.sidebar.selectbox(key="held_out").select("T3 · 26.0 mph").run()
     finish(press(app, "Predict test T3"))
@@ -480,6 +480,38 @@ def test_the_parts_on_the_page_do_not_change_with_the_held_out_pulse(campaign: C
         np.testing.assert_array_equal([one.mean_mps2, one.upper_mps2], [two.mean_mps2, two.upper_mps2])
 
 
+CURVE = {"epoch": [1, 2], "train_loss": [1.0, 0.1], "validation_loss": [1.1, 0.2]}
+NETWORK = {"members": 4, "weights": 54433, "learning_curve": CURVE}
+BY_STRENGTH = {
+    "penalty": 0.02,
+    "left_out_delta_v_misfit": 0.02,
+    "rmse": {"0.02": 0.1, "0.06": 0.2},
+    "left_out_rmse": {"0.02": 0.3, "0.06": 0.4},
+}
+BY_ADAM = {"tuning_curve": {"epoch": [1, 2], "train_loss": [1.0, 0.1]}}
+
+
+@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+@pytest.mark.parametrize(
+    ("state", "n_charts"),
+    [({**NETWORK, **BY_STRENGTH}, 4), ({**NETWORK, **BY_ADAM}, 4), ({**NETWORK, "members": 1}, 3)],
+)
+def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_learned(
+    state: dict[str, object], n_charts: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Figs. 12 and 13 with their ratings; the learning curves by either way to fine-tune, or of the CAE runs alone."""
+    monkeypatch.setitem(FITS, "lf_tcn", NETWORK)
+    monkeypatch.setitem(FITS, "time_domain", state)
+    app = start("compare")
+    finish(press(app, "Predict test T1"))
+    assert "Before: learned from CAE runs alone" in words(app)
+    assert "After: fine-tuned on the other tests" in words(app)
+    app.button_group(key="networks").set_value("Learning curves").run()
+    assert not app.exception
+    assert charts(app) == n_charts
+    assert "Learning from CAE runs" in words(app)
+
+
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
 def test_the_papers_bias_is_said_to_be_of_one_piece() -> None:
     """Table 4 has no parts to show, and fitting it would take minutes."""
@@ -489,7 +521,7 @@ def test_the_papers_bias_is_said_to_be_of_one_piece() -> None:
     go(app, "compare")
     app.button_group(key="over displacement").set_value("Parts of the bias").run()
     assert not app.exception
-    assert charts(app) == 1
+    assert charts(app) == 3
     assert "all of one piece" in words(app)
 
 
