@@ -1,23 +1,22 @@
 """Down a loss by Adam, step after step; stopped at any step, and continued from there to the same bits."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, Self
+from functools import partial
+from typing import ClassVar, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from crashfuse.approaches.tcn import Tcn
+from crashfuse.approaches.threads import Crew, quick_threads
 from crashfuse.cache import Cache, Entry
 from crashfuse.errors import Cancelled
 from crashfuse.progress import Watch
 from crashfuse.pulse import FloatArray
 
-_SMALL = 1_000_000  # weights of a member: below it, threads within a product cost more than they give
 _REPORT_S = 0.2  # between reports, at which a training can be cancelled
 _CHECKPOINT_S = 10.0
 _SHARE = 0.05  # of the time, at most, goes into checkpoints
@@ -94,10 +93,10 @@ def descend(
     start = _resume(runs, checkpoint.load())
     saved = reported = time.monotonic()
     pause = _CHECKPOINT_S
-    with quick_threads(networks[0]), _Crew(len(runs)) as crew:
+    with quick_threads(networks[0]), Crew(len(runs)) as crew:
         watch.report(name, start, n_steps)
         for step in range(start, n_steps):
-            ended = crew.each(runs, step)
+            ended = all(crew.map(partial(_Run.step, number=step), runs))
             now, done = time.monotonic(), step + 1
             if checkpoint.cache and now - saved > pause and done < n_steps:
                 checkpoint.save(_state(runs, done))
@@ -148,25 +147,6 @@ class _Run:
         return np.asarray(self.curve[:, self._epoch].mean(dim=0).cpu())
 
 
-class _Crew:
-    """A thread for each of several networks: each works on one core, none waits for another within a step."""
-
-    def __init__(self, n: int) -> None:
-        self._pool = ThreadPoolExecutor(n, initializer=torch.set_num_threads, initargs=(1,)) if n > 1 else None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._pool:
-            self._pool.shutdown()
-
-    def each(self, runs: Sequence[_Run], step: int) -> bool:
-        if self._pool is None:
-            return runs[0].step(step)
-        return all(list(self._pool.map(lambda run: run.step(step), runs)))
-
-
 def _state(runs: Sequence[_Run], done: int) -> Entry:
     state: Entry = {"done": np.array(done)}
     for number, run in enumerate(runs):
@@ -202,15 +182,3 @@ def weights_of(network: Tcn) -> Entry:
 def load_weights(network: Tcn, weights: Entry) -> None:
     """Give a network the weights that :func:`weights_of` took from one like it."""
     network.load_state_dict({name: torch.from_numpy(weight) for name, weight in weights.items()})
-
-
-@contextmanager
-def quick_threads(network: Tcn) -> Iterator[None]:
-    """One thread for a small network: faster, and the same numbers whatever else the machine does."""
-    before = torch.get_num_threads()
-    if network.size < _SMALL:
-        torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

@@ -6,6 +6,7 @@ optimiser, every left-out test's prediction comes from the same matrix, and the 
 All that enters is the tangent kernel J(x) J(x')ᵀ (Jacot et al. 2018; as a posterior, Immer et al. 2021).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -13,10 +14,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from crashfuse.approaches.descent import quick_threads
 from crashfuse.approaches.gaussian_process import draw
 from crashfuse.approaches.learned import Learned
-from crashfuse.approaches.tcn import Tcn
+from crashfuse.approaches.tcn import Tcn, TcnConfig
+from crashfuse.approaches.threads import Crew, quick_threads
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import FloatArray
 
@@ -31,40 +32,60 @@ _UNRESOLVED = 0.01  # variance, relative to the kernel's mean: what a network ca
 _FEW = 3  # tests: with fewer, leaving one out says nothing about ρ
 
 
-def tangent_kernel(network: Tcn, inputs: Tensor, others: Tensor | None = None, watch: Watch = SILENT) -> FloatArray:
+def tangent_kernel(network: Tcn, config: TcnConfig, inputs: Tensor, watch: Watch = SILENT) -> FloatArray:
     """J(x) J(x')ᵀ of the mean of the members, all weights together, times the number of members.
 
     Parameters
     ----------
     network : Tcn
+    config : TcnConfig
     inputs : Tensor, shape (n_times, n, n_inputs)
-        At x.
-    others : Tensor, shape (n_times, m, n_inputs), optional
-        At x'; default: x' = x.
     watch : Watch
 
     Returns
     -------
-    ndarray, shape (n, n_times, m, n_times)
+    ndarray, shape (n, n_times, n, n_times)
     """
-    others = inputs if others is None else others
-    (n_times, n, _), m = inputs.shape, others.shape[1]
-    kernel = np.zeros((n * n_times, m * n_times))
-    network.eval()
-    for member in range(network.members):  # one after the other: a Jacobian takes 15 MB a pulse
-        watch.report("Fine-tuning on tests", member, network.members)
-        weights = {name: weight.detach()[member : member + 1] for name, weight in network.named_parameters()}
-        with quick_threads(network):
-            jacobian = _jacobian(network, weights, inputs.to(network.device))
-            other = jacobian if others is inputs else _jacobian(network, weights, others.to(network.device))
-            kernel += (jacobian @ other.T).cpu().numpy() / network.members
-    return kernel.reshape(n, n_times, m, n_times)
+    n_times, n, _ = inputs.shape
+    kernel = np.zeros((n * n_times, n * n_times))
+    with quick_threads(network):
+        for member in range(network.members):  # one after the other: a Jacobian takes 15 MB a pulse
+            watch.report("Fine-tuning on tests", member, network.members)
+            jacobian = torch.cat(list(_jacobians(network.alone(member, config), inputs)))
+            kernel += (jacobian @ jacobian.T).cpu().numpy() / network.members
+    return kernel.reshape(n, n_times, n, n_times)
 
 
-def _jacobian(network: Tcn, weights: dict[str, Tensor], inputs: Tensor) -> Tensor:
-    """Derivatives of one member's outputs by its weights, shape (n * n_times, n_weights); one pulse after the other."""
-    rows = []
-    for pulse in torch.split(inputs, 1, dim=1):
+def kernel_with(network: Tcn, config: TcnConfig, inputs: Tensor, others: Tensor) -> FloatArray:
+    """The tangent kernel between conditions and a single other one.
+
+    Parameters
+    ----------
+    network : Tcn
+    config : TcnConfig
+    inputs : Tensor, shape (n_times, n, n_inputs)
+    others : Tensor, shape (n_times, 1, n_inputs)
+
+    Returns
+    -------
+    ndarray, shape (n, n_times, n_times)
+    """
+
+    def of(member: int) -> FloatArray:
+        alone = network.alone(member, config)
+        (other,) = _jacobians(alone, others)
+        rows = [(jacobian @ other.T).cpu().numpy() for jacobian in _jacobians(alone, inputs)]
+        return np.array(rows, dtype=np.float64)
+
+    with quick_threads(network), Crew(network.members) as crew:
+        kernel: FloatArray = np.mean(crew.map(of, range(network.members)), axis=0)
+    return kernel
+
+
+def _jacobians(network: Tcn, inputs: Tensor) -> Iterator[Tensor]:
+    """For one pulse after the other, derivatives of a single member's outputs by its weights: (n_times, n_weights)."""
+    weights = {name: weight.detach() for name, weight in network.named_parameters()}
+    for pulse in torch.split(inputs.to(network.device), 1, dim=1):
 
         def outputs(weights: dict[str, Tensor], pulse: Tensor = pulse) -> Tensor:
             result: Tensor = torch.func.functional_call(network, weights, (pulse[None],))
@@ -72,8 +93,7 @@ def _jacobian(network: Tcn, weights: dict[str, Tensor], inputs: Tensor) -> Tenso
 
         pullback = torch.func.vjp(outputs, weights)[1]
         (gradients,) = torch.func.vmap(pullback)(torch.eye(len(pulse), device=pulse.device))
-        rows.append(torch.cat([gradient.flatten(1) for gradient in gradients.values()], dim=1))
-    return torch.cat(rows)
+        yield torch.cat([gradient.flatten(1) for gradient in gradients.values()], dim=1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -145,10 +145,18 @@ class Tcn(nn.Module):
     @classmethod
     def joined(cls, networks: "Sequence[Tcn]", config: TcnConfig) -> "Tcn":
         """All members of several networks in one."""
-        whole = cls(config, torch.Generator(), 1).to(networks[0].device)
         states = [network.state_dict() for network in networks]
+        return cls._of(config, {name: torch.cat([state[name] for state in states]) for name in states[0]})
+
+    def alone(self, member: int, config: TcnConfig) -> "Tcn":
+        """One of the networks, without the others."""
+        return self._of(config, {name: weight[member : member + 1] for name, weight in self.state_dict().items()})
+
+    @classmethod
+    def _of(cls, config: TcnConfig, weights: dict[str, Tensor]) -> "Tcn":
+        whole = cls(config, torch.Generator(), 1)
         for name, weight in whole.named_parameters():
-            weight.data = torch.cat([state[name] for state in states])
+            weight.data = weights[name]
         return whole.eval()
 
     @property

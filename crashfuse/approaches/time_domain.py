@@ -8,7 +8,7 @@ import numpy as np
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.descent import Checkpoint, load_weights, weights_of
-from crashfuse.approaches.increments import PENALTIES, Increments, Outlook, tangent_kernel
+from crashfuse.approaches.increments import PENALTIES, Increments, Outlook, kernel_with, tangent_kernel
 from crashfuse.approaches.learned import Learned
 from crashfuse.approaches.lf_tcn import LfTcn, TcnApproach, thinned
 from crashfuse.approaches.training import fine_tune, mean_outputs
@@ -118,7 +118,10 @@ class TimeDomain(TcnApproach):
         inputs = self.scaling_.inputs(self._vectors, self.config)
         targets = self._targets(accel_mps2)
         lf = mean_outputs(self.network_, inputs)
-        kernel = tangent_kernel(self.network_, inputs, watch=watch) * self._alike(self._vectors)[:, None, :, None]
+        kernel = (
+            tangent_kernel(self.network_, self.config, inputs, watch=watch)
+            * self._alike(self._vectors)[:, None, :, None]
+        )
         self.increments_ = increments = Increments().fit(kernel, targets - lf)
         for number, rho in enumerate(reversed(PENALTIES), start=1):
             errors = {"error": increments.error_[rho], "left_out_error": increments.left_out_error_[rho]}
@@ -214,7 +217,7 @@ class TimeDomain(TcnApproach):
             return lf
         inputs = self.scaling_.inputs(np.vstack([self._vectors, condition.vector]), self.config)
         own = inputs[:, -1:]
-        kernel = tangent_kernel(self.network_, inputs, own)[:, :, 0]
+        kernel = kernel_with(self.network_, self.config, inputs, own)
         across = kernel[:-1] * self._alike(condition.vector[None])[:, :, None]
         outlook = self.increments_.outlook(across, kernel[-1])
         outlook = self._stopped(condition, mean_outputs(self.network_, own)[0], outlook, self._end_shares)

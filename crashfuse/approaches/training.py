@@ -8,9 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from crashfuse.approaches.descent import Checkpoint, descend, quick_threads
+from crashfuse.approaches.descent import Checkpoint, descend
 from crashfuse.approaches.scaling import Scaling
 from crashfuse.approaches.tcn import Tcn, TcnConfig
+from crashfuse.approaches.threads import quick_threads
 from crashfuse.progress import Watch
 from crashfuse.pulse import FloatArray
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from crashfuse.approaches import increments
-from crashfuse.approaches.increments import Increments, Outlook, tangent_kernel
+from crashfuse.approaches.increments import Increments, Outlook, kernel_with, tangent_kernel
 from crashfuse.approaches.tcn import Tcn, TcnConfig
 from crashfuse.pulse import FloatArray
 
@@ -71,8 +71,11 @@ def test_the_tangent_kernel_is_the_product_of_gradients() -> None:
     config = TcnConfig(channels=4, dilations=(1, 2), members=2)
     network = Tcn(config, torch.Generator().manual_seed(1))
     inputs = torch.randn(6, 3, config.n_inputs, generator=torch.Generator().manual_seed(5))
-    kernel = tangent_kernel(network, inputs, inputs[:, :2])
-    assert kernel.shape == (3, 6, 2, 6)
+    kernel = tangent_kernel(network, config, inputs)
+    assert kernel.shape == (3, 6, 3, 6)
+    np.testing.assert_allclose(
+        kernel_with(network, config, inputs, inputs[:, 1:2]), kernel[:, :, 1], rtol=1e-5, atol=1e-6
+    )
 
     def gradient(time: int, pulse: int) -> torch.Tensor:
         gradients = torch.autograd.grad(network(inputs)[:, time, pulse].sum(), list(network.parameters()))

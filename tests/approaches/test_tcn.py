@@ -93,11 +93,7 @@ def test_members_know_nothing_of_each_other() -> None:
     generator = torch.Generator().manual_seed(0)
     whole = Tcn(config, generator).double()
     inputs = torch.randn(20, 4, config.n_inputs, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
-    alone = []
-    for member in range(3):
-        single = Tcn(config, generator, 1).double()
-        single.load_state_dict({name: w[member : member + 1] for name, w in whole.state_dict().items()})
-        alone.append(single)
+    alone = [whole.alone(member, config) for member in range(3)]
     torch.testing.assert_close(whole(inputs), torch.cat([single(inputs) for single in alone]))
     torch.testing.assert_close(Tcn.joined(alone, config)(inputs), whole(inputs))
 
