@@ -13,26 +13,28 @@ from crashfuse.version import __version__
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
+    from crashfuse.config import StudyConfig
     from crashfuse.errors import CrashfuseError, DataError, UsageError
+    from crashfuse.estimate import Fit, estimate_at
     from crashfuse.formats.folder import load_campaign
     from crashfuse.models import load_model, save_model
     from crashfuse.pulse import Condition, Pulse
     from crashfuse.rating import Rating, rate_iso18571
     from crashfuse.results import write_prediction, write_study
-    from crashfuse.study import Fit, Study, StudyConfig, estimate_at, run_study
+    from crashfuse.study import Study, run_study
 
 _HOMES = {
     "Campaign": "campaign",
     "Condition": "pulse",
     "CrashfuseError": "errors",
     "DataError": "errors",
-    "Fit": "study",
+    "Fit": "estimate",
     "Pulse": "pulse",
     "Rating": "rating",
     "Study": "study",
-    "StudyConfig": "study",
+    "StudyConfig": "config",
     "UsageError": "errors",
-    "estimate_at": "study",
+    "estimate_at": "estimate",
     "load_campaign": "formats.folder",
     "load_model": "models",
     "rate_iso18571": "rating",

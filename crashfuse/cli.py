@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from crashfuse.campaign import Campaign
-    from crashfuse.study import Fit, StudyConfig
+    from crashfuse.config import StudyConfig
+    from crashfuse.estimate import Fit
 
 DONE, WRONG_DATA, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
 
@@ -77,11 +78,12 @@ def _check(arguments: argparse.Namespace) -> None:
 
 
 def _study(arguments: argparse.Namespace) -> None:
+    from crashfuse.config import StudyConfig
     from crashfuse.formats.folder import load_campaign
     from crashfuse.progress import Watch
     from crashfuse.progress_bar import ProgressBar
     from crashfuse.results import begin_study, read_record, scores_table, write_study
-    from crashfuse.study import StudyConfig, check_study, run_study
+    from crashfuse.study import check_study, run_study
 
     campaign = load_campaign(arguments.campaign)
     given: dict[str, Any] = {
@@ -125,11 +127,11 @@ def _study(arguments: argparse.Namespace) -> None:
 
 
 def _train(arguments: argparse.Namespace) -> None:
+    from crashfuse.estimate import Fit
     from crashfuse.formats.folder import load_campaign
     from crashfuse.models import save_model
     from crashfuse.progress import Watch
     from crashfuse.progress_bar import ProgressBar
-    from crashfuse.study import Fit
 
     campaign = load_campaign(arguments.campaign)
     config = _config(arguments)
@@ -149,10 +151,10 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> Iterator["Fit"
     """The approaches that are asked for, from saved models if there is a folder of them, else trained."""
     from crashfuse.approaches import APPROACHES
     from crashfuse.cache import Cache
+    from crashfuse.estimate import Fit
     from crashfuse.models import load_model
     from crashfuse.progress import Watch
     from crashfuse.progress_bar import ProgressBar
-    from crashfuse.study import Fit
 
     if arguments.models is None:
         config = _config(arguments)
@@ -196,7 +198,7 @@ def _predict(arguments: argparse.Namespace) -> None:
 
 
 def _config(arguments: argparse.Namespace) -> "StudyConfig":
-    from crashfuse.study import StudyConfig
+    from crashfuse.config import StudyConfig
 
     given = {name: getattr(arguments, name) for name in ("preset", "seed", "device")}
     if arguments.approach:

@@ -20,9 +20,10 @@ from crashfuse.approaches.base import Approach
 from crashfuse.approaches.learned import Learned
 from crashfuse.cache import Cache, Entry
 from crashfuse.campaign import Campaign
+from crashfuse.config import StudyConfig
 from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.estimate import Fit
 from crashfuse.files import write_atomically
-from crashfuse.study import Fit, StudyConfig
 from crashfuse.version import __version__
 
 _HEADER = "crashfuse"

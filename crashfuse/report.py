@@ -13,10 +13,11 @@ from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.displacement_plots import bias_by_speed, over_displacement
+from crashfuse.estimate import Estimate
 from crashfuse.fits import coverage_table, fit_sentences, fit_table
 from crashfuse.metrics import METRIC_LABELS
 from crashfuse.plots import overlay, rating_heatmap
-from crashfuse.study import Estimate, Fold, Study
+from crashfuse.study import Fold, Study
 from crashfuse.units import LB, MPH
 
 _HELD_OUT = {

@@ -13,11 +13,13 @@ import pandas as pd
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
+from crashfuse.config import StudyConfig
 from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.estimate import Estimate
 from crashfuse.files import write_atomically
 from crashfuse.metrics import Metric, pulse_metrics
 from crashfuse.report import prediction_report, study_report
-from crashfuse.study import Estimate, Study, StudyConfig
+from crashfuse.study import Study
 from crashfuse.units import MS, G
 from crashfuse.version import __version__
 

@@ -4,84 +4,29 @@ hold out → fit → predict → rate. The held-out test's pulse is touched in t
 works on ``campaign.without(test)``, whose fingerprint is also the key under which the prediction is cached.
 """
 
-import json
 import time
 import warnings
 from collections.abc import Generator, Sequence, Set
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, Self
 
 import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches import APPROACHES, CAE_ONLY, Approach, Device, Prediction, Preset, create
-from crashfuse.approaches.learned import Learned
+from crashfuse.approaches import APPROACHES, CAE_ONLY
 from crashfuse.cache import Cache
 from crashfuse.calibration import Calibration, Coverage
 from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.config import StudyConfig
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.metrics import Metric, pulse_metrics
+from crashfuse.estimate import Estimate, estimate_at, find_estimate
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import DT_S, Condition, Pulse
+from crashfuse.pulse import DT_S, Pulse
 from crashfuse.rating import Rating, rate_windows
 
-WINDOWS_MS = (20.0, 40.0, 60.0)
-HoldOut = Literal["test", "speed group"]
 _STEP = "Held-out predictions"
-_KIND, _FITS = "predictions", "fits"  # of entries in the cache
-
-
-@dataclass(frozen=True, slots=True)
-class StudyConfig:
-    """What a study computes.
-
-    Parameters
-    ----------
-    approaches : tuple of str
-    preset : {"fast", "paper"}
-    seed : int
-    windows_ms : tuple of float
-        The rating is taken over [0, w) for each w, in ms.
-    hold_out : {"test", "speed group"}
-        Whether each test is left out alone, or with all tests at about its speed: then nothing like it remains to be
-        remembered, and what is rated is the step to a new speed.
-    device : {"auto", "cpu", "cuda"}
-        Where networks are trained: numbers of different kinds of device differ in their last digits.
-    """
-
-    approaches: tuple[str, ...] = APPROACHES
-    preset: Preset = "fast"
-    seed: int = 0
-    windows_ms: tuple[float, ...] = WINDOWS_MS
-    hold_out: HoldOut = "test"
-    device: Device = "auto"
-
-    def rest(self, campaign: Campaign, test_id: str) -> Campaign:
-        """What may be learned from when this test is to be predicted."""
-        return campaign.without([test_id] if self.hold_out == "test" else campaign.speed_group(test_id))
-
-    def create(self, approach: str, cache: Cache | None = None) -> Approach:
-        """The approach of this name with these settings, unfitted."""
-        return create(approach, preset=self.preset, seed=self.seed, device=self.device, cache=cache)
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """An approach's prediction at one condition, with what its fit found and how long both took."""
-
-    approach: str
-    prediction: Prediction
-    state: dict[str, object]
-    seconds: float
-
-    @property
-    def metrics(self) -> tuple[Metric, ...]:
-        """Pulse metrics of the prediction, with intervals where it has draws."""
-        p = self.prediction
-        return pulse_metrics(p.accel_mps2, p.condition.speed_mps, dt_s=DT_S, draws_mps2=p.draws_mps2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,131 +136,6 @@ def run_study(
         folds.append(Fold(test.id, tuple(estimates[test.id, name] for name in config.approaches), ratings))
     finished = time.perf_counter()
     return Study(campaign, config, tuple(folds), {"prepare": prepared - start, "held_out_tests": finished - prepared})
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """An approach that has learned from a campaign and answers any condition, and how long the learning took."""
-
-    approach: Approach
-    config: StudyConfig
-    seconds: float
-
-    @classmethod
-    def of(
-        cls,
-        campaign: Campaign,
-        approach: str,
-        config: StudyConfig = StudyConfig(),
-        *,
-        cache: Cache | None = None,
-        watch: Watch = SILENT,
-    ) -> Self:
-        """Fit an approach on the whole campaign that is handed over, or take from the cache what was learned from it.
-
-        Raises
-        ------
-        UsageError
-            If there is no such approach, preset or device, or not enough to learn from.
-        Cancelled
-            If the watch was told to stop.
-        """
-        cache = cache or Cache()
-        unfitted = config.create(approach, cache)
-        key = {**_settings(approach, config), "campaign": campaign.fingerprint}
-        if (entry := cache.get(_FITS, key)) is not None:
-            text = json.loads(str(entry.pop("text")))
-            return cls(unfitted.restore(campaign, Learned(text["values"], entry)), config, text["seconds"])
-        start = time.perf_counter()
-        fit = cls(unfitted.fit(campaign, watch), config, time.perf_counter() - start)
-        learned = fit.approach.learned()
-        text = json.dumps({"values": learned.values, "seconds": fit.seconds})
-        cache.put(_FITS, key, {**learned.arrays, "text": np.array(text)})
-        return fit
-
-    def estimate(self, condition: Condition) -> Estimate:
-        """What the approach expects at a condition, with numbers as they are kept.
-
-        Raises
-        ------
-        UsageError
-            If the speed or a weight is not above 0.
-        """
-        if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
-            raise UsageError(f"A prediction takes a speed and weights above 0, not {condition}.")
-        start = time.perf_counter()
-        prediction = self.approach.predict(condition)
-        if prediction.draws_mps2 is not None:
-            prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
-        seconds = self.seconds + time.perf_counter() - start
-        return Estimate(self.approach.name, prediction, self.approach.state, seconds)
-
-
-def estimate_at(
-    campaign: Campaign,
-    condition: Condition,
-    approach: str,
-    config: StudyConfig = StudyConfig(),
-    *,
-    cache: Cache | None = None,
-    watch: Watch = SILENT,
-) -> Estimate:
-    """Fit an approach on the whole campaign that is handed over and predict at a condition; kept in the cache.
-
-    Raises
-    ------
-    UsageError
-        If there is no such approach or preset, or speed or a weight is not above 0.
-    Cancelled
-        If the watch was told to stop.
-    """
-    cache = cache or Cache()
-    kept = find_estimate(campaign, condition, approach, config, cache=cache)
-    if kept is not None:
-        return kept
-    estimate = Fit.of(campaign, approach, config, cache=cache, watch=watch).estimate(condition)
-    prediction = estimate.prediction
-    text = json.dumps({"notes": prediction.notes, "state": estimate.state, "seconds": estimate.seconds})
-    arrays = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
-    if prediction.draws_mps2 is not None:
-        arrays["draws_mps2"] = prediction.draws_mps2
-    cache.put(_KIND, _key(campaign, condition, approach, config), arrays)
-    return estimate
-
-
-def find_estimate(
-    campaign: Campaign,
-    condition: Condition,
-    approach: str,
-    config: StudyConfig = StudyConfig(),
-    *,
-    cache: Cache | None = None,
-) -> Estimate | None:
-    """What :func:`estimate_at` computed from this very data with these settings before, or None.
-
-    The campaign is the one that was handed over there: without the held-out test.
-    """
-    entry = (cache or Cache()).get(_KIND, _key(campaign, condition, approach, config))
-    if entry is None:
-        return None
-    text = json.loads(str(entry["text"]))
-    prediction = Prediction(condition, entry["accel_mps2"], entry.get("draws_mps2"), tuple(text["notes"]))
-    return Estimate(approach, prediction, text["state"], text["seconds"])
-
-
-def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
-    return {**_settings(approach, config), "campaign": campaign.fingerprint, "condition": condition}
-
-
-def _settings(approach: str, config: StudyConfig) -> dict[str, object]:
-    """All that decides the numbers, beside the data."""
-    unfitted = config.create(approach)
-    return {
-        "approach": approach,
-        "config": getattr(unfitted, "config", None),
-        "seed": config.seed,
-        "hardware": unfitted.hardware,
-    }
 
 
 def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str] = ()) -> None:

@@ -1,6 +1,6 @@
 """What many tests need: a small campaign with closed-form pulses, in memory and on disk, and a cache of their own."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,26 @@ def quick_networks() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(TcnConfig, "fast", lambda: small)
         yield
+
+
+@pytest.fixture
+def fitting_is_an_error(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Called, it makes every way to learn fail from then on."""
+
+    def forbidden(*_: object, **__: object) -> None:
+        raise AssertionError("fitted again")
+
+    def forbid() -> None:
+        for name in (
+            "crashfuse.approaches.lf_tcn.train",
+            "crashfuse.approaches.time_domain.fine_tune",
+            "crashfuse.approaches.increments.Increments.fit",
+            "crashfuse.approaches.gaussian_process.GaussianProcess.fit",
+            "crashfuse.approaches.table4.Table4Bias.fit",
+        ):
+            monkeypatch.setattr(name, forbidden)
+
+    return forbid
 
 
 def half_sine(condition: Condition, duration_s: float) -> FloatArray:

@@ -5,8 +5,10 @@ import numpy as np
 from crashfuse.approaches import Prediction
 from crashfuse.calibration import Calibration, Coverage
 from crashfuse.campaign import Campaign
+from crashfuse.config import StudyConfig
+from crashfuse.estimate import Estimate
 from crashfuse.fits import coverage_table, fit_sentences, fit_table
-from crashfuse.study import Estimate, Fold, Study, StudyConfig
+from crashfuse.study import Fold, Study
 
 INSIDE = Coverage(1.0, 0.9, 0.8, crush=True, peak=True)
 STATE = {

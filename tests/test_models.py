@@ -4,6 +4,7 @@ import json
 import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,10 +15,11 @@ from safetensors.numpy import load_file, save_file
 from crashfuse import models
 from crashfuse.approaches import APPROACHES
 from crashfuse.campaign import Campaign
+from crashfuse.config import StudyConfig
 from crashfuse.errors import DataError, NotFittedError
+from crashfuse.estimate import Fit
 from crashfuse.models import load_model, save_model
 from crashfuse.pulse import Condition
-from crashfuse.study import Fit, StudyConfig
 from crashfuse.units import LB, MPH
 
 pytestmark = pytest.mark.usefixtures("quick_networks")
@@ -45,28 +47,14 @@ def saved(campaign: Campaign, fits: dict[str, Fit], tmp_path: Path) -> Path:
     return path
 
 
-def _forbid_fitting(monkeypatch: pytest.MonkeyPatch) -> None:
-    def forbidden(*_: object, **__: object) -> None:
-        raise AssertionError("fitted again")
-
-    for name in (
-        "crashfuse.approaches.lf_tcn.train",
-        "crashfuse.approaches.time_domain.fine_tune",
-        "crashfuse.approaches.increments.Increments.fit",
-        "crashfuse.approaches.gaussian_process.GaussianProcess.fit",
-        "crashfuse.approaches.table4.Table4Bias.fit",
-    ):
-        monkeypatch.setattr(name, forbidden)
-
-
 @pytest.mark.parametrize("name", APPROACHES)
 def test_a_saved_model_predicts_the_same_bits_without_learning_again(
-    name: str, campaign: Campaign, fits: dict[str, Fit], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, campaign: Campaign, fits: dict[str, Fit], tmp_path: Path, fitting_is_an_error: Callable[[], None]
 ) -> None:
     """Mean, draws, notes, and what it says of its fit."""
     path = tmp_path / f"{name}.safetensors"
     save_model(fits[name], campaign, path)
-    _forbid_fitting(monkeypatch)
+    fitting_is_an_error()
     loaded = load_model(path, campaign)
     one, other = fits[name].estimate(NEW), loaded.estimate(NEW)
     assert loaded.config == StudyConfig()
@@ -78,7 +66,9 @@ def test_a_saved_model_predicts_the_same_bits_without_learning_again(
     assert json.dumps(other.state) == json.dumps(one.state)
 
 
-def test_the_papers_models_can_be_kept_too(campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_papers_models_can_be_kept_too(
+    campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fitting_is_an_error: Callable[[], None]
+) -> None:
     """Table 4's Gaussian process with a single start."""
     from crashfuse.approaches.displacement_domain import DisplacementConfig
 
@@ -87,24 +77,11 @@ def test_the_papers_models_can_be_kept_too(campaign: Campaign, tmp_path: Path, m
     config = StudyConfig(preset="paper", seed=3)
     fit = Fit.of(campaign, "displacement_domain", config)
     save_model(fit, campaign, tmp_path / "model")
-    _forbid_fitting(monkeypatch)
+    fitting_is_an_error()
     loaded = load_model(tmp_path / "model", campaign)
     assert loaded.config == config
     one, other = fit.estimate(NEW).prediction, loaded.estimate(NEW).prediction
     assert other.accel_mps2.tobytes() == one.accel_mps2.tobytes()
-
-
-def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second fit learns nothing; with one test less it has to."""
-    config = StudyConfig(approaches=("displacement_domain",))
-    first = Fit.of(campaign, "displacement_domain", config).estimate(NEW)
-    _forbid_fitting(monkeypatch)
-    again = Fit.of(campaign, "displacement_domain", config).estimate(NEW)
-    assert again.prediction.accel_mps2.tobytes() == first.prediction.accel_mps2.tobytes()
-    with pytest.raises(AssertionError, match="fitted again"):
-        Fit.of(campaign.without(["T3"]), "displacement_domain", config)
-    with pytest.raises(AssertionError, match="fitted again"):
-        Fit.of(campaign, "displacement_domain", replace(config, seed=1))
 
 
 def test_the_file_says_what_made_it(campaign: Campaign, saved: Path) -> None:

@@ -8,11 +8,13 @@ from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches import Prediction
 from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.config import StudyConfig
+from crashfuse.estimate import Estimate
 from crashfuse.pulse import GRID_S, Pulse
 from crashfuse.rating import rate_windows
 from crashfuse.report import prediction_report, study_report
 from crashfuse.results import metrics_table, scores_table, study_metrics
-from crashfuse.study import Estimate, Fold, Study, StudyConfig
+from crashfuse.study import Fold, Study
 
 RECORD = {"fingerprint": "f", "crashfuse": "0", "python": "3", "platform": "p", "packages": {}, "config": {}}
 

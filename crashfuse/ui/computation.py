@@ -9,9 +9,11 @@ import streamlit as st
 from crashfuse.approaches import APPROACHES
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
+from crashfuse.config import StudyConfig
+from crashfuse.estimate import Estimate, Fit, find_estimate
 from crashfuse.progress import Watch
 from crashfuse.pulse import Condition
-from crashfuse.study import Estimate, Fit, Study, StudyConfig, find_estimate, run_study
+from crashfuse.study import Study, run_study
 from crashfuse.ui.jobs import Job, Jobs
 
 

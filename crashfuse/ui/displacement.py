@@ -12,8 +12,8 @@ from crashfuse.approaches.displacement_domain import DisplacementConfig, Displac
 from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
+from crashfuse.config import StudyConfig
 from crashfuse.pulse import Condition, FloatArray
-from crashfuse.study import StudyConfig
 from crashfuse.ui import evidence
 from crashfuse.ui.frame import View
 

@@ -7,9 +7,9 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches import LABELS, Prediction
+from crashfuse.estimate import Estimate
 from crashfuse.fits import fit_sentences, fit_table
 from crashfuse.plots import GRADE_COLOURS
-from crashfuse.study import Estimate
 
 
 def show_figure(figure: go.Figure, alt: str) -> None:

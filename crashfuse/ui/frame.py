@@ -8,8 +8,8 @@ from streamlit.navigation.page import Page
 
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.canvas import Unit
+from crashfuse.config import WINDOWS_MS
 from crashfuse.errors import DataError, Problem
-from crashfuse.study import WINDOWS_MS
 from crashfuse.ui import campaigns
 from crashfuse.ui.computation import jobs
 from crashfuse.units import MPH

@@ -7,11 +7,12 @@ from pandas.io.formats.style import Styler
 
 from crashfuse.approaches import LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.config import WINDOWS_MS
 from crashfuse.metrics import METRIC_LABELS, Metric
 from crashfuse.plots import GRADE_COLOURS
 from crashfuse.pulse import GRID_S, Pulse
 from crashfuse.rating import Rating, grade, rate_windows
-from crashfuse.study import WINDOWS_MS, Study
+from crashfuse.study import Study
 from crashfuse.units import KPH, LB, MPH
 
 _PARTS = ("corridor", "phase", "magnitude", "slope")

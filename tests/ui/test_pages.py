@@ -18,12 +18,14 @@ from crashfuse.approaches import Approach, Prediction
 from crashfuse.approaches.learned import Learned
 from crashfuse.cache import default_folder
 from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.config import StudyConfig
 from crashfuse.errors import DataError, Problem
+from crashfuse.estimate import Estimate
 from crashfuse.formats.folder import load_campaign
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import GRID_S, Condition, Pulse
 from crashfuse.rating import rate_windows
-from crashfuse.study import Estimate, Fold, Study, StudyConfig
+from crashfuse.study import Fold, Study
 from crashfuse.ui import campaigns, computation, displacement
 
 APP = Path(__file__).parents[2] / "app.py"
@@ -588,7 +590,7 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
         fits.append(name)
         return Quick()
 
-    monkeypatch.setattr("crashfuse.study.create", create)
+    monkeypatch.setattr("crashfuse.config.create", create)
     app = start("predict")
     finish(press(app, "Predict"))
     assert charts(app) == 1

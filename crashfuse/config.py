@@ -1,0 +1,45 @@
+"""What a study computes: approaches, preset, seed, windows, and what is left out together."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from crashfuse.approaches import APPROACHES, Approach, Device, Preset, create
+from crashfuse.cache import Cache
+from crashfuse.campaign import Campaign
+
+WINDOWS_MS = (20.0, 40.0, 60.0)
+HoldOut = Literal["test", "speed group"]
+
+
+@dataclass(frozen=True, slots=True)
+class StudyConfig:
+    """What a study computes.
+
+    Parameters
+    ----------
+    approaches : tuple of str
+    preset : {"fast", "paper"}
+    seed : int
+    windows_ms : tuple of float
+        The rating is taken over [0, w) for each w, in ms.
+    hold_out : {"test", "speed group"}
+        Whether each test is left out alone, or with all tests at about its speed: then nothing like it remains to be
+        remembered, and what is rated is the step to a new speed.
+    device : {"auto", "cpu", "cuda"}
+        Where networks are trained: numbers of different kinds of device differ in their last digits.
+    """
+
+    approaches: tuple[str, ...] = APPROACHES
+    preset: Preset = "fast"
+    seed: int = 0
+    windows_ms: tuple[float, ...] = WINDOWS_MS
+    hold_out: HoldOut = "test"
+    device: Device = "auto"
+
+    def rest(self, campaign: Campaign, test_id: str) -> Campaign:
+        """What may be learned from when this test is to be predicted."""
+        return campaign.without([test_id] if self.hold_out == "test" else campaign.speed_group(test_id))
+
+    def create(self, approach: str, cache: Cache | None = None) -> Approach:
+        """The approach of this name with these settings, unfitted."""
+        return create(approach, preset=self.preset, seed=self.seed, device=self.device, cache=cache)
