@@ -15,7 +15,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.displacement_plots import bias_by_speed, over_displacement
 from crashfuse.estimate import Estimate
 from crashfuse.fits import coverage_table, fit_sentences, fit_table
-from crashfuse.metrics import METRIC_LABELS
+from crashfuse.metrics import METRIC_LABELS, Metric, missing_sentences
 from crashfuse.plots import overlay, rating_heatmap
 from crashfuse.study import Fold, Study
 from crashfuse.units import LB, MPH
@@ -161,17 +161,20 @@ def _ratings(table: pd.DataFrame) -> str:
 
 def _metrics(metrics: pd.DataFrame) -> str:
     """Metric by approach; where there are draws the 95 % interval stands in brackets."""
-    columns: dict[str, dict[str, str]] = {}
+    columns: dict[str, list[Metric]] = {}
     for row in metrics.itertuples():
-        value = "–" if pd.isna(row.value) else f"{row.value:.1f}"
-        if pd.notna(row.lower):
-            upper = "beyond the record" if pd.isna(row.upper) else f"{row.upper:.1f}"
-            value += f" [{row.lower:.1f}, {upper}]"
-        name = f"{METRIC_LABELS.get(row.metric, row.metric)} ({row.unit})"
-        columns.setdefault(LABELS.get(row.approach, "Measured"), {})[name] = value
-    table = pd.DataFrame(columns)
+        value, lower, upper = (None if pd.isna(x) else float(x) for x in (row.value, row.lower, row.upper))
+        metric = Metric(row.metric, value, lower, upper, row.unit)
+        columns.setdefault(LABELS.get(row.approach, "Measured"), []).append(metric)
+    table = pd.DataFrame(
+        {
+            who: {f"{METRIC_LABELS[metric.name]} ({metric.unit})": metric.text for metric in own}
+            for who, own in columns.items()
+        }
+    )
     table.insert(0, "Pulse metric", table.index)
-    return _table(table)
+    said = "".join(f"<p class=quiet>{_text(sentence)}</p>" for sentence in missing_sentences(columns.items()))
+    return _table(table) + said
 
 
 def _notes(estimates: Iterable[Estimate]) -> str:

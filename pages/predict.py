@@ -74,7 +74,9 @@ evidence.show_figure(
     alt=f"Predicted acceleration, velocity and displacement over time at {condition}",
 )
 st.subheader("Pulse metrics")
-st.table(tables.metrics((LABELS[e.approach], e.metrics) for e in estimates), border="horizontal")
+columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
+st.table(tables.metrics(columns), border="horizontal")
+evidence.show_missing(columns)
 st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
 evidence.show_notes(predictions)
 evidence.show_fits(estimates)

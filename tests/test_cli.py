@@ -18,7 +18,7 @@ from crashfuse.pulse import GRID_S
 from crashfuse.units import MS
 from crashfuse.version import __version__
 
-METRICS = ["peak", "peak_time", "delta_v", "t0", "max_crush"]
+METRICS = ["peak", "peak_time", "delta_v", "t0", "max_crush", "mean", "sm25", "olc", "vpi"]
 
 
 def at_condition(speed_mph: float, front_weight_lb: float, rear_weight_lb: float) -> list[str]:

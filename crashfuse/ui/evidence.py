@@ -1,6 +1,6 @@
 """What a page shows for its claims: figures, remarks of the approaches, and the numbers to take away."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -9,6 +9,7 @@ import streamlit as st
 from crashfuse.approaches import LABELS, Prediction
 from crashfuse.estimate import Estimate
 from crashfuse.fits import fit_sentences, fit_table
+from crashfuse.metrics import Metric, missing_sentences
 from crashfuse.plots import GRADE_COLOURS
 
 
@@ -52,6 +53,12 @@ def show_fits(estimates: Iterable[Estimate]) -> None:
             with st.expander(f"How the fit went: {LABELS[estimate.approach].lower()}"):
                 st.markdown("\n\n".join(_plain(sentence) for sentence in sentences))
                 st.table(fit_table(estimate.state).style.hide(axis="index"), border="horizontal")
+
+
+def show_missing(columns: Sequence[tuple[str, Sequence[Metric]]]) -> None:
+    """Say why numbers are missing in a table of pulse metrics."""
+    for sentence in missing_sentences(columns):
+        st.caption(_plain(sentence))
 
 
 def download(name: str, table: pd.DataFrame) -> None:

@@ -88,18 +88,8 @@ def metrics(columns: Iterable[tuple[str, Sequence[Metric]]]) -> Styler:
     for heading, values in columns:
         for metric in values:
             row = f"{METRIC_LABELS.get(metric.name, metric.name)} ({metric.unit})"
-            table.setdefault(row, {"Pulse metric": row})[heading] = _value(metric)
+            table.setdefault(row, {"Pulse metric": row})[heading] = metric.text
     return _plain(pd.DataFrame(list(table.values())))
-
-
-def _value(metric: Metric) -> str:
-    if metric.value is None:
-        return "–"
-    text = f"{metric.value:.1f}"
-    if metric.lower is not None:
-        upper = "beyond the record" if metric.upper is None else f"{metric.upper:.1f}"
-        text += f" [{metric.lower:.1f}, {upper}]"
-    return text
 
 
 def _graded(overall: float) -> str:
