@@ -10,7 +10,7 @@ from crashfuse.campaign import CrashTest
 from crashfuse.pulse import DT_S, GRID_S, FloatArray, kinematics
 
 LEVEL = 0.95
-_WIDENINGS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
+WIDENINGS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,20 +130,22 @@ class Calibration:
         return {"widening": self.widening, **late, **self.counts}
 
 
-def calibrate(check: Callable[[float], Sequence[Coverage]]) -> Calibration:
+def calibrate(check: Callable[[float], Sequence[Coverage]], widenings: Sequence[float] = WIDENINGS) -> Calibration:
     """Widen a band as little as is needed for it to hold on left-out tests.
 
     Parameters
     ----------
     check : callable
         Takes a factor on every draw's deviation, and gives the coverage of each left-out test with it.
+    widenings : sequence of float
+        What is tried, ascending.
 
     Returns
     -------
     Calibration
-        With the smallest factor that holds, of a few up to 2.5; with the largest if none does.
+        With the smallest factor that holds; with the largest if none does.
     """
-    for widening in _WIDENINGS:
+    for widening in widenings:
         calibration = Calibration(widening, tuple(check(widening)))
         if calibration.holds:
             break

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches import Approach, Prediction
-from crashfuse.approaches.learned import Learned
+from crashfuse.approaches.kept import fitted, settings
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
 from crashfuse.config import StudyConfig
@@ -17,7 +17,7 @@ from crashfuse.metrics import Metric, pulse_metrics
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import DT_S, Condition
 
-_KIND, _FITS = "predictions", "fits"  # of entries in the cache
+_KIND = "predictions"  # of entries in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +64,8 @@ class Fit:
             If the watch was told to stop.
         """
         cache = cache or Cache()
-        unfitted = config.create(approach, cache)
-        key = {**_settings(approach, config), "campaign": campaign.fingerprint}
-        if (entry := cache.get(_FITS, key)) is not None:
-            text = json.loads(str(entry.pop("text")))
-            return cls(unfitted.restore(campaign, Learned(text["values"], entry)), config, text["seconds"])
-        start = time.perf_counter()
-        fit = cls(unfitted.fit(campaign, watch), config, time.perf_counter() - start)
-        learned = fit.approach.learned()
-        text = json.dumps({"values": learned.values, "seconds": fit.seconds})
-        cache.put(_FITS, key, {**learned.arrays, "text": np.array(text)})
-        return fit
+        learned, seconds = fitted(config.create(approach, cache), campaign, cache, watch)
+        return cls(learned, config, seconds)
 
     def estimate(self, condition: Condition) -> Estimate:
         """What the approach expects at a condition, with numbers as they are kept.
@@ -147,15 +138,4 @@ def find_estimate(
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
-    return {**_settings(approach, config), "campaign": campaign.fingerprint, "condition": condition}
-
-
-def _settings(approach: str, config: StudyConfig) -> dict[str, object]:
-    """All that decides the numbers, beside the data."""
-    unfitted = config.create(approach)
-    return {
-        "approach": approach,
-        "config": getattr(unfitted, "config", None),
-        "seed": config.seed,
-        "hardware": unfitted.hardware,
-    }
+    return {**settings(config.create(approach)), "campaign": campaign.fingerprint, "condition": condition}

@@ -106,7 +106,8 @@ def run_study(
     tests = [campaign.test(test_id) for test_id in dict.fromkeys(held_out or campaign.test_ids)]
     cache = cache or Cache()
     start = time.perf_counter()
-    tasks = [(test, name) for test in tests for name in config.approaches]
+    # what mixes the others comes last: it then finds in the cache what they have learned
+    tasks = [(test, name) for name in sorted(config.approaches, key=APPROACHES.index) for test in tests]
     estimates: dict[tuple[str, str], Estimate] = {}
     for test, name in tasks:
         if (
@@ -173,7 +174,7 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
 def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> None:
     """Fit once what only the CAE runs decide, with all cores; the folds then find it in the cache."""
     cae_only = campaign.without(campaign.test_ids)
-    for name in sorted({CAE_ONLY[name] for name in approaches}):
+    for name in sorted({part for approach in approaches for part in CAE_ONLY[approach]}):
         config.create(name, cache).fit(cae_only, watch)
 
 

@@ -57,7 +57,7 @@ def test_scores_have_a_row_for_each_test_approach_and_window(study_folder: Path)
     assert list(scores) == [
         *("held_out", "approach", "window_ms", "overall", "corridor", "phase", "magnitude", "slope", "grade")
     ]
-    assert len(scores) == 2 * 4 * 3
+    assert len(scores) == 2 * len(APPROACHES) * 3
     assert tuple(scores["approach"].unique()) == APPROACHES
     parts = 0.4 * scores["corridor"] + 0.2 * (scores["phase"] + scores["magnitude"] + scores["slope"])
     np.testing.assert_allclose(scores["overall"], parts, atol=1e-5)

@@ -14,6 +14,7 @@ from crashfuse.approaches.cae_view import FINER, CaeView
 from crashfuse.approaches.dynamics import integrate
 from crashfuse.approaches.hierarchy import HierarchicalBias
 from crashfuse.approaches.learned import Learned
+from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.rebound import Rebound, Unloading
 from crashfuse.approaches.table4 import Table4Bias
 from crashfuse.cache import Cache
@@ -99,6 +100,8 @@ class DisplacementDomain(Approach):
     rebound_ : Rebound
     calibration_ : Calibration
         Of the band, on each of these tests predicted from the others.
+    left_out_ : LeftOut
+        Those predictions.
     """
 
     name = "displacement_domain"
@@ -152,7 +155,7 @@ class DisplacementDomain(Approach):
         """Hyperparameters of bias and rebound, and the check of the band."""
         self._require("calibration_")
         values = {"seconds": self._seconds, "widening": self.calibration_.widening}
-        parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned()}
+        parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned(), "left_out": self.left_out_.learned()}
         return Learned.of(values, {"inside": self.calibration_.inside}, **parts)
 
     def restore(self, campaign: Campaign, learned: Learned) -> Self:
@@ -162,6 +165,7 @@ class DisplacementDomain(Approach):
             self.rebound_ = Rebound().restore(unloadings, learned.part("rebound"))
             self.bias_.restore(self.points_, learned.part("bias"))
         self.calibration_ = Calibration.of(learned.values["widening"], learned.arrays["inside"])
+        self.left_out_ = LeftOut.restored(learned.part("left_out"))
         self._seconds = learned.values["seconds"]
         return self
 
@@ -225,6 +229,7 @@ class DisplacementDomain(Approach):
     def _calibrate(self, tests: Sequence[CrashTest], watch: Watch) -> Calibration:
         """Check the band on each test, predicted from the others with the same hyperparameters; widen it if needed."""
         if isinstance(self.bias_, Table4Bias) or len(tests) < _LEAST_CHECKED:
+            self.left_out_ = LeftOut.of({})
             return Calibration(1.0, ())
         checked = np.unique(np.linspace(0, len(tests) - 1, min(len(tests), _MOST_CHECKED)).astype(int)).tolist()
         left_out = []
@@ -233,17 +238,19 @@ class DisplacementDomain(Approach):
             rng = np.random.default_rng([self.seed, number])
             left_out.append(self._sample(self._views[number], self.bias_.without(number), _CHECK_DRAWS, rng))
 
+        pulses: dict[int, FloatArray] = {}
+
         def check(widening: float) -> list[Coverage]:
-            found = []
             for number, bias in zip(checked, left_out, strict=True):
                 watch.report("Check of the band", len(checked), len(checked))  # so that it can be cancelled
                 rng = np.random.default_rng([self.seed, number, 1])
                 rebound = self.rebound_.without(number)
-                pulses = self._simulate(self._views[number], bias, rebound, rng, widening)
-                found.append(Coverage.of(tests[number], pulses[1:]))
-            return found
+                pulses[number] = self._simulate(self._views[number], bias, rebound, rng, widening)
+            return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
 
-        return calibrate(check)
+        calibration = calibrate(check)
+        self.left_out_ = LeftOut.of(pulses)
+        return calibration
 
     def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
         """Take the bias that is expected at a condition apart; empty for Table 4, which is all of one piece.

@@ -10,6 +10,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.descent import Checkpoint, load_weights, weights_of
 from crashfuse.approaches.increments import PENALTIES, Increments, Outlook, kernel_with, tangent_kernel
 from crashfuse.approaches.learned import Learned
+from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.lf_tcn import LfTcn, TcnApproach, thinned
 from crashfuse.approaches.training import fine_tune, mean_outputs
 from crashfuse.calibration import Calibration, Coverage, calibrate
@@ -39,6 +40,8 @@ class TimeDomain(TcnApproach):
         Posterior over θ_HF; only if it was learned in closed form.
     calibration_ : Calibration
         How its band holds on tests left out one by one; likewise.
+    left_out_ : LeftOut
+        Likewise.
     losses_ : ndarray, shape (n_members, n_steps)
         Loss on the tests before each step; only after fine-tuning by Adam.
     """
@@ -99,7 +102,8 @@ class TimeDomain(TcnApproach):
             "late_widening": check.late_widening,
             "delta_v_misfit": self._delta_v_misfit,
         }
-        return Learned.of(values, {"inside": check.inside}, lf=lf, increments=self.increments_.learned())
+        parts = {"lf": lf, "increments": self.increments_.learned(), "left_out": self.left_out_.learned()}
+        return Learned.of(values, {"inside": check.inside}, **parts)
 
     def restore(self, campaign: Campaign, learned: Learned) -> Self:
         """Take up networks and increments."""
@@ -111,7 +115,8 @@ class TimeDomain(TcnApproach):
         self.increments_ = Increments().restore(learned.part("increments"))
         values = learned.values
         self.calibration_ = Calibration.of(values["widening"], learned.arrays["inside"], values["late_widening"])
-        self._delta_v_misfit = learned.values["delta_v_misfit"]
+        self._delta_v_misfit = values["delta_v_misfit"]
+        self.left_out_ = LeftOut.restored(learned.part("left_out"))
         return self
 
     def _learn(self, campaign: Campaign, accel_mps2: FloatArray, watch: Watch) -> None:
@@ -145,6 +150,8 @@ class TimeDomain(TcnApproach):
         first = calibrate(lambda w: [replace(c, rebound=np.nan, peak=True) for c in check(w, w)]).widening
         late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
         self.calibration_ = Calibration(first, tuple(check(first, late)), late)
+        both = enumerate(zip(tests, left_out, strict=True))
+        self.left_out_ = LeftOut.of({i: self._pulses(test.condition, o, first, late) for i, (test, o) in both})
         ends = np.array([self._end_share(test.condition, o.mean) for test, o in zip(tests, left_out, strict=True)])
         self._delta_v_misfit = float(np.abs(ends - self._end_shares).mean())
 

@@ -1,0 +1,67 @@
+"""What was learned from some data with some settings is kept in the cache, and never learned again."""
+
+import json
+import time
+from typing import TypeVar
+
+import numpy as np
+
+from crashfuse.approaches.base import Approach
+from crashfuse.approaches.learned import Learned
+from crashfuse.cache import Cache
+from crashfuse.campaign import Campaign
+from crashfuse.progress import SILENT, Watch
+
+A = TypeVar("A", bound=Approach)
+
+_KIND = "fits"  # of entries in the cache
+
+
+def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = SILENT) -> tuple[A, float]:
+    """Fit an approach, or take from the cache what one like it learned from this campaign.
+
+    Parameters
+    ----------
+    approach : Approach
+        Unfitted.
+    campaign : Campaign
+    cache : Cache, optional
+    watch : Watch
+
+    Returns
+    -------
+    Approach
+        The same one.
+    seconds : float
+        What the learning took, then or now.
+
+    Raises
+    ------
+    UsageError
+        If there is not enough to learn from.
+    Cancelled
+        If the watch was told to stop.
+    """
+    key = {**settings(approach), "campaign": campaign.fingerprint}
+    entry = cache.get(_KIND, key) if cache else None
+    if entry is not None:
+        text = json.loads(str(entry.pop("text")))
+        return approach.restore(campaign, Learned(text["values"], entry)), text["seconds"]
+    start = time.perf_counter()
+    approach.fit(campaign, watch)
+    seconds = time.perf_counter() - start
+    if cache:
+        learned = approach.learned()
+        text = json.dumps({"values": learned.values, "seconds": seconds})
+        cache.put(_KIND, key, {**learned.arrays, "text": np.array(text)})
+    return approach, seconds
+
+
+def settings(approach: Approach) -> dict[str, object]:
+    """All that decides an approach's numbers, beside the data."""
+    return {
+        "approach": approach.name,
+        "config": getattr(approach, "config", None),
+        "seed": getattr(approach, "seed", 0),
+        "hardware": approach.hardware,
+    }

@@ -1,0 +1,49 @@
+"""What an approach predicts for each test that it learned from, as if that test had not been run."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from crashfuse.approaches.learned import Learned
+from crashfuse.pulse import FloatArray
+
+STRIDE = 10  # samples of the study grid: a CFC 60 pulse holds no more
+_DRAWS = 100
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LeftOut:
+    """Pulses predicted for tests from all others, thinned out: enough to judge a mix by.
+
+    Attributes
+    ----------
+    numbers : ndarray of int, shape (n,)
+        Which of the campaign's tests these are.
+    mean_mps2 : ndarray, shape (n, n_times)
+        On every tenth sample of the study grid.
+    draws_mps2 : ndarray of float32, shape (n, n_draws, n_times)
+    """
+
+    numbers: np.ndarray
+    mean_mps2: FloatArray
+    draws_mps2: np.ndarray
+
+    @classmethod
+    def of(cls, pulses_mps2: Mapping[int, FloatArray]) -> "LeftOut":
+        """Thin out pulses by the number of their test: the expected one in row 0, then draws, shape (1 + m, 1250)."""
+        some = [pulses[: 1 + _DRAWS, ::STRIDE] for pulses in pulses_mps2.values()]
+        return cls(
+            np.array(list(pulses_mps2), dtype=np.int64),
+            np.array([pulses[0] for pulses in some], dtype=np.float64),
+            np.array([pulses[1:] for pulses in some], dtype=np.float32),
+        )
+
+    def learned(self) -> Learned:
+        """All of it."""
+        return Learned({}, {"numbers": self.numbers, "mean": self.mean_mps2, "draws": self.draws_mps2})
+
+    @classmethod
+    def restored(cls, learned: Learned) -> "LeftOut":
+        """What :meth:`learned` told."""
+        return cls(learned.arrays["numbers"], learned.arrays["mean"], learned.arrays["draws"])
