@@ -311,7 +311,12 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--approach", nargs="+", metavar="NAME", help="cae, lf_tcn, time_domain, displacement_domain")
+    parser.add_argument(
+        "--approach",
+        nargs="+",
+        metavar="NAME",
+        help="cae, lf_tcn, time_domain, displacement_domain, fused (default: all)",
+    )
     parser.add_argument("--preset", choices=("fast", "paper"), help="settings: ours (default) or the paper's")
     parser.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
     parser.add_argument(

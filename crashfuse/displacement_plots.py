@@ -16,12 +16,13 @@ from crashfuse.approaches.bias import BiasPart, BiasPoints
 from crashfuse.approaches.dynamics import replay
 from crashfuse.campaign import CrashTest
 from crashfuse.canvas import LEGEND_ABOVE, Unit, accel_scale, accel_title, new_figure
+from crashfuse.energy import energy_crush
 from crashfuse.loading import LoadingPhase, loading_phase
 from crashfuse.plots import COLOURS, DASHES, MEASURED_COLOUR, speed_lines
 from crashfuse.pulse import FloatArray, Pulse
 from crashfuse.units import MPH, MS
 
-_MM = 1e-3
+_MM, _KJ = 1e-3, 1e3
 _STEP_M = 0.004  # of bands: a quarter of what a CFC 60 pulse resolves
 _MARK_S = 0.004  # between marks of what was integrated
 _PARTS: Mapping[str, str] = {
@@ -236,6 +237,42 @@ def bias_parts(
     bounds = scale * np.array([[part.lower_mps2, part.upper_mps2] for part in some])
     figure.update_yaxes(range=[1.05 * bounds.min(), 1.05 * bounds.max()], showticklabels=False, row=2)  # to be compared
     figure.update_yaxes(title=f"Bias, test − CAE ({unit})", showticklabels=True, col=1)
+    return _fit(figure)
+
+
+def energy_over_crush(
+    measured: Pulse | None, predictions: Mapping[str, Prediction], *, speed_mps: float, mass_kg: float
+) -> go.Figure:
+    """Draw the energy that the vehicle has absorbed over its crush: the test, the CAE model, every correction's band.
+
+    Parameters
+    ----------
+    measured, predictions, speed_mps :
+        As in :func:`over_displacement`.
+    mass_kg : float
+        Of the vehicle.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = _new_figure(height=460)
+    scale = mass_kg / _KJ
+    for name, prediction in predictions.items():
+        found = energy_crush(prediction.accel_mps2, speed_mps, draws_mps2=prediction.draws_mps2)
+        has_band = found.lower_jpkg is not None and found.upper_jpkg is not None
+        if found.lower_jpkg is not None and found.upper_jpkg is not None:
+            limits = found.lower_jpkg, found.upper_jpkg
+            _band(figure, found.crush_m, *limits, scale, COLOURS[name], legendgroup=name)
+        line = {"color": COLOURS[name], "width": 2, "dash": DASHES.get(name, "solid")}
+        label = LABELS[name] + (" (95 % band)" if has_band else "")
+        _line(figure, found.crush_m, found.energy_jpkg * scale, name=label, line=line, legendgroup=name)
+    if measured is not None:
+        found = energy_crush(measured.accel_mps2, speed_mps)
+        line = {"color": MEASURED_COLOUR, "width": 2.5}
+        _line(figure, found.crush_m, found.energy_jpkg * scale, name="Test", line=line, legendrank=1)
+    figure.update_layout(LEGEND_ABOVE)
+    figure.update_yaxes(title="Absorbed energy (kJ)", rangemode="tozero")
     return _fit(figure)
 
 

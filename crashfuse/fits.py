@@ -61,6 +61,10 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
             f"{state['penalty']:g} of the increments to itself, chosen of {', '.join(errors)} by leaving each out; "
             f"such a test's change of velocity was met to {100 * state['left_out_delta_v_misfit']:.1f} % of its speed."
         )
+    if beside := state.get("weights_beside_a_test"):
+        far = state["weights_far_from_tests"]
+        weights = ", ".join(f"{voice} {beside[voice]:.2f} (far from all tests {far[voice]:.2f})" for voice in beside)
+        sentences.append(f"Weights beside a test: {weights}; by how each predicted tests that it had not seen (CRPS).")
     if check := state.get("band_check"):
         n = check["left_out_tests"]
         verdict = "" if check["holds"] else " That is less than a 95 % band should hold."

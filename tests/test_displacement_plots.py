@@ -195,3 +195,17 @@ def test_the_parts_share_one_scale_so_that_they_can_be_compared() -> None:
         assert (low, high) == tuple(other)
         assert low <= (-21 if deceleration else -31)
         assert high >= (31 if deceleration else 21)
+
+
+def test_energy_over_crush_is_in_kilojoules_up_to_all_of_it(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """Constant braking: m a s, a straight line to ½ m v0² at v0²/2a; the test ends at the same energy."""
+    speed, mass = test.condition.speed_mps, test.condition.mass_kg
+    figure = plots.energy_over_crush(test.pulse, predictions, speed_mps=speed, mass_kg=mass)
+    cae = trace(figure, "CAE")
+    np.testing.assert_allclose(cae.y, mass * 200.0 * np.asarray(cae.x, dtype=float) / 1e6, rtol=1e-3, atol=0.05)
+    assert cae.x[-1] == pytest.approx(1000 * speed**2 / 400, rel=1e-3)
+    for name in ("CAE", "Test", "Displacement domain (95 % band)"):
+        assert trace(figure, name).y[-1] == pytest.approx(mass * speed**2 / 2000, rel=1e-3)
+    assert figure.layout.yaxis.title.text == "Absorbed energy (kJ)"

@@ -92,3 +92,21 @@ def test_a_fine_tuning_is_told_in_sentences() -> None:
 def test_a_dead_fit_is_called_one() -> None:
     """So that nobody takes an uncorrected pulse for a corrected one."""
     assert "explains nothing" in " ".join(fit_sentences({**STATE, "dead": True}))
+
+
+def test_a_mixture_is_told_in_a_sentence() -> None:
+    """The weight of each voice beside a test, and far from all."""
+    voices = ("time domain", "displacement domain", "raw CAE")
+    state = {
+        "weights_beside_a_test": dict(zip(voices, (0.4, 0.6, 0.0), strict=True)),
+        "weights_far_from_tests": dict(zip(voices, (0.3, 0.5, 0.2), strict=True)),
+    }
+    (sentence,) = fit_sentences(state)
+    assert "time domain 0.40 (far from all tests 0.30), displacement domain 0.60 (far from all tests 0.50)" in sentence
+
+
+def test_a_factor_of_its_own_after_t0_is_told() -> None:
+    """A band that was widened more after the stop says so."""
+    check = Calibration(1.15, (INSIDE,) * 3, late_widening=2.0).state
+    (sentence,) = fit_sentences({"band_check": check})
+    assert "widened 1.15 times (2 times after t0)" in sentence

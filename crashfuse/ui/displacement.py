@@ -1,4 +1,4 @@
-"""The view over displacement on the page Compare: four figures, each computed when it is asked for."""
+"""The view over displacement on the page Compare: five figures, each computed when it is asked for."""
 
 from collections.abc import Mapping
 
@@ -17,7 +17,8 @@ from crashfuse.pulse import Condition, FloatArray
 from crashfuse.ui import evidence
 from crashfuse.ui.frame import View
 
-_CURVES, _BIAS, _PARTS, _CHECK = "Acceleration", "Bias by speed", "Parts of the bias", "Check of the integration"
+_CURVES, _ENERGY, _BIAS = "Acceleration", "Energy", "Bias by speed"
+_PARTS, _CHECK = "Parts of the bias", "Check of the integration"
 _STEP_M = 0.004  # of what is drawn
 _BEYOND = 1.1  # times the CAE model's own crush: the held-out test, which may go further, has no say in it
 
@@ -27,7 +28,7 @@ def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction])
     """Show the held-out test, the CAE model and its correction over displacement; a choice says which figure."""
     test, condition = view.held_out, view.held_out.condition
     st.subheader("Over displacement")
-    choices = [_CURVES, _BIAS, _PARTS, _CHECK]
+    choices = [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK]
     choice = st.segmented_control(
         "Figure", choices, default=_CURVES, required=True, key="over displacement", persist_state="session",
         label_visibility="collapsed",
@@ -42,6 +43,15 @@ def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction])
         st.caption(
             "Up to maximum crush (the marks, with their 95 % interval). Between a curve and zero lies the energy that "
             "was absorbed, ½ v0², the same for all: who brakes less must crush further."
+        )
+    elif choice == _ENERGY:
+        evidence.show_figure(
+            plots.energy_over_crush(test.pulse, predictions, speed_mps=condition.speed_mps, mass_kg=condition.mass_kg),
+            alt=f"Absorbed energy over crush: test {test.id} and every prediction of it",
+        )
+        st.caption(
+            "All of ½ m v0² at maximum crush. Where a curve is steep the vehicle brakes hard; one that ends further to "
+            "the right takes more of its length for the same energy."
         )
     elif choice == _BIAS:
         evidence.show_figure(

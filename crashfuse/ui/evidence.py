@@ -52,7 +52,8 @@ def show_fits(estimates: Iterable[Estimate]) -> None:
         if sentences := fit_sentences(estimate.state):
             with st.expander(f"How the fit went: {LABELS[estimate.approach].lower()}"):
                 st.markdown("\n\n".join(_plain(sentence) for sentence in sentences))
-                st.table(fit_table(estimate.state).style.hide(axis="index"), border="horizontal")
+                if not (table := fit_table(estimate.state)).empty:
+                    st.table(table.style.hide(axis="index"), border="horizontal")
 
 
 def show_missing(columns: Sequence[tuple[str, Sequence[Metric]]]) -> None:

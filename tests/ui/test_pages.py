@@ -450,11 +450,12 @@ def test_compare_follows_the_window() -> None:
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
-def test_compare_shows_four_figures_over_displacement() -> None:
+def test_compare_shows_five_figures_over_displacement() -> None:
     """One at a time, each with a word on what it tells; the choice holds when another test is chosen."""
     app = finish(press(start("compare"), "Predict test T1"))
     told = {
         "Acceleration": "who brakes less must crush further",
+        "Energy": "All of ½ m v0² at maximum crush",
         "Bias by speed": "T1 is held out: drawn, never learned from",
         "Parts of the bias": "What the other 3 tests say about the bias in T1",
         "Check of the integration": "nothing is lost on that way",
