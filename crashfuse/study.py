@@ -193,12 +193,13 @@ def _completed(
         return
     pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
     completed = pool(joblib.delayed(_hold_out)(campaign, test, name, config, cache) for test, name in tasks)
-    try:
-        for result in completed:  # noqa: UP028 - "yield from" would close the pool before the warning is silenced
-            yield result
-    finally:
-        with warnings.catch_warnings():  # joblib warns of the tasks that a cancelled study leaves undone
-            warnings.simplefilter("ignore", UserWarning)
+    with warnings.catch_warnings():
+        # joblib warns of workers that it renews when they have grown, and of what a cancelled study leaves undone
+        warnings.filterwarnings("ignore", category=UserWarning, module="joblib")
+        try:
+            for result in completed:  # noqa: UP028 - "yield from" would close the pool outside the filter
+                yield result
+        finally:
             completed.close()
 
 

@@ -23,11 +23,12 @@ study = result_of(
 fold = study.fold(test.id)
 predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
 
-st.markdown(f"ISO/TS 18571 rating over {tables.window_label(view.window_ms)}")
 raw = fold.ratings["cae"][view.window_ms].overall if "cae" in fold.ratings else None
+beside = "" if raw is None else ", and its change against the CAE"
+st.markdown(f"ISO/TS 18571 rating over {tables.window_label(view.window_ms)}{beside}")
 for column, (name, by_window) in zip(st.columns(len(fold.ratings)), fold.ratings.items(), strict=True):
     rating = by_window[view.window_ms]
-    gain = None if raw is None or name == "cae" else f"{rating.overall - raw:+.3f} against the CAE"
+    gain = None if raw is None or name == "cae" else f"{rating.overall - raw:+.3f}"
     with column.container(border=True, height="stretch"):
         st.metric(LABELS[name], f"{rating.overall:.3f}", gain)
         evidence.show_grade(rating.grade)
