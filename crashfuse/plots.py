@@ -320,7 +320,7 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
         title="Share of the increments that a test has to itself (dotted: chosen)", type="category", range=None,
         unifiedhovertitle=None,
     )  # fmt: skip
-    figure.update_yaxes(title="Error (1 = CAE pulses' RMS)", rangemode="tozero")
+    figure.update_yaxes(title="Error (CAE RMS = 1)", rangemode="tozero")
     return figure
 
 

@@ -53,6 +53,7 @@ def tangent_kernel(network: Tcn, config: TcnConfig, inputs: Tensor, watch: Watch
             watch.report("Fine-tuning on tests", member, network.members)
             jacobian = torch.cat(list(_jacobians(network.alone(member, config), inputs)))
             kernel += (jacobian @ jacobian.T).cpu().numpy() / network.members
+        watch.report("Fine-tuning on tests", network.members, network.members)
     return kernel.reshape(n, n_times, n, n_times)
 
 

@@ -129,7 +129,7 @@ class TimeDomain(TcnApproach):
         )
         self.increments_ = increments = Increments().fit(kernel, targets - lf)
         for number, rho in enumerate(reversed(PENALTIES), start=1):
-            errors = {"error": increments.error_[rho], "left_out_error": increments.left_out_error_[rho]}
+            errors = {"tests_learned_from": increments.error_[rho], "tests_left_out": increments.left_out_error_[rho]}
             watch.report("Strength of the fine-tuning", number, len(PENALTIES), **errors)
 
         tests = campaign.tests

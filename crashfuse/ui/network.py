@@ -40,6 +40,7 @@ def show(view: View, fold: Fold) -> None:
             "cannot know. Right, what the other tests add to them."
         )
         return
+    st.caption("How both trainings went is kept with the predictions, and written to study.json.")
     network = states.get("time_domain", states.get("lf_tcn", {}))
     with columns[0]:
         st.markdown("**Learning from CAE runs**")
