@@ -18,11 +18,12 @@ from crashfuse.cache import Cache
 from crashfuse.calibration import WIDENINGS, Calibration, Coverage, calibrate
 from crashfuse.campaign import Campaign
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import GRID_S, Condition, FloatArray
+from crashfuse.pulse import DT_S, GRID_S, Condition, FloatArray
 from crashfuse.units import MPH
 
 VOICES = ("time domain", "displacement domain", "raw CAE")
 _REACH_MPS = 3 * MPH  # a test this far away in speed is neither near nor far
+_JUDGED_S = 0.06  # the time that is rated: what comes later must not decide who is trusted there
 _N_DRAWS = 400
 _WIDENINGS = (0.6, 0.7, 0.8, 0.9, *WIDENINGS)
 # Before anything was left out: the displacement domain before the time domain, both far before the CAE, the more so
@@ -102,8 +103,9 @@ class Fused(Approach):
         judged = [int(number) for number in other.numbers if number in one.numbers]
         voices = [self._left_out_voices(number, one, other) for number in judged]
         nearness = [self._nearness(self._speeds[number], without=number) for number in judged]
-        measured = self._measured[judged][:, ::STRIDE]
-        scores = [Scores.of(y, [v.draws for v in said]) for y, said in zip(measured, voices, strict=True)]
+        rated = slice(round(_JUDGED_S / (STRIDE * DT_S)))
+        measured = self._measured[judged][:, ::STRIDE][:, rated]
+        scores = [Scores.of(y, [v.draws[:, rated] for v in said]) for y, said in zip(measured, voices, strict=True)]
         self.pool_ = Pool(_PRIOR, spread=_SPREAD, strength=_STRENGTH).fit(scores, np.array(nearness))
         mixed = [self._mix(said, self.pool_.weights(near)) for said, near in zip(voices, nearness, strict=True)]
 
