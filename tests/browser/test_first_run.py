@@ -14,7 +14,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 if TYPE_CHECKING:
     from tests.browser.conftest import Server
 
-SOON, TRAINING = 60, 240  # s
+SOON, TRAINING = 60, 600  # s; a minute where nothing else runs
 CONTENT = '[data-testid="stMain"]'
 
 
