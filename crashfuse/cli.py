@@ -204,8 +204,7 @@ def _config(arguments: argparse.Namespace) -> "StudyConfig":
     if arguments.approach:
         given["approaches"] = tuple(dict.fromkeys(arguments.approach))
     config = StudyConfig(**{name: value for name, value in given.items() if value is not None})
-    for name in config.approaches:
-        _ = config.create(name).hardware  # raises what is wrong with a name or the device before anything is computed
+    config.check()
     return config
 
 

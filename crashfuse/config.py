@@ -40,6 +40,16 @@ class StudyConfig:
         """What may be learned from when this test is to be predicted."""
         return campaign.without([test_id] if self.hold_out == "test" else campaign.speed_group(test_id))
 
+    def check(self) -> None:
+        """Raise what is wrong with an approach, the preset or the device before anything is computed.
+
+        Raises
+        ------
+        UsageError
+        """
+        for name in self.approaches:
+            _ = self.create(name).hardware
+
     def create(self, approach: str, cache: Cache | None = None) -> Approach:
         """The approach of this name with these settings, unfitted."""
         return create(approach, preset=self.preset, seed=self.seed, device=self.device, cache=cache)

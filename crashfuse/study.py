@@ -156,8 +156,7 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
         raise UsageError("All tests are of one speed group: leaving it out leaves nothing to learn from.")
     if not config.approaches:
         raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
-    for name in config.approaches:
-        _ = config.create(name).hardware  # raises what is wrong with a name or the device before anything is computed
+    config.check()
     if not 0 <= config.seed < 2**32:
         raise UsageError(f"A seed is a whole number from 0 to {2**32 - 1}, not {config.seed}.")
     for window in config.windows_ms:

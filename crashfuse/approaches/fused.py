@@ -135,8 +135,7 @@ class Fused(Approach):
 
     def _left_out_voices(self, number: int, one: LeftOut, other: LeftOut) -> list["_Voice"]:
         """What each voice says of a test that it has not seen, thinned out."""
-        rest = np.arange(len(self._speeds)) != number
-        cae = self._cae_draws(self._cae[number], self._speeds[number], rest)[:, ::STRIDE]
+        cae = self._cae_draws(self._cae[number], self._speeds[number], without=number)[:, ::STRIDE]
         said = [(left, left.numbers == number) for left in (one, other)]
         drawn = [_Voice(left.mean_mps2[own][0], left.draws_mps2[own][0].astype(np.float64)) for left, own in said]
         return [*drawn, _Voice(self._cae[number, ::STRIDE], cae)]
@@ -151,11 +150,12 @@ class Fused(Approach):
         ]
         return _Voice(weights @ np.array([voice.mean for voice in voices]), np.concatenate(chosen))
 
-    def _cae_draws(self, cae_mps2: FloatArray, speed_mps: float, tests: np.ndarray) -> FloatArray:
-        """The CAE pulse with the errors that it had in tests, scaled with the speed, of either sign."""
-        if not tests.any():
+    def _cae_draws(self, cae_mps2: FloatArray, speed_mps: float, without: int = -1) -> FloatArray:
+        """The CAE pulse with the errors that it had in all other tests, scaled with the speed, of either sign."""
+        others = np.arange(len(self._speeds)) != without
+        if not others.any():
             return cae_mps2[None]
-        errors = (self._measured - self._cae)[tests] * (speed_mps / self._speeds[tests])[:, None]
+        errors = (self._measured - self._cae)[others] * (speed_mps / self._speeds[others])[:, None]
         draws: FloatArray = cae_mps2 + np.concatenate([errors, -errors])
         return draws
 
@@ -170,7 +170,7 @@ class Fused(Approach):
         self._require("pool_")
         one, other = self.time_domain_.predict(condition), self.displacement_domain_.predict(condition)
         cae = self.displacement_domain_.model_.pulse(condition).accel_mps2
-        cae_draws = self._cae_draws(cae, condition.speed_mps, self._speeds > 0)
+        cae_draws = self._cae_draws(cae, condition.speed_mps)
         weights = self.pool_.weights(self._nearness(condition.speed_mps))
         voices = [_Voice(said.accel_mps2, said.draws_mps2) for said in (one, other) if said.draws_mps2 is not None]
         mixture = self._mix([*voices, _Voice(cae, cae_draws)], weights)

@@ -138,20 +138,20 @@ class TimeDomain(TcnApproach):
             for i, test in enumerate(tests)
         ]
 
+        pulses: dict[int, FloatArray] = {}
+
         def check(widening: float, late: float) -> list[Coverage]:
             watch.report("Checking the band on left-out tests", 0, 1)
-            return [
-                Coverage.of(test, self._pulses(test.condition, outlook, widening, late)[1:])
-                for test, outlook in zip(tests, left_out, strict=True)
-            ]
+            for number, (test, outlook) in enumerate(zip(tests, left_out, strict=True)):
+                pulses[number] = self._pulses(test.condition, outlook, widening, late)
+            return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
 
         # Wider draws have higher peaks: a measured peak below its interval must not widen the band, only be reported.
         # What comes after t0 is less certain, and has a factor of its own.
         first = calibrate(lambda w: [replace(c, rebound=np.nan, peak=True) for c in check(w, w)]).widening
         late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
         self.calibration_ = Calibration(first, tuple(check(first, late)), late)
-        both = enumerate(zip(tests, left_out, strict=True))
-        self.left_out_ = LeftOut.of({i: self._pulses(test.condition, o, first, late) for i, (test, o) in both})
+        self.left_out_ = LeftOut.of(pulses)
         ends = np.array([self._end_share(test.condition, o.mean) for test, o in zip(tests, left_out, strict=True)])
         self._delta_v_misfit = float(np.abs(ends - self._end_shares).mean())
 

@@ -9,6 +9,7 @@ from crashfuse import displacement_plots as plots
 from crashfuse.approaches import Prediction
 from crashfuse.approaches.bias import BiasPart, BiasPoints
 from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain, measured_bias
+from crashfuse.approaches.kept import fitted
 from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
@@ -127,6 +128,7 @@ def parts(rest: Campaign, condition: Condition, *, seed: int) -> tuple[FloatArra
         Of the held-out test.
     seed : int
     """
-    domain = DisplacementDomain(DisplacementConfig.fast(), seed=seed, cache=Cache()).fit(rest)
+    unfitted = DisplacementDomain(DisplacementConfig.fast(), seed=seed, cache=Cache())
+    domain, _ = fitted(unfitted, rest, Cache())
     grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(condition).own.crush_m, _STEP_M)
     return grid, domain.bias_parts(condition, grid)

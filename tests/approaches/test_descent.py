@@ -35,6 +35,13 @@ def _dies_at(step: str, done: int) -> Callable[[Progress], None]:
     return watch
 
 
+def _cancel_at_once(lf: LfTcn, campaign: Campaign) -> None:
+    """Stop a training at its second report."""
+    cancel = threading.Event()
+    with pytest.raises(Cancelled):
+        lf.fit(campaign, Watch(lambda _: cancel.set(), cancel))
+
+
 def _bits(network: Tcn) -> dict[str, bytes]:
     return {name: weight.tobytes() for name, weight in weights_of(network).items()}
 
@@ -96,9 +103,7 @@ def test_a_training_that_is_cancelled_leaves_what_it_had(campaign: Campaign, mon
 
 def test_other_data_or_another_seed_does_not_take_the_checkpoint(campaign: Campaign) -> None:
     """It belongs to one training."""
-    cancel = threading.Event()
-    with pytest.raises(Cancelled):
-        LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(lambda _: cancel.set(), cancel))
+    _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
     reports: list[Progress] = []
     LfTcn(SMALL, seed=1, cache=Cache()).fit(campaign, Watch(reports.append))
     assert reports[0].done == 0
@@ -110,9 +115,7 @@ def test_other_data_or_another_seed_does_not_take_the_checkpoint(campaign: Campa
 
 def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
     """One flipped byte, and the training begins anew."""
-    cancel = threading.Event()
-    with pytest.raises(Cancelled):
-        LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(lambda _: cancel.set(), cancel))
+    _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
     (kept,) = (Cache().folder / "checkpoints").glob("*.bin")
     damaged = bytearray(kept.read_bytes())
     damaged[-200] ^= 1
@@ -124,9 +127,7 @@ def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
 
 def test_without_a_cache_nothing_is_left_on_disk(campaign: Campaign) -> None:
     """A training that was not given a place keeps nothing."""
-    cancel = threading.Event()
-    with pytest.raises(Cancelled):
-        LfTcn(SMALL).fit(campaign, Watch(lambda _: cancel.set(), cancel))
+    _cancel_at_once(LfTcn(SMALL), campaign)
     assert not (Cache().folder / "checkpoints").exists()
 
 
