@@ -12,11 +12,12 @@ from crashfuse.approaches.displacement_domain import measured_bias
 from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
-from crashfuse.displacement_plots import bias_by_speed, over_displacement
 from crashfuse.estimate import Estimate
 from crashfuse.fits import coverage_table, fit_sentences, fit_table
 from crashfuse.metrics import METRIC_LABELS, Metric, missing_sentences
-from crashfuse.plots import overlay, rating_heatmap
+from crashfuse.plots.displacement import bias_by_speed, over_displacement
+from crashfuse.plots.pulses import overlay
+from crashfuse.plots.ratings import rating_heatmap
 from crashfuse.study import Fold, Study
 from crashfuse.units import LB, MPH
 

@@ -2,9 +2,9 @@
 
 import streamlit as st
 
-from crashfuse import plots
 from crashfuse.approaches import LABELS
 from crashfuse.metrics import pulse_metrics
+from crashfuse.plots import pulses as plots
 from crashfuse.results import pulses_table, scores_table, study_metrics
 from crashfuse.ui import displacement, evidence, frame, network, tables
 from crashfuse.ui.computation import StudyRequest, chosen_config

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import streamlit as st
 
-from crashfuse import plots
 from crashfuse.errors import DataError
+from crashfuse.plots import pulses as plots
 from crashfuse.ui import campaigns, evidence, frame, tables
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from crashfuse import plots
 from crashfuse.approaches import LABELS
+from crashfuse.plots import pulses as plots
 from crashfuse.pulse import Condition
 from crashfuse.results import metrics_table, pulses_table
 from crashfuse.ui import evidence, frame, tables

@@ -3,7 +3,7 @@
 import streamlit as st
 
 from crashfuse.fits import coverage_table
-from crashfuse.plots import rating_heatmap
+from crashfuse.plots.ratings import rating_heatmap
 from crashfuse.results import scores_table, study_metrics
 from crashfuse.ui import evidence, frame, tables
 from crashfuse.ui.computation import StudyRequest, chosen_config

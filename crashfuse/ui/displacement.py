@@ -5,7 +5,6 @@ from collections.abc import Mapping
 import numpy as np
 import streamlit as st
 
-from crashfuse import displacement_plots as plots
 from crashfuse.approaches import Prediction
 from crashfuse.approaches.bias import BiasPart, BiasPoints
 from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain, measured_bias
@@ -14,6 +13,7 @@ from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.config import StudyConfig
+from crashfuse.plots import displacement as plots
 from crashfuse.pulse import Condition, FloatArray
 from crashfuse.ui import evidence
 from crashfuse.ui.frame import View

@@ -10,7 +10,7 @@ from crashfuse.approaches import LABELS, Prediction
 from crashfuse.estimate import Estimate
 from crashfuse.fits import fit_sentences, fit_table
 from crashfuse.metrics import Metric, missing_sentences
-from crashfuse.plots import GRADE_COLOURS
+from crashfuse.plots.palette import GRADE_COLOURS
 
 
 def show_figure(figure: go.Figure, alt: str) -> None:

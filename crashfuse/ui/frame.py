@@ -7,9 +7,9 @@ import streamlit as st
 from streamlit.navigation.page import Page
 
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.canvas import Unit
 from crashfuse.config import WINDOWS_MS
 from crashfuse.errors import DataError, Problem
+from crashfuse.plots.canvas import Unit
 from crashfuse.ui import campaigns
 from crashfuse.ui.computation import jobs
 from crashfuse.units import MPH

@@ -4,8 +4,9 @@ from typing import Any
 
 import streamlit as st
 
-from crashfuse import plots
 from crashfuse.approaches import LABELS
+from crashfuse.plots.learning import learning_curves, tuning_strength
+from crashfuse.plots.pulses import overlay
 from crashfuse.study import Fold
 from crashfuse.ui import evidence
 from crashfuse.ui.frame import View
@@ -53,7 +54,7 @@ def show(view: View, fold: Fold) -> None:
         if "left_out_rmse" in network:
             st.markdown("**Learning from tests**")
             evidence.show_figure(
-                plots.tuning_strength(network["rmse"], network["left_out_rmse"], str(network["penalty"])),
+                tuning_strength(network["rmse"], network["left_out_rmse"], str(network["penalty"])),
                 alt="Error on tests for each strength of the fine-tuning, on tests learned from and left out in turn",
             )
             st.caption(
@@ -70,7 +71,7 @@ def _show_beside_the_cae(view: View, fold: Fold, name: str) -> None:
     st.markdown(f"**{_TITLES[name]}** · {LABELS[name]} {rating.overall:.3f}, {rating.grade.lower()}")
     shown = [estimate for estimate in fold.estimates if estimate.approach in ("cae", name)]
     evidence.show_figure(
-        plots.overlay(
+        overlay(
             view.held_out.pulse,
             {estimate.approach: estimate.prediction for estimate in shown},
             window_ms=view.window_ms,
@@ -84,4 +85,4 @@ def _show_beside_the_cae(view: View, fold: Fold, name: str) -> None:
 def _show_curve(curve: dict[str, list[float]], step: str) -> None:
     epochs = [int(epoch) for epoch in curve["epoch"]]
     losses = {name.replace("_", " "): list(zip(epochs, curve[name], strict=True)) for name in curve if name != "epoch"}
-    evidence.show_figure(plots.learning_curves(losses, step=step, total=epochs[-1]), alt=f"Loss over {step.lower()}s")
+    evidence.show_figure(learning_curves(losses, step=step, total=epochs[-1]), alt=f"Loss over {step.lower()}s")

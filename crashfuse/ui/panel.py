@@ -4,7 +4,7 @@ from typing import Any, NoReturn, Protocol, TypeVar
 
 import streamlit as st
 
-from crashfuse.plots import learning_curves
+from crashfuse.plots.learning import learning_curves
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.jobs import Job, Step
 

@@ -9,7 +9,7 @@ from crashfuse.approaches import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.config import WINDOWS_MS
 from crashfuse.metrics import METRIC_LABELS, Metric
-from crashfuse.plots import GRADE_COLOURS
+from crashfuse.plots.palette import GRADE_COLOURS
 from crashfuse.pulse import GRID_S, Pulse
 from crashfuse.rating import Rating, grade, rate_windows
 from crashfuse.study import Study

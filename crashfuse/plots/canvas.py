@@ -1,0 +1,109 @@
+"""The look that all figures share: axes, units, lines, bands; how, not what."""
+
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it half-way, in several threads at once)
+import plotly.graph_objects as go
+
+from crashfuse.pulse import GRID_S, FloatArray
+from crashfuse.units import MS, G
+
+Unit = Literal["g", "m/s²"]
+
+_FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
+_GRID = "#E3E6EA"
+_INK = "#262A33"
+
+LEGEND_ABOVE: dict[str, Any] = {
+    "legend": {"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},
+    "modebar": {"orientation": "v"},
+    "margin": {"l": 64, "r": 44, "t": 40, "b": 52},
+}
+"""Layout of a figure with wide curves: the legend above them, the tools beside them."""
+
+
+def new_figure(height: int) -> go.Figure:
+    """An empty figure over time in ms, in the one look that all figures share."""
+    axis = {"gridcolor": _GRID, "zerolinecolor": "#9AA1AC", "linecolor": "#9AA1AC", "automargin": True}
+    figure = go.Figure()
+    figure.update_layout(
+        template="none",
+        height=height,
+        font={"family": _FONT, "size": 14, "color": _INK},
+        paper_bgcolor="#FFFFFF",
+        plot_bgcolor="#FFFFFF",
+        margin={"l": 64, "r": 16, "t": 32, "b": 52},
+        hovermode="x unified",
+        hoverlabel={"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
+        legend={"orientation": "v", "x": 1.01, "y": 1, "xanchor": "left"},
+    )
+    figure.update_xaxes(
+        **axis,
+        title="Time (ms)",
+        range=[0, 100],
+        unifiedhovertitle={"text": "%{x:.1f} ms"},
+        ticks="outside",
+        showspikes=True,
+        spikemode="across",
+        spikesnap="cursor",
+        spikethickness=1,
+        spikecolor="#5B6270",
+    )
+    figure.update_yaxes(**axis)
+    return figure
+
+
+def accel_scale(unit: Unit, deceleration: bool) -> float:
+    """Factor from signed m/s² to what the axis shows."""
+    return (1 / G if unit == "g" else 1.0) * (-1 if deceleration else 1)
+
+
+def accel_title(unit: Unit, deceleration: bool) -> str:
+    """Label of the axis, with its unit."""
+    return f"{'Deceleration' if deceleration else 'Acceleration'} ({unit})"
+
+
+def add_line(figure: go.Figure, time_s: FloatArray, values: FloatArray, *, row: int = 1, **style: object) -> None:
+    """Draw one curve over time in ms, in the first or a lower row, as float32."""
+    x, y = (time_s / MS).astype(np.float32), values.astype(np.float32)
+    # one x axis for all rows: that is what makes one cursor run through all of them
+    figure.add_scatter(x=x, y=y, mode="lines", yaxis=_y_axis(row), hovertemplate="%{y:.1f}", **style)
+
+
+def add_band(
+    figure: go.Figure, lower: FloatArray, upper: FloatArray, *, colour: str, name: str, row: int = 1, **style: object
+) -> None:
+    """Shade between two curves on the study grid, as one closed outline."""
+    time_ms = GRID_S / MS
+    figure.add_scatter(
+        x=np.concatenate([time_ms, time_ms[::-1]]).astype(np.float32),
+        y=np.concatenate([lower, upper[::-1]]).astype(np.float32),
+        name=name,
+        mode="lines",
+        line={"width": 0, "color": colour},
+        fill="toself",
+        fillcolor=f"rgba({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))}, 0.18)",
+        hoverinfo="skip",
+        yaxis=_y_axis(row),
+        **style,
+    )
+
+
+def shade_window(figure: go.Figure, window_ms: float | None, *, rows: int = 1) -> None:
+    """Shade the rated window [0, window_ms) in every row, and name it."""
+    if window_ms is None:
+        return
+    for row in range(1, rows + 1):
+        figure.add_shape(
+            type="rect", xref="x", yref=f"{_y_axis(row)} domain", x0=0, x1=window_ms, y0=0, y1=1, layer="below",
+            fillcolor="#FFF4CC", opacity=0.55, line_width=0,
+        )  # fmt: skip
+    figure.add_annotation(
+        x=window_ms, xref="x", y=1, yref="y domain", xanchor="right", yanchor="top", showarrow=False,
+        text=f"rated: 0–{window_ms:g} ms", font={"size": 12, "color": "#6B5900"},
+    )  # fmt: skip
+
+
+def _y_axis(row: int) -> str:
+    return "y" if row == 1 else f"y{row}"

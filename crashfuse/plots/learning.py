@@ -1,0 +1,66 @@
+"""Figures of how networks learn."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it half-way, in several threads at once)
+import plotly.graph_objects as go
+
+from crashfuse.plots.canvas import LEGEND_ABOVE, new_figure
+
+
+def learning_curves(curves: Mapping[str, Sequence[tuple[int, float]]], *, step: str, total: int) -> go.Figure:
+    """Draw what a training reports as it goes (losses, say); on a logarithmic axis where all is positive.
+
+    Parameters
+    ----------
+    curves : mapping of str to sequence of (int, float)
+        By the value's name: how far the step was, and the value.
+    step : str
+        What is being done.
+    total : int
+        How far it will go.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = new_figure(height=260)
+    for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
+        done, values = np.array(points, dtype=np.float32).T
+        figure.add_scatter(x=done, y=values, name=name, mode="lines", line={"color": colour, "width": 2})
+    figure.update_xaxes(title=step, range=[0, total], unifiedhovertitle=None)
+    if all(value > 0 for points in curves.values() for _, value in points):
+        figure.update_yaxes(type="log", exponentformat="power", dtick=1)
+    return figure
+
+
+def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], chosen: str) -> go.Figure:
+    """Draw how far tests are missed for each strength of the fine-tuning: learned from, and left out in turn.
+
+    Parameters
+    ----------
+    errors, left_out : mapping of str to float
+        Root mean square error by the share that each test has to itself, strongest last; on tests that were learned
+        from, and on each as predicted from the others.
+    chosen : str
+        The share that was taken.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = new_figure(height=260)
+    for name, values, colour in (("Tests learned from", errors, "#0072B2"), ("Tests left out", left_out, "#D55E00")):
+        figure.add_scatter(
+            x=list(values), y=np.array(list(values.values()), dtype=np.float32), name=name, mode="lines+markers",
+            line={"color": colour, "width": 2}, marker={"size": 9}, hovertemplate="%{y:.3f}",
+        )  # fmt: skip
+    figure.add_vline(x=list(errors).index(chosen), line={"color": "#5B6270", "dash": "dot"})
+    figure.update_layout(LEGEND_ABOVE)
+    figure.update_xaxes(
+        title="Share of the increments that a test has to itself (dotted: chosen)", type="category", range=None,
+        unifiedhovertitle=None,
+    )  # fmt: skip
+    figure.update_yaxes(title="Error (CAE RMS = 1)", rangemode="tozero")
+    return figure
