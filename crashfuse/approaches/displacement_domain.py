@@ -24,7 +24,7 @@ from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.loading import loading_phase
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import Condition, FloatArray
+from crashfuse.pulse import GRID_S, Condition, FloatArray, Pulse
 
 _SHARES = np.linspace(0.0, 1.0, 101)  # of the impact speed, at which what depends on velocity is drawn
 _LEAST_POINTS = 8  # of a test, however many there are
@@ -147,8 +147,8 @@ class DisplacementDomain(Approach):
         self.bias_: HierarchicalBias | Table4Bias = (
             Table4Bias(self.config.restarts, seed=self.seed) if by_table_4 else HierarchicalBias(seed=self.seed)
         )
-        most = max(self.config.max_points // len(campaign.tests), _LEAST_POINTS)
-        self.points_ = tuple(self._points(test, view.curve, most) for test, view in both)
+        self._most_points = max(self.config.max_points // len(campaign.tests), _LEAST_POINTS)
+        self.points_ = tuple(self._points(test, view.curve) for test, view in both)
         return [] if by_table_4 else [view.beside(test) for test, view in both]
 
     def learned(self) -> Learned:
@@ -169,13 +169,26 @@ class DisplacementDomain(Approach):
         self._seconds = learned.values["seconds"]
         return self
 
-    def _points(self, test: CrashTest, curve: LoadingCurve, most: int) -> BiasPoints:
+    def _points(self, test: CrashTest, curve: LoadingCurve) -> BiasPoints:
         condition = test.condition
         phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
         if self.config.bias == "table 4":
             return bijective_projection(condition, phase, curve, self.config.projected_points)
-        step = max(self.config.step_s * condition.speed_mps, phase.crush_m / most)
+        step = max(self.config.step_s * condition.speed_mps, phase.crush_m / self._most_points)
         return uniform_points(condition, phase, curve, step, self.bias_.end_share)
+
+    def foreseen(self, condition: Condition) -> BiasPoints:
+        """Where a test at this condition would tell the bias, if it crushed as the CAE model does; the bias left zero.
+
+        Raises
+        ------
+        NotFittedError
+            If called before :meth:`fit`.
+        """
+        self._require("bias_")
+        test = CrashTest("", condition, Pulse(GRID_S, self.model_.pulse(condition).accel_mps2))
+        own = LoadingCurve(loading_phase(test.pulse.accel_mps2, condition.speed_mps))
+        return self._points(test, own)
 
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition: Eq. 29 with the mean bias, and with whole functions drawn of it.

@@ -114,6 +114,51 @@ class GaussianProcess:
         other._condition()
         return other
 
+    def also_at(self, x: FloatArray) -> Self:
+        """The same process with the same hyperparameters, had it found at these rows what it expects there.
+
+        The mean stays as it is. The variance, which depends on where was measured and not on what, is that after any
+        outcome.
+        """
+        other = copy.copy(self)
+        other.x_, other._y = np.vstack([self.x_, x]), np.append(self._y, self.predict(x) / self.output_scale_)
+        other._covariance = Covariance(other.parts, other.x_, other.x_)
+        other._condition()
+        return other
+
+    def std_given(self, x: FloatArray, further: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Standard deviation of the function now, and with each of several sets of further rows measured, noise and all.
+
+        What :meth:`also_at` would give for each set, by the Schur complement of the posterior covariance: many sets
+        cost little more than one.
+
+        Parameters
+        ----------
+        x : ndarray, shape (m, n_columns + 1)
+        further : sequence of ndarray, shapes (n_i, n_columns + 1)
+
+        Returns
+        -------
+        now : ndarray, shape (m,)
+        then : ndarray, shape (len(further), m)
+        """
+        theta = self.theta_[:-1]
+
+        def known(rows: FloatArray) -> FloatArray:
+            cross = Covariance(self.parts, self.x_, rows)(theta)
+            return np.asarray(solve_triangular(self._lower, cross, lower=True))
+
+        at_x = known(x)
+        now = np.diag(Covariance(self.parts, x, x)(theta)) - np.sum(at_x**2, axis=0)
+        then = np.empty((len(further), len(x)))
+        for variance, rows in zip(then, further, strict=True):
+            at_rows = known(rows)
+            own = Covariance(self.parts, rows, rows)(theta) - at_rows.T @ at_rows
+            shared = Covariance(self.parts, rows, x)(theta) - at_rows.T @ at_x
+            told = solve_triangular(self._cholesky(own, self.theta_[-1]), shared, lower=True)
+            variance[:] = now - np.sum(told**2, axis=0)
+        return self.output_scale_ * np.sqrt(np.maximum(now, 0)), self.output_scale_ * np.sqrt(np.maximum(then, 0))
+
     def left_out_log_density(self) -> FloatArray:
         """Log density of each test's output (as scaled) given all other tests, shape (n_tests,), by ascending number.
 

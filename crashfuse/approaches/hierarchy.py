@@ -126,21 +126,61 @@ class HierarchicalBias:
         """Rows and output for the process."""
         self.mass_kg_ = float(np.mean([test.condition.mass_kg for test in tests]))
         self._levels = _levels([test.condition for test in tests])
-        self.freedom_ = max(len(tests) - 1, _LEAST_FREEDOM)
-        rows = np.concatenate(
-            [
-                self._rows(t.condition, t.displacement_m, t.cae_mps2, t.speed_share, test=number)
-                for number, t in enumerate(tests)
-            ]
-        )
+        self.tests_, self.freedom_ = len(tests), _freedom(len(tests))
+        rows = np.concatenate([self._test_rows(test, number) for number, test in enumerate(tests)])
         return rows, np.concatenate([test.bias_mps2 for test in tests])
 
     def without(self, number: int) -> Self:
         """The same model, hyperparameters and factors kept, as if the test of this number had not been run."""
         other = copy.copy(self)
         other.process_ = self.process_.without(number)
-        other.freedom_ = max(self.freedom_ - 1, _LEAST_FREEDOM)
+        other.tests_, other.freedom_ = self.tests_ - 1, _freedom(self.tests_ - 1)
         return other
+
+    def also(self, tests: Sequence[BiasPoints]) -> Self:
+        """The same model, hyperparameters and factors kept, had these tests been run and shown what is expected.
+
+        Parameters
+        ----------
+        tests : sequence of BiasPoints
+            Only where they lie counts, not their bias.
+        """
+        other = copy.copy(self)
+        for number, test in enumerate(tests, start=self._next_number):
+            other.process_ = other.process_.also_at(self._test_rows(test, number))
+        other.tests_ = self.tests_ + len(tests)
+        other.freedom_ = _freedom(other.tests_)
+        return other
+
+    def half_widths(
+        self, targets: Sequence[BiasPoints], further: Sequence[BiasPoints]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Half the width of the 95 % band of new tests' bias, now and had one more test been run.
+
+        Parameters
+        ----------
+        targets : sequence of BiasPoints
+            New tests; only where they lie counts, here and below, not their bias.
+        further : sequence of BiasPoints
+            The tests of which one is run.
+
+        Returns
+        -------
+        now : ndarray, shape (n,)
+            In m/s², at the targets' n points one after the other.
+        then : ndarray, shape (len(further), n)
+        """
+        at = np.concatenate([self._test_rows(target, -1) for target in targets])
+        tests = [self._test_rows(test, self._next_number) for test in further]
+        now, then = self.process_.std_given(at, tests)
+        return _reach(self.freedom_) * now, _reach(_freedom(self.tests_ + 1)) * then
+
+    @property
+    def _next_number(self) -> int:
+        return int(self.process_.x_[:, _TEST].max()) + 1
+
+    def _test_rows(self, test: BiasPoints, number: int) -> FloatArray:
+        return self._rows(test.condition, test.displacement_m, test.cae_mps2, test.speed_share, test=number)
 
     def _parts(self, factors: Sequence[str]) -> tuple[Part, ...]:
         columns = {name: _FIRST_FACTOR + place for place, name in enumerate(self._levels)}
@@ -217,7 +257,7 @@ class HierarchicalBias:
         moments = self.process_.predict_parts(x)[: len(over_displacement)]
         moments.append(self.process_.predict(x, return_std=True))
         names = (*(part.name for part in over_displacement), "total")
-        reach = float(stdtrit(self.freedom_, 0.975))  # the draws have Student's t distribution
+        reach = _reach(self.freedom_)
         return tuple(
             BiasPart(name, mean, mean - reach * std, mean + reach * std)
             for name, (mean, std) in zip(names, moments, strict=True)
@@ -262,6 +302,16 @@ class HierarchicalBias:
             used = f"{' and '.join(self.factors_)} told them apart" if self.factors_ else "they were not told apart"
             notes += (f"Bias of tests that differ in {' or '.join(self._levels)}: {used}, by what left-out tests say.",)
         return notes
+
+
+def _freedom(n_tests: int) -> int:
+    """Degrees of freedom of what was learned from so many tests."""
+    return max(n_tests - 1, _LEAST_FREEDOM)
+
+
+def _reach(freedom: int) -> float:
+    """Half the width of the 95 % band in standard deviations: the draws have Student's t distribution."""
+    return float(stdtrit(freedom, 0.975))
 
 
 def _levels(conditions: Sequence[Condition]) -> dict[str, dict[str, int]]:
