@@ -10,6 +10,9 @@ from crashfuse.campaign import CrashTest
 from crashfuse.pulse import DT_S, GRID_S, FloatArray, kinematics
 
 LEVEL = 0.95
+LEVELS: FloatArray = np.linspace(0.05, 0.95, 19)
+"""At which bands are compared with what they hold."""
+
 WIDENINGS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
 
 
@@ -55,6 +58,25 @@ class Coverage:
             crush=bool(crush),
             peak=bool(_inside(np.min(draws_mps2, axis=1), accel.min())),
         )
+
+
+def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = LEVELS) -> FloatArray:
+    """Share of the time up to t0 at which a left-out test's a(t) lies inside the central band of each level.
+
+    Parameters
+    ----------
+    test : CrashTest
+    draws_mps2 : ndarray, shape (n_draws, 1250)
+    levels : ndarray, shape (n,)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    accel = test.pulse.accel_mps2
+    loading = ~(test.pulse.kinematics(test.condition.speed_mps).t0_s < GRID_S)
+    below = (draws_mps2[:, loading] < accel[loading]).mean(axis=0)
+    return np.asarray((np.abs(2 * below - 1) <= levels[:, None]).mean(axis=1))
 
 
 def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:

@@ -99,6 +99,8 @@ class Campaign:
         A sentence to show wherever the campaign is shown ("synthetic", say); empty for none.
     warnings : tuple of str
         What the check noticed that is allowed but worth knowing.
+    channel_filter_class : float, optional
+        What records were filtered with when they were read (SAE J211-1); None if they were taken as they are.
     """
 
     name: str
@@ -106,6 +108,7 @@ class Campaign:
     tests: tuple[CrashTest, ...]
     notice: str = ""
     warnings: tuple[str, ...] = ()
+    channel_filter_class: float | None = None
 
     @cached_property
     def fingerprint(self) -> str:

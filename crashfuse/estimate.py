@@ -2,12 +2,16 @@
 
 import json
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches import Approach, Prediction
+from crashfuse.approaches.fused import Fused
 from crashfuse.approaches.kept import fitted, settings
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
@@ -15,21 +19,34 @@ from crashfuse.config import StudyConfig
 from crashfuse.errors import UsageError
 from crashfuse.metrics import Metric, pulse_metrics
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import DT_S, Condition
+from crashfuse.pulse import DT_S, Condition, FloatArray
 
 _KIND = "predictions"  # of entries in the cache
+_LEFT_OUT = "left out "  # before the id of a test, in the names of arrays there
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """An approach's prediction at one condition, with what its fit found and how long both took."""
+    """An approach's prediction at one condition, with what its fit found and how long both took.
+
+    Attributes
+    ----------
+    approach : str
+    prediction : Prediction
+    state : dict
+        What the fit found, as plain JSON values.
+    seconds : float
+    left_out_mps2 : mapping of str to ndarray, shape (1250,)
+        What it expects of each test that it learned from, as if that test had not been run; empty where unknown.
+    """
 
     approach: str
     prediction: Prediction
     state: dict[str, object]
     seconds: float
+    left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def metrics(self) -> tuple[Metric, ...]:
         """Pulse metrics of the prediction, with intervals where it has draws."""
         p = self.prediction
@@ -38,11 +55,22 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """An approach that has learned from a campaign and answers any condition, and how long the learning took."""
+    """An approach that has learned from a campaign and answers any condition.
+
+    Attributes
+    ----------
+    approach : Approach
+    config : StudyConfig
+    seconds : float
+        What the learning took.
+    left_out_mps2 : mapping of str to ndarray, shape (1250,)
+        As in :class:`Estimate`.
+    """
 
     approach: Approach
     config: StudyConfig
     seconds: float
+    left_out_mps2: Mapping[str, FloatArray]
 
     @classmethod
     def of(
@@ -65,7 +93,13 @@ class Fit:
         """
         cache = cache or Cache()
         learned, seconds = fitted(config.create(approach, cache), campaign, cache, watch)
-        return cls(learned, config, seconds)
+        return cls(learned, config, seconds, learned.left_out(campaign))
+
+    @cached_property
+    def state(self) -> dict[str, object]:
+        """What the fit found, as plain JSON values; to find out how well it knows that takes longer than to predict."""
+        with threadpool_limits(1):  # two contended threads cost many times the work of one
+            return self.approach.state
 
     def estimate(self, condition: Condition) -> Estimate:
         """What the approach expects at a condition, with numbers as they are kept.
@@ -75,14 +109,46 @@ class Fit:
         UsageError
             If the speed or a weight is not above 0.
         """
-        if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
-            raise UsageError(f"A prediction takes a speed and weights above 0, not {condition}.")
+        return estimates_at([self], condition)[0]
+
+
+def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
+    """What several approaches expect at a condition: as each alone, but what they share is computed once.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        All of one campaign. What ``fused`` is made of are predictions that others of them may need too.
+    condition : Condition
+
+    Raises
+    ------
+    UsageError
+        If the speed or a weight is not above 0.
+    """
+    if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
+        raise UsageError(f"A prediction takes a speed and weights above 0, not {condition}.")
+    known: dict[tuple[object, ...], Prediction] = {}
+
+    def predict(approach: Approach) -> Prediction:
+        key = tuple(settings(approach).values())
+        if key not in known:
+            if isinstance(approach, Fused):
+                one, other = approach.parts
+                known[key] = approach.mixed(predict(one), predict(other))
+            else:
+                known[key] = approach.predict(condition)
+        return known[key]
+
+    estimates = []
+    for fit in fits:
         start = time.perf_counter()
-        prediction = self.approach.predict(condition)
+        prediction = predict(fit.approach)
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
-        seconds = self.seconds + time.perf_counter() - start
-        return Estimate(self.approach.name, prediction, self.approach.state, seconds)
+        seconds = fit.seconds + time.perf_counter() - start
+        estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, fit.left_out_mps2))
+    return estimates
 
 
 def estimate_at(
@@ -111,6 +177,7 @@ def estimate_at(
     prediction = estimate.prediction
     text = json.dumps({"notes": prediction.notes, "state": estimate.state, "seconds": estimate.seconds})
     arrays = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
+    arrays |= {f"{_LEFT_OUT}{test}": pulse for test, pulse in estimate.left_out_mps2.items()}
     if prediction.draws_mps2 is not None:
         arrays["draws_mps2"] = prediction.draws_mps2
     cache.put(_KIND, _key(campaign, condition, approach, config), arrays)
@@ -134,7 +201,8 @@ def find_estimate(
         return None
     text = json.loads(str(entry["text"]))
     prediction = Prediction(condition, entry["accel_mps2"], entry.get("draws_mps2"), tuple(text["notes"]))
-    return Estimate(approach, prediction, text["state"], text["seconds"])
+    left_out = {name.removeprefix(_LEFT_OUT): entry[name] for name in entry if name.startswith(_LEFT_OUT)}
+    return Estimate(approach, prediction, text["state"], text["seconds"], left_out)
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:

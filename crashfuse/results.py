@@ -1,83 +1,27 @@
 """The files that a study and a prediction write: tables, settings and report, each whole or not at all."""
 
 import json
-import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.config import StudyConfig
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.estimate import Estimate
+from crashfuse.exports import isomme_prediction, parquet_bytes
 from crashfuse.files import write_atomically
-from crashfuse.metrics import Metric, pulse_metrics
-from crashfuse.report import prediction_report, study_report
+from crashfuse.nearest import nearest_sentences
+from crashfuse.next_test import ConditionRange, NextTest, next_tests_table
+from crashfuse.provenance import provenance
+from crashfuse.recommendation import recommend, recommend_for
+from crashfuse.report import next_test_report, prediction_report, study_report, sweep_report
 from crashfuse.study import Study
-from crashfuse.units import MS, G
-from crashfuse.version import __version__
-
-_PACKAGES = ("numpy", "scipy", "scikit-learn", "torch", "pandas", "plotly")
-
-
-def scores_table(study: Study) -> pd.DataFrame:
-    """One row a held-out test, approach and window: overall rating, its four parts, its grade."""
-    return pd.DataFrame(
-        {"held_out": fold.held_out, "approach": approach, "window_ms": window, **asdict(rating)}
-        for fold in study.folds
-        for approach, ratings in fold.ratings.items()
-        for window, rating in ratings.items()
-    )
-
-
-def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
-    """Predicted pulses in ms and g with the central 95 % band, empty where an approach has none.
-
-    Parameters
-    ----------
-    estimates : iterable of (str, Estimate)
-        With the id of the held-out test, or an empty text for a new condition.
-    """
-    return pd.concat(
-        [_pulse_rows(held_out, estimate.approach, estimate.prediction) for held_out, estimate in estimates]
-    )
-
-
-def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]]) -> pd.DataFrame:
-    """Pulse metrics, one row each, from (held-out test, approach or ``test``, metrics)."""
-    return pd.DataFrame(
-        [
-            {
-                "held_out": held_out,
-                "approach": approach,
-                "metric": metric.name,
-                "value": metric.value,
-                "lower": metric.lower,
-                "upper": metric.upper,
-                "unit": metric.unit,
-            }
-            for held_out, approach, metrics in rows
-            for metric in metrics
-        ],
-        columns=["held_out", "approach", "metric", "value", "lower", "upper", "unit"],
-    )
-
-
-def study_metrics(study: Study) -> pd.DataFrame:
-    """Pulse metrics of every held-out test as measured (``test``) and as predicted."""
-    rows: list[tuple[str, str, Sequence[Metric]]] = []
-    for fold in study.folds:
-        test = study.campaign.test(fold.held_out)
-        measured = pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
-        rows.append((fold.held_out, "test", measured))
-        rows.extend((fold.held_out, estimate.approach, estimate.metrics) for estimate in fold.estimates)
-    return metrics_table(rows)
+from crashfuse.sweep import Sweep, sweep_table
+from crashfuse.tables import metrics_table, pulses_table, scores_table, study_metrics
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +35,7 @@ class StudyRecord:
 
 def begin_study(folder: Path, campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> None:
     """Note in ``study.json`` what is about to be computed, so that it can be resumed."""
-    _write_json(folder / "study.json", {**_provenance(campaign, held_out, config), "finished": False})
+    _write_json(folder / "study.json", {**provenance(campaign, held_out, config), "finished": False})
 
 
 def read_record(folder: Path) -> StudyRecord:
@@ -123,7 +67,10 @@ def read_record(folder: Path) -> StudyRecord:
 
 
 def write_study(study: Study, folder: str | Path) -> None:
-    """Write ``scores.csv``, ``pulses.csv``, ``metrics.csv``, ``report.html`` and, last, ``study.json``.
+    """Write the results of a study.
+
+    ``scores.csv``, ``pulses.csv``, ``metrics.csv``, ``report.html``; ``speed_groups.csv``, the scores with whole speed
+    groups left out, if that was asked for; and, last, ``study.json``.
 
     Raises
     ------
@@ -132,20 +79,55 @@ def write_study(study: Study, folder: str | Path) -> None:
     """
     folder = Path(folder)
     named = [(fold.held_out, estimate) for fold in study.folds for estimate in fold.estimates]
-    scores, metrics = scores_table(study), study_metrics(study)
-    _write_csv(folder / "scores.csv", scores)
+    _write_csv(folder / "scores.csv", scores_table(study))
     _write_csv(folder / "pulses.csv", pulses_table(named))
-    _write_csv(folder / "metrics.csv", metrics)
-    held_out = [fold.held_out for fold in study.folds]
-    record = {
-        **_provenance(study.campaign, held_out, study.config),
+    _write_csv(folder / "metrics.csv", study_metrics(study))
+    if study.speed_groups is not None:
+        _write_csv(folder / "speed_groups.csv", scores_table(study.speed_groups))
+    write_atomically(folder / "report.html", study_report(study).encode())
+    _write_json(folder / "study.json", _study_record(study))
+
+
+def _study_record(study: Study) -> dict[str, object]:
+    campaign, config = study.campaign, study.config
+    window = max(config.windows_ms)
+    tests = {}
+    for fold in study.folds:
+        rest, condition = config.rest(campaign, fold.held_out), campaign.test(fold.held_out).condition
+        advice = recommend_for(fold.estimates, rest, condition, window)
+        tests[fold.held_out] = {
+            "approach": advice.approach,
+            "sentences": list(advice.sentences),
+            "expected_rating": None if advice.expected is None else asdict(advice.expected),
+            "rating": fold.ratings[advice.approach][window].overall,
+        }
+    verdict = recommend(study)
+    return {
+        **provenance(campaign, [fold.held_out for fold in study.folds], config),
         "finished": True,
         "seconds": {key: round(value, 3) for key, value in study.seconds.items()},
+        "recommendation": {
+            "campaign": {"approach": verdict.approach, "sentences": list(verdict.sentences)},
+            "tests": tests,
+        },
         "coverage": {name: found.counts for name, found in study.coverage.items()},
-        "fits": [{"held_out": held_out, **_fit_record(estimate)} for held_out, estimate in named],
+        "speed_groups": None
+        if (groups := study.speed_groups) is None
+        else {
+            "mean_rating": {name: round(groups.mean_rating(name, window), 4) for name in config.approaches},
+            "coverage": {name: found.counts for name, found in groups.coverage.items()},
+        },
+        "rating_intervals": {
+            fold.held_out: {
+                name: {f"{w:g}": [round(end, 4) for end in fold.rating_interval(name, w)] for w in config.windows_ms}
+                for name in fold.rating_draws
+            }
+            for fold in study.folds
+        },
+        "fits": [
+            {"held_out": fold.held_out, **_fit_record(estimate)} for fold in study.folds for estimate in fold.estimates
+        ],
     }
-    write_atomically(folder / "report.html", study_report(study, scores, metrics, record).encode())
-    _write_json(folder / "study.json", record)
 
 
 def write_prediction(
@@ -153,8 +135,9 @@ def write_prediction(
 ) -> pd.DataFrame:
     """Write what is predicted at one new condition; returns the metrics.
 
-    ``pulses.csv``, ``metrics.csv``, ``report.html``, and ``prediction.json`` with the condition, whether it lies
-    outside the CAE runs, and how the fits went.
+    ``pulses.csv`` and ``.parquet``, ``metrics.csv``, ``report.html``, ``isomme/`` with the pulses as channels of an
+    ISO-MME test, and ``prediction.json`` with the condition, whether it lies outside the CAE runs, what rating may be
+    expected, and how the fits went.
 
     Raises
     ------
@@ -163,51 +146,54 @@ def write_prediction(
     """
     folder = Path(folder)
     metrics = metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates)
-    _write_csv(folder / "pulses.csv", pulses_table(("", estimate) for estimate in estimates))
+    pulses = pulses_table(("", estimate) for estimate in estimates)
+    _write_csv(folder / "pulses.csv", pulses)
+    write_atomically(folder / "pulses.parquet", parquet_bytes(pulses))
+    for name, content in isomme_prediction(campaign, estimates).items():
+        write_atomically(folder / "isomme" / name, content)
     _write_csv(folder / "metrics.csv", metrics)
     condition = estimates[0].prediction.condition
+    advice = recommend_for(estimates, campaign, condition)
     record = {
-        **_provenance(campaign, (), config),
+        **provenance(campaign, (), config),
         "condition": asdict(condition),
         "extrapolation": list(campaign.cae.extrapolation(condition)),
+        "nearest": list(nearest_sentences(campaign, condition)),
+        "recommendation": {"approach": advice.approach, "sentences": list(advice.sentences)},
+        "expected_rating": None if advice.expected is None else asdict(advice.expected),
         "fits": [_fit_record(estimate) for estimate in estimates],
     }
-    write_atomically(folder / "report.html", prediction_report(campaign, estimates, metrics, record).encode())
+    write_atomically(folder / "report.html", prediction_report(campaign, estimates, config).encode())
     _write_json(folder / "prediction.json", record)
     return metrics
 
 
-def _pulse_rows(held_out: str, approach: str, prediction: Prediction) -> pd.DataFrame:
-    lower, upper = prediction.band() or (np.full(prediction.time_s.size, np.nan),) * 2
-    return pd.DataFrame(
-        {
-            "held_out": held_out,
-            "approach": approach,
-            "time_ms": (prediction.time_s / MS).round(6),
-            "acceleration_g": prediction.accel_mps2 / G,
-            "lower_g": lower / G,
-            "upper_g": upper / G,
-        }
-    )
+def write_sweep(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, folder: str | Path) -> None:
+    """Write ``sweep.csv``, with the tests' own metrics, and ``report.html``.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    folder = Path(folder)
+    _write_csv(folder / "sweep.csv", sweep_table(sweeps, campaign.tests))
+    write_atomically(folder / "report.html", sweep_report(campaign, sweeps, config).encode())
 
 
-def _provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> dict[str, object]:
-    versions = {name: metadata.version(name) for name in _PACKAGES}
-    return {
-        "crashfuse": __version__,
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "packages": versions,
-        "campaign": campaign.name,
-        "notice": campaign.notice,
-        "fingerprint": campaign.fingerprint,
-        "cae_runs": len(campaign.cae),
-        "tests": list(campaign.test_ids),
-        "warnings": list(campaign.warnings),
-        "held_out": list(held_out),
-        "seed": config.seed,
-        "config": asdict(config),
-    }
+def write_next_tests(
+    campaign: Campaign, over: ConditionRange, ranked: Sequence[NextTest], config: StudyConfig, folder: str | Path
+) -> None:
+    """Write ``next_tests.csv``, the best first, and ``report.html``.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    folder = Path(folder)
+    _write_csv(folder / "next_tests.csv", next_tests_table(ranked))
+    write_atomically(folder / "report.html", next_test_report(campaign, over, ranked, config).encode())
 
 
 def _fit_record(estimate: Estimate) -> dict[str, object]:

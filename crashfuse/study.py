@@ -8,7 +8,7 @@ import time
 import warnings
 from collections.abc import Generator, Sequence, Set
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import joblib
@@ -17,40 +17,37 @@ from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches import APPROACHES, CAE_ONLY
 from crashfuse.cache import Cache
-from crashfuse.calibration import Calibration, Coverage
+from crashfuse.calibration import Calibration, Coverage, shares_inside
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.config import StudyConfig
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.estimate import Estimate, estimate_at, find_estimate
+from crashfuse.fold import Fold
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import DT_S, Pulse
-from crashfuse.rating import Rating, rate_windows
+from crashfuse.pulse import DT_S, FloatArray
 
-_STEP = "Held-out predictions"
-
-
-@dataclass(frozen=True, eq=False)
-class Fold:
-    """One held-out test: what each approach predicted for it, and how that rates against what was measured."""
-
-    held_out: str
-    estimates: tuple[Estimate, ...]
-    ratings: dict[str, dict[float, Rating]]
-    """By approach, then by window in ms."""
-
-    def estimate(self, approach: str) -> Estimate:
-        """The estimate of this approach."""
-        return next(estimate for estimate in self.estimates if estimate.approach == approach)
+_STEPS = {"test": "Held-out predictions", "speed group": "Held-out speed groups"}
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A finished study: one fold for each held-out test, in the order of the campaign."""
+    """A finished study: one fold for each held-out test, in the order of the campaign.
+
+    Attributes
+    ----------
+    campaign : Campaign
+    config : StudyConfig
+    folds : tuple of Fold
+    seconds : dict of str to float
+    speed_groups : Study, optional
+        The same tests, each left out with all others at about its speed; where both was asked for and is possible.
+    """
 
     campaign: Campaign
     config: StudyConfig
     folds: tuple[Fold, ...]
     seconds: dict[str, float] = field(default_factory=dict)
+    speed_groups: "Study | None" = None
 
     def fold(self, held_out: str) -> Fold:
         """The fold of this test."""
@@ -70,6 +67,17 @@ class Study:
             if inside:
                 found[name] = Calibration(1.0, inside)
         return found
+
+    @cached_property
+    def reliability(self) -> dict[str, FloatArray]:
+        """Mean share of a(t) inside bands of each level in :data:`crashfuse.calibration.LEVELS`, likewise."""
+        shares: dict[str, list[FloatArray]] = {}
+        for fold in self.folds:
+            for estimate in fold.estimates:
+                if (draws := estimate.prediction.draws_mps2) is not None:
+                    own = shares_inside(self.campaign.test(fold.held_out), draws)
+                    shares.setdefault(estimate.approach, []).append(own)
+        return {name: np.mean(own, axis=0) for name, own in shares.items()}
 
 
 def run_study(
@@ -104,39 +112,49 @@ def run_study(
     """
     check_study(campaign, config, held_out)
     tests = [campaign.test(test_id) for test_id in dict.fromkeys(held_out or campaign.test_ids)]
-    cache = cache or Cache()
+    studies = [
+        _leave_out(campaign, tests, way, cache or Cache(), watch, workers)
+        for way in config.each
+        if config.hold_out != "both" or way.hold_out == "test" or _has_speed_groups(campaign)
+    ]
+    return replace(studies[0], config=config, speed_groups=studies[1] if len(studies) > 1 else None)
+
+
+def _leave_out(
+    campaign: Campaign, tests: Sequence[CrashTest], config: StudyConfig, cache: Cache, watch: Watch, workers: int | None
+) -> Study:
+    """Run the study that leaves these tests out in one way."""
+    step = _STEPS[config.hold_out]
     start = time.perf_counter()
     # what mixes the others comes last: it then finds in the cache what they have learned
-    tasks = [(test, name) for name in sorted(config.approaches, key=APPROACHES.index) for test in tests]
+    wanted = [(test, name) for name in sorted(config.approaches, key=APPROACHES.index) for test in tests]
     estimates: dict[tuple[str, str], Estimate] = {}
-    for test, name in tasks:
+    for test, name in wanted:
         if (
             kept := find_estimate(config.rest(campaign, test.id), test.condition, name, config, cache=cache)
         ) is not None:
             estimates[test.id, name] = kept
-    missing = [(test, name) for test, name in tasks if (test.id, name) not in estimates]
-    _prepare(campaign, {name for _, name in missing}, config, cache, watch)
+    tasks: dict[tuple[str, tuple[str, ...]], list[CrashTest]] = {}  # tests that are predicted from the same others
+    for test, name in wanted:
+        if (test.id, name) not in estimates:
+            tasks.setdefault((name, config.rest(campaign, test.id).test_ids), []).append(test)
+    _prepare(campaign, {name for name, _ in tasks}, config, cache, watch)
     prepared = time.perf_counter()
 
-    watch.report(_STEP, len(estimates), len(tasks))
-    alone = len({test.id for test, _ in missing}) < 2  # processes take seconds to start
-    workers = workers or (1 if alone else min(joblib.cpu_count(), len(missing)))
-    with closing(_completed(campaign, missing, config, cache, watch, workers)) as completed:
-        for test_id, estimate in completed:
-            estimates[test_id, estimate.approach] = estimate
-            watch.report(_STEP, len(estimates), len(tasks))
+    watch.report(step, len(estimates), len(wanted))
+    alone = len({rest for _, rest in tasks}) < 2  # processes take seconds to start
+    workers = workers or (1 if alone else min(joblib.cpu_count(), len(tasks)))
+    todo = [(name, tests) for (name, _), tests in tasks.items()]
+    with closing(_completed(campaign, todo, config, cache, watch, workers)) as completed:
+        for found in completed:
+            estimates |= {(test_id, estimate.approach): estimate for test_id, estimate in found}
+            watch.report(step, len(estimates), len(wanted))
 
-    folds = []
-    for test in tests:
-        ratings = {
-            name: rate_windows(
-                test.pulse, Pulse(campaign.time_s, estimates[test.id, name].prediction.accel_mps2), config.windows_ms
-            )
-            for name in config.approaches
-        }
-        folds.append(Fold(test.id, tuple(estimates[test.id, name] for name in config.approaches), ratings))
+    folds = tuple(
+        Fold.of(test, [estimates[test.id, name] for name in config.approaches], config.windows_ms) for test in tests
+    )
     finished = time.perf_counter()
-    return Study(campaign, config, tuple(folds), {"prepare": prepared - start, "held_out_tests": finished - prepared})
+    return Study(campaign, config, folds, {"prepare": prepared - start, "held_out_tests": finished - prepared})
 
 
 def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str] = ()) -> None:
@@ -152,7 +170,7 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
     campaign.without(held_out)
     if len(campaign.tests) < 2:
         raise UsageError("Leaving a test out takes at least 2 tests: one to predict and one to learn from.")
-    if config.hold_out == "speed group" and len(campaign.speed_group(campaign.test_ids[0])) == len(campaign.tests):
+    if config.hold_out == "speed group" and not _has_speed_groups(campaign):
         raise UsageError("All tests are of one speed group: leaving it out leaves nothing to learn from.")
     if not config.approaches:
         raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
@@ -170,6 +188,11 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
                 raise DataError(Problem(test_id, f"a pulse that varies over 0–{window:g} ms", found, advice))
 
 
+def _has_speed_groups(campaign: Campaign) -> bool:
+    """Whether a speed group can be left out and something remains."""
+    return len(campaign.speed_group(campaign.test_ids[0])) < len(campaign.tests)
+
+
 def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> None:
     """Fit once what only the CAE runs decide, with all cores; the folds then find it in the cache."""
     cae_only = campaign.without(campaign.test_ids)
@@ -179,19 +202,19 @@ def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cach
 
 def _completed(
     campaign: Campaign,
-    tasks: Sequence[tuple[CrashTest, str]],
+    tasks: Sequence[tuple[str, Sequence[CrashTest]]],
     config: StudyConfig,
     cache: Cache,
     watch: Watch,
     workers: int,
-) -> Generator[tuple[str, Estimate]]:
+) -> Generator[list[tuple[str, Estimate]]]:
     """Yield the tasks' estimates as they get done, each with its held-out test's id."""
     if workers == 1:
-        for test, name in tasks:
-            yield _hold_out(campaign, test, name, config, cache, watch)
+        for name, tests in tasks:
+            yield _hold_out(campaign, tests, name, config, cache, watch)
         return
     pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
-    completed = pool(joblib.delayed(_hold_out)(campaign, test, name, config, cache) for test, name in tasks)
+    completed = pool(joblib.delayed(_hold_out)(campaign, tests, name, config, cache) for name, tests in tasks)
     with warnings.catch_warnings():
         # joblib warns of workers that it renews when they have grown, and of what a cancelled study leaves undone
         warnings.filterwarnings("ignore", category=UserWarning, module="joblib")
@@ -203,9 +226,14 @@ def _completed(
 
 
 def _hold_out(
-    campaign: Campaign, test: CrashTest, approach: str, config: StudyConfig, cache: Cache, watch: Watch = SILENT
-) -> tuple[str, Estimate]:
+    campaign: Campaign,
+    tests: Sequence[CrashTest],
+    approach: str,
+    config: StudyConfig,
+    cache: Cache,
+    watch: Watch = SILENT,
+) -> list[tuple[str, Estimate]]:
+    """Predict tests that are all learned about from the same others."""
+    rest = config.rest(campaign, tests[0].id)
     with threadpool_limits(1):  # contended BLAS threads cost many times the CPU, and other numbers
-        return test.id, estimate_at(
-            config.rest(campaign, test.id), test.condition, approach, config, cache=cache, watch=watch
-        )
+        return [(t.id, estimate_at(rest, t.condition, approach, config, cache=cache, watch=watch)) for t in tests]

@@ -5,10 +5,17 @@ import streamlit as st
 from crashfuse.approaches import LABELS
 from crashfuse.metrics import pulse_metrics
 from crashfuse.plots import pulses as plots
-from crashfuse.results import pulses_table, scores_table, study_metrics
+from crashfuse.recommendation import recommend_for
+from crashfuse.report import study_report
+from crashfuse.tables import pulses_table, scores_table, study_metrics
 from crashfuse.ui import displacement, evidence, frame, network, tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.panel import result_of
+
+DRAWS_HELP = (
+    "Where 95 % of the ratings lie of single pulses drawn from the band, each rated against the test. A draw has every "
+    "wiggle in another place, so it rates lower than the expected pulse."
+)
 
 view = frame.enter_with_campaign("Compare")
 test, campaign, config = view.held_out, view.campaign, chosen_config()
@@ -32,7 +39,13 @@ for column, (name, by_window) in zip(st.columns(len(fold.ratings)), fold.ratings
     with column.container(border=True, height="stretch"):
         st.metric(LABELS[name], f"{rating.overall:.3f}", gain)
         evidence.show_grade(rating.grade)
+        if name in fold.rating_draws:
+            low, high = fold.rating_interval(name, view.window_ms)
+            st.caption(f"Single draws: {low:.2f}–{high:.2f}", help=DRAWS_HELP)
 
+evidence.show_recommendation(
+    recommend_for(fold.estimates, config.rest(campaign, test.id), test.condition, view.window_ms).sentences
+)
 evidence.show_figure(
     plots.motion(
         test.pulse,
@@ -64,3 +77,4 @@ with st.container(horizontal=True):
     evidence.download("scores.csv", scores_table(study))
     evidence.download("pulses.csv", pulses_table((test.id, estimate) for estimate in fold.estimates))
     evidence.download("metrics.csv", study_metrics(study))
+    evidence.download_report(lambda: study_report(study))

@@ -1,14 +1,19 @@
-"""Predict: the pulse at a condition that was never tested."""
+"""Predict: the pulse at a condition that was never tested, over speed, and which test to run next."""
 
 import numpy as np
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches import LABELS
-from crashfuse.plots import pulses as plots
+from crashfuse.exports import isomme_prediction, parquet_bytes
+from crashfuse.nearest import nearest_sentences
+from crashfuse.plots.displacement import energy_over_crush, over_displacement
+from crashfuse.plots.pulses import motion
 from crashfuse.pulse import Condition
-from crashfuse.results import metrics_table, pulses_table
-from crashfuse.ui import evidence, frame, tables
+from crashfuse.recommendation import recommend_for
+from crashfuse.report import prediction_report
+from crashfuse.tables import metrics_table, pulses_table
+from crashfuse.ui import evidence, frame, planning, tables
 from crashfuse.ui.computation import FitRequest, chosen_config
 from crashfuse.ui.panel import result_of
 from crashfuse.units import LB, MPH
@@ -18,22 +23,29 @@ campaign, config = view.campaign, chosen_config()
 st.markdown("The pulse at a speed and weights that were never tested, learned from all tests and CAE runs.")
 
 
-def field(column: DeltaGenerator, label: str, unit: float, start: float, *, step: float, digits: int) -> float:
-    """Number field in the reader's unit; returns SI."""
-    value = column.number_input(
-        label,
-        min_value=1.0,
-        max_value=50_000.0,
-        value=round(start / unit, digits),
-        step=step,
-        format=f"%.{digits}f",
-        key=f"{label} {campaign.fingerprint[:8]}",
-        persist_state="session",
+def field(column: DeltaGenerator, label: str, unit: float, axis: int, *, step: float, digits: int) -> float:
+    """Slider over the CAE runs' range, and a number field for any value; returns SI."""
+    values = campaign.cae.vectors[:, axis] / unit
+    low, high = max(float(np.floor(values.min())), step), float(np.ceil(values.max()))
+    name = f"{label} {campaign.fingerprint[:8]}"
+    slider = f"slider {name}"
+    if name not in st.session_state:
+        st.session_state[name] = round(float(np.median(values)), digits)
+
+    def take_slider() -> None:
+        st.session_state[name] = st.session_state[slider]
+
+    number = column.number_input(
+        label, min_value=1.0, max_value=50_000.0, step=step, format=f"%.{digits}f", key=name, persist_state="session"
     )
-    return value * unit
+    st.session_state[slider] = min(max(number, low), high)
+    column.slider(
+        f"{label}, over the CAE runs", low, high, step=step, format=f"%.{digits}f", key=slider, on_change=take_slider,
+        label_visibility="collapsed",
+    )  # fmt: skip
+    return number * unit
 
 
-speed_mps, front_kg, rear_kg = np.median(campaign.cae.vectors, axis=0).tolist()  # to begin with
 left, middle, right = st.columns(3)
 factors = {
     name: choice
@@ -51,35 +63,63 @@ factors = {
     )
 }
 condition = Condition(
-    speed_mps=field(left, "Impact speed (mph)", MPH, speed_mps, step=0.5, digits=1),
-    front_weight_kg=field(middle, "Front weight (lb)", LB, front_kg, step=10.0, digits=0),
-    rear_weight_kg=field(right, "Rear weight (lb)", LB, rear_kg, step=10.0, digits=0),
+    speed_mps=field(left, "Impact speed (mph)", MPH, 0, step=0.1, digits=1),
+    front_weight_kg=field(middle, "Front weight (lb)", LB, 1, step=1.0, digits=0),
+    rear_weight_kg=field(right, "Rear weight (lb)", LB, 2, step=1.0, digits=0),
     factors=tuple(factors.items()),
 )
 st.caption(f"{condition}; {condition.mass_kg:.0f} kg in all")
 for note in campaign.cae.extrapolation(condition):
     st.warning(note, icon=":material/warning:")
 
+request = FitRequest(campaign, config)
 fitted = result_of(
-    FitRequest(campaign, config),
+    request,
     invitation=f"The approaches have yet to learn from all {len(campaign.tests)} tests of this campaign. That takes a "
-    "minute or two the first time; after that, every condition is answered in seconds.",
+    "minute or two the first time; after that, every condition is answered at once.",
     button="Predict",
 )
 estimates = fitted.estimates(condition)
 predictions = {estimate.approach: estimate.prediction for estimate in estimates}
 
-evidence.show_figure(
-    plots.motion(None, predictions, speed_mps=condition.speed_mps, unit=view.unit, deceleration=view.deceleration),
-    alt=f"Predicted acceleration, velocity and displacement over time at {condition}",
+evidence.show_recommendation(recommend_for(estimates, campaign, condition, view.window_ms).sentences)
+st.caption("  \n".join(nearest_sentences(campaign, condition)))
+shown = st.segmented_control(
+    "Figure",
+    ["Over time", "Over displacement", "Energy over crush"],
+    default="Over time",
+    required=True,
+    key="predicted",
+    persist_state="session",
+    label_visibility="collapsed",
 )
+speed, unit, deceleration = condition.speed_mps, view.unit, view.deceleration
+if shown == "Over time":
+    figure = motion(None, predictions, speed_mps=speed, unit=unit, deceleration=deceleration)
+elif shown == "Over displacement":
+    figure = over_displacement(None, predictions, speed_mps=speed, unit=unit, deceleration=deceleration)
+else:
+    figure = energy_over_crush(None, predictions, speed_mps=speed, mass_kg=condition.mass_kg)
+evidence.show_figure(figure, alt=f"Prediction by every approach at {condition}: {shown.lower()}")
+
 st.subheader("Pulse metrics")
 columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
 st.table(tables.metrics(columns), border="horizontal")
 evidence.show_missing(columns)
 st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
+pulses = pulses_table(("", estimate) for estimate in estimates)
+with st.container(horizontal=True):
+    evidence.download("pulses.csv", pulses)
+    evidence.download("metrics.csv", metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates))
+    evidence.download_bytes("pulses.parquet", lambda: parquet_bytes(pulses))
+    evidence.download_bytes("isomme.zip", lambda: planning.zipped(isomme_prediction(campaign, estimates)))
+    evidence.download_report(lambda: prediction_report(campaign, estimates, config))
 evidence.show_notes(predictions)
 evidence.show_fits(estimates)
-with st.container(horizontal=True):
-    evidence.download("pulses.csv", pulses_table(("", estimate) for estimate in estimates))
-    evidence.download("metrics.csv", metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates))
+
+st.header("Planning")
+over_speed, next_test = st.tabs(["Over speed", "Next test"])
+with over_speed:
+    planning.show_sweep(view, request, fitted, condition)
+with next_test:
+    planning.show_next_test(view, request, fitted, factors)

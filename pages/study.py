@@ -1,20 +1,31 @@
-"""Study: every test left out in turn."""
+"""Study: every test left out in turn, alone and with all others at about its speed."""
+
+from dataclasses import replace
 
 import streamlit as st
 
+from crashfuse.calibration import LEVELS
 from crashfuse.fits import coverage_table
-from crashfuse.plots.ratings import rating_heatmap
-from crashfuse.results import scores_table, study_metrics
+from crashfuse.plots.calibration import calibration_curves
+from crashfuse.plots.ratings import rating_heatmap, rating_spread
+from crashfuse.rating_tables import TABLE_3, TABLE_5
+from crashfuse.recommendation import recommend
+from crashfuse.report import study_report
+from crashfuse.study import Study
+from crashfuse.tables import scores_table, study_metrics
 from crashfuse.ui import evidence, frame, tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.panel import result_of
 
 view = frame.enter_with_campaign("Study")
 campaign, config = view.campaign, chosen_config()
+window = tables.window_label(view.window_ms)
 st.markdown(
     "How well does each approach predict a test that it has not seen? Every test is left out in turn, predicted from "
-    "all others, and rated."
+    "all others, and rated; then once more without any other test at about its speed."
 )
+if config.preset == "fast":  # a paper fit takes minutes, or a GPU
+    config = replace(config, hold_out="both")
 study = result_of(
     StudyRequest(campaign, campaign.test_ids, config),
     invitation=f"The study of all {len(campaign.tests)} tests has not been run yet. It takes several minutes the first "
@@ -22,30 +33,72 @@ study = result_of(
     button=f"Leave out each of {len(campaign.tests)} tests",
 )
 
+
+def show_ratings(study: Study, way: str) -> None:
+    """Means by window, and every test by approach."""
+    st.table(tables.mean_ratings(study), border="horizontal")
+    overall = {
+        fold.held_out: {name: by_window[view.window_ms].overall for name, by_window in fold.ratings.items()}
+        for fold in study.folds
+    }
+    st.markdown(f"**Each test, {window}**")
+    evidence.show_figure(
+        rating_heatmap(overall),
+        alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables below",
+        key=way,
+    )
+
+
+evidence.show_recommendation(recommend(study).sentences)
 st.subheader("Mean rating over the tests")
-st.table(tables.mean_ratings(study), border="horizontal")
-st.subheader(f"Rating of each test, {tables.window_label(view.window_ms)}")
-evidence.show_figure(
-    rating_heatmap(
-        {
-            fold.held_out: {name: by_window[view.window_ms].overall for name, by_window in fold.ratings.items()}
-            for fold in study.folds
-        }
-    ),
-    alt="Ratings of each held-out test by approach, with their mean; the same numbers are in scores.csv",
-)
+names = ["Each test left out alone", "With all tests at about its speed"][: 1 if study.speed_groups is None else 2]
+for tab, tab_name, own in zip(st.tabs(names), names, (study, study.speed_groups), strict=False):
+    if own is not None:
+        with tab:
+            show_ratings(own, tab_name)
 st.caption("ISO/TS 18571: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
 for test in campaign.tests:
     for note in campaign.cae.extrapolation(test.condition):
         st.caption(f":material/warning: {test.id}: {note}")
+
+st.subheader("Tables of the paper")
+fifth, third = st.tabs(["Table 5: approaches against the CAE", "Table 3: the network before and after the tests"])
+fifth.table(tables.paper_table(study, TABLE_5), border="horizontal")
+third.table(tables.paper_table(study, TABLE_3), border="horizontal")
+
 if study.coverage:
+    st.subheader(f"How sure the ratings are, {window}")
+    evidence.show_figure(
+        rating_spread(
+            {
+                fold.held_out: {
+                    name: (fold.ratings[name][view.window_ms].overall, *fold.rating_interval(name, view.window_ms))
+                    for name in fold.rating_draws
+                }
+                for fold in study.folds
+            }
+        ),
+        alt="Rating of each held-out test by approach, with the interval that single drawn pulses are rated in",
+    )
+    st.caption(
+        "Marks: the rating of the expected pulse. Lines: where 95 % of the ratings lie of single pulses drawn from the "
+        "band. A draw has every wiggle in another place, so it rates lower."
+    )
     st.subheader("What the 95 % band is worth")
     st.table(coverage_table(study.coverage).style.hide(axis="index"), border="horizontal")
     st.caption(
         f"How much of the left-out tests lies inside. With {len(study.folds)} tests no more can be promised than these "
         "counts."
     )
+    evidence.show_figure(
+        calibration_curves(LEVELS, study.reliability),
+        alt="Share of the time up to t0 at which a(t) lies inside bands of each level, by approach",
+    )
+    st.caption("Above the dotted line a band is wider than it need be, below it too narrow.")
 with st.container(horizontal=True):
     evidence.download("scores.csv", scores_table(study))
     evidence.download("metrics.csv", study_metrics(study))
+    if study.speed_groups is not None:
+        evidence.download("speed_groups.csv", scores_table(study.speed_groups))
+    evidence.download_report(lambda: study_report(study))
 st.caption(f"{config.preset.capitalize()} settings, seed {config.seed}.")

@@ -1,12 +1,13 @@
 """Coverage and widening of a band, on pulses whose spread is known."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from crashfuse.calibration import Calibration, Coverage, calibrate
-from crashfuse.campaign import CrashTest
+from crashfuse.calibration import Calibration, Coverage, calibrate, shares_inside
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.pulse import GRID_S, Condition, FloatArray, Pulse
 
 CONDITION = Condition(12.0, 950.0, 700.0)
@@ -90,3 +91,12 @@ def test_a_band_that_never_holds_says_so() -> None:
     assert (state["left_out_tests"], state["crush_inside"], state["accel_inside"]) == (4, 0, 0.5)
     never = Coverage(1.0, 1.0, float("nan"), crush=True, peak=True)
     assert Calibration(1.0, (never,)).state["rebound_inside"] is None
+
+
+def test_a_band_of_each_level_holds_what_lies_within_it(campaign: Campaign) -> None:
+    """Of 101 even factors on the pulse, one at 0.84 of their range lies inside the bands from 68 % on."""
+    test = campaign.tests[0]
+    factors = np.linspace(0.5, 1.5, 101)
+    measured = replace(test, pulse=replace(test.pulse, accel_mps2=1.34 * test.pulse.accel_mps2))
+    shares = shares_inside(measured, factors[:, None] * test.pulse.accel_mps2, np.array([0.6, 0.66, 0.72, 0.95]))
+    np.testing.assert_allclose(shares, [0, 0, 1, 1], atol=0.02)

@@ -206,7 +206,15 @@ def test_predict_writes_pulses_metrics_and_report(
     out = tmp_path / "out"
     command = ["predict", str(campaign_on_disk), "--out", str(out), *at_condition(30, 2400, 1500)]
     assert cli.main([*command, "--approach", "cae", "displacement_domain"]) == cli.DONE
-    assert {path.name for path in out.iterdir()} == {"pulses.csv", "metrics.csv", "report.html", "prediction.json"}
+    files = {"pulses.csv", "pulses.parquet", "metrics.csv", "report.html", "prediction.json", "isomme"}
+    assert {path.name for path in out.iterdir()} == files
+    pd.testing.assert_frame_equal(
+        pd.read_parquet(out / "pulses.parquet").astype({"approach": str, "held_out": str}).drop(columns="held_out"),
+        pd.read_csv(out / "pulses.csv", keep_default_na=True).drop(columns="held_out"),
+        rtol=1e-5,
+        check_dtype=False,
+    )
+    assert len(list((out / "isomme").rglob("*.mme"))) == 1
     record = json.loads((out / "prediction.json").read_text())
     assert record["extrapolation"][0].startswith("Extrapolation: front weight 2400 lb")
     assert record["condition"]["speed_mps"] == pytest.approx(30 * 0.44704)
@@ -401,3 +409,66 @@ def test_the_device_is_recorded(campaign_on_disk: Path, tmp_path: Path) -> None:
     command = ["study", str(campaign_on_disk), "--out", str(tmp_path), "--held-out", "T2", "--device", "cpu"]
     assert cli.main(command) == cli.DONE
     assert json.loads((tmp_path / "study.json").read_text())["config"]["device"] == "cpu"
+
+
+def test_a_whole_study_leaves_speed_groups_out_too(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A table of its own, a recommendation for the campaign and for each test, in the record and on the terminal."""
+    out = tmp_path / "out"
+    assert cli.main(["study", str(campaign_on_disk), "--out", str(out), "--approach", "cae", "--workers", "1"]) == 0
+    scores, groups = (pd.read_csv(out / name) for name in ("scores.csv", "speed_groups.csv"))
+    assert list(scores) == list(groups)
+    assert len(scores) == len(groups)
+    record = json.loads((out / "study.json").read_text())
+    assert record["config"]["hold_out"] == "both"
+    assert record["recommendation"]["campaign"]["approach"] == "cae"
+    assert set(record["recommendation"]["tests"]) == {"T1", "T2", "T3", "T4"}
+    assert record["recommendation"]["tests"]["T2"]["expected_rating"]["tests"] == ["T3", "T4", "T1"]
+    assert record["speed_groups"]["mean_rating"]["cae"] == pytest.approx(
+        groups[groups["window_ms"] == 60]["overall"].mean(), abs=1e-4
+    )
+    assert "Use the raw CAE model for this campaign." in capsys.readouterr().out
+
+
+def test_a_sweep_writes_metrics_over_speed_with_the_tests_beside(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The ends of the range, every full mph between them, and each test at its own speed."""
+    out = tmp_path / "out"
+    command = ["sweep", str(campaign_on_disk), "--out", str(out), "--approach", "cae", "--speed-mph", "24.5", "27"]
+    assert cli.main([*command, "--front-weight-lb", "2050", "--rear-weight-lb", "1500"]) == cli.DONE
+    table = pd.read_csv(out / "sweep.csv")
+    peak = table[table["metric"] == "peak"].set_index("approach")
+    np.testing.assert_allclose(peak.loc["cae", "speed_mph"], [24.5, 25, 26, 27], rtol=1e-5)
+    np.testing.assert_allclose(peak.loc["test", "speed_mph"], [15, 25, 26, 35], rtol=1e-5)
+    assert "4 speeds from 24.5 to 27.0 mph" in capsys.readouterr().out
+    assert (out / "report.html").is_file()
+
+
+def test_the_next_test_is_ranked_over_a_range_or_from_a_list(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of two candidates the one far from all tests comes first; a grid is taken where none are given."""
+    out, candidates = tmp_path / "out", tmp_path / "candidates.csv"
+    candidates.write_text("id,speed_mph,front_weight_lb,rear_weight_lb\nA,25.5,2060,1525\nB,34,2000,1650\n")
+    over = ["--speed-mph", "20", "35", "--factor", "drive=FWD"]
+    command = ["next-test", str(campaign_on_disk), "--out", str(out), *over]
+    assert cli.main([*command, "--candidates", str(candidates)]) == cli.DONE
+    table = pd.read_csv(out / "next_tests.csv")
+    assert table["speed (mph)"].tolist() == [34.0, 25.5]
+    assert "gain (%)" in capsys.readouterr().out
+    assert cli.main(command) == cli.DONE
+    assert pd.read_csv(out / "next_tests.csv")["speed (mph)"].between(20, 35).all()
+
+
+def test_a_bad_list_of_candidates_is_named_cell_by_cell(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As any other table."""
+    candidates = tmp_path / "candidates.csv"
+    candidates.write_text("id,speed_mph,front_weight_lb,rear_weight_lb\nA,fast,2060,1525\n")
+    command = ["next-test", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--candidates", str(candidates)]
+    assert cli.main(command) == cli.WRONG_DATA
+    assert "candidates.csv" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -3,15 +3,17 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from crashfuse.approaches import APPROACHES
-from crashfuse.approaches.displacement_domain import DisplacementConfig
+from crashfuse.approaches import APPROACHES, Approach, Prediction
+from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.time_domain import TimeDomain
 from crashfuse.campaign import Campaign
 from crashfuse.config import StudyConfig
 from crashfuse.errors import UsageError
-from crashfuse.estimate import Fit, estimate_at
-from crashfuse.pulse import DT_S, kinematics
+from crashfuse.estimate import Fit, estimate_at, estimates_at
+from crashfuse.pulse import DT_S, Condition, kinematics
 
 pytestmark = pytest.mark.usefixtures("quick_networks")
 
@@ -63,3 +65,38 @@ def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(
         Fit.of(campaign.without(["T3"]), "displacement_domain", config)
     with pytest.raises(AssertionError, match="fitted again"):
         Fit.of(campaign, "displacement_domain", replace(config, seed=1))
+
+
+@pytest.mark.parametrize("order", [APPROACHES, APPROACHES[::-1]])
+def test_several_approaches_say_together_what_each_says_alone(
+    campaign: Campaign, order: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the bit, and what fused is made of is predicted once, whoever comes first."""
+    condition = replace(campaign.tests[1].condition, speed_mps=9.0)
+    fits = [Fit.of(campaign, name) for name in order]
+    alone = [fit.estimate(condition) for fit in fits]
+    asked: list[str] = []
+    for approach in (TimeDomain, DisplacementDomain):
+
+        def counted(self: Approach, at: Condition, predict: Callable[..., Prediction] = approach.predict) -> Prediction:
+            asked.append(self.name)
+            return predict(self, at)
+
+        monkeypatch.setattr(approach, "predict", counted)
+    together = estimates_at(fits, condition)
+    assert sorted(asked) == ["displacement_domain", "time_domain"]
+    assert [estimate.approach for estimate in together] == list(order)
+    for one, other in zip(alone, together, strict=True):
+        assert one.prediction.accel_mps2.tobytes() == other.prediction.accel_mps2.tobytes()
+        ours, theirs = (e.prediction.draws_mps2 for e in (one, other))
+        assert ours is theirs is None or (ours is not None and theirs is not None and np.array_equal(ours, theirs))
+        assert one.prediction.notes == other.prediction.notes
+
+
+def test_parts_with_other_settings_are_not_shared(campaign: Campaign) -> None:
+    """A time domain with another seed is not what fused is made of."""
+    condition = campaign.tests[1].condition
+    fused = Fit.of(campaign, "fused")
+    other = Fit.of(campaign, "time_domain", StudyConfig(seed=1))
+    (_, together), alone = estimates_at([other, fused], condition), fused.estimate(condition)
+    assert together.prediction.accel_mps2.tobytes() == alone.prediction.accel_mps2.tobytes()

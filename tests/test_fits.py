@@ -8,7 +8,8 @@ from crashfuse.campaign import Campaign
 from crashfuse.config import StudyConfig
 from crashfuse.estimate import Estimate
 from crashfuse.fits import coverage_table, fit_sentences, fit_table
-from crashfuse.study import Fold, Study
+from crashfuse.fold import Fold
+from crashfuse.study import Study
 
 INSIDE = Coverage(1.0, 0.9, 0.8, crush=True, peak=True)
 STATE = {
@@ -33,7 +34,7 @@ def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -
         draws = factor * np.linspace(0.95, 1.05, 100)[:, None] * test.pulse.accel_mps2
         with_band = Estimate("displacement_domain", Prediction(test.condition, draws[50], draws), {}, 0.0)
         without = Estimate("cae", Prediction(test.condition, draws[50]), {}, 0.0)
-        folds.append(Fold(test.id, (without, with_band), {}))
+        folds.append(Fold(test.id, (without, with_band), {}, {}))
     config = StudyConfig(approaches=("cae", "displacement_domain"))
     found = Study(campaign, config, tuple(folds)).coverage
     assert list(found) == ["displacement_domain"]

@@ -18,6 +18,7 @@ from crashfuse.estimate import estimate_at
 from crashfuse.progress import Progress, Watch
 from crashfuse.pulse import GRID_S, Pulse
 from crashfuse.rating import rate_iso18571
+from crashfuse.recommendation import recommend_for
 from crashfuse.study import Study, run_study
 
 CONFIG = StudyConfig(windows_ms=(20.0, 60.0))
@@ -210,3 +211,35 @@ def test_a_single_test_cannot_be_left_out(campaign: Campaign) -> None:
     """Nothing would remain to learn from."""
     with pytest.raises(UsageError, match="at least 2 tests"):
         run_study(campaign.without(["T1", "T2", "T3"]))
+
+
+def test_both_ways_to_leave_out_give_one_study_beside_the_other(campaign: Campaign) -> None:
+    """Each with the numbers that it has alone."""
+    config = StudyConfig(approaches=("displacement_domain",), windows_ms=(60.0,))
+    both = run_study(campaign, replace(config, hold_out="both"), held_out=["T2"], workers=1)
+    assert both.speed_groups is not None
+    for found, way in zip((both, both.speed_groups), both.config.each, strict=True):
+        alone = run_study(campaign, way, held_out=["T2"], workers=1)
+        assert found.mean_rating("displacement_domain", 60.0) == alone.mean_rating("displacement_domain", 60.0)
+    assert both.mean_rating("displacement_domain", 60.0) != both.speed_groups.mean_rating("displacement_domain", 60.0)
+
+
+def test_tests_of_one_speed_group_are_left_out_one_by_one_only(campaign: Campaign) -> None:
+    """There is no other group to learn from, and that is no error where both was asked for."""
+    alike = campaign.without(["T1", "T4"])
+    study = run_study(alike, StudyConfig(approaches=("cae",), hold_out="both"), workers=1)
+    assert study.speed_groups is None
+
+
+def test_a_recommendation_for_a_test_does_not_know_its_pulse(campaign: Campaign, finished: Study) -> None:
+    """With another held-out pulse approach and sentences stay the same."""
+    test = campaign.test("T2")
+    other = replace(test, pulse=Pulse(test.pulse.time_s, 0.5 * test.pulse.accel_mps2))
+    changed = replace(campaign, tests=tuple(other if t.id == "T2" else t for t in campaign.tests))
+    study = run_study(changed, CONFIG, held_out=["T2"], workers=1)
+    first, second = (
+        recommend_for(s.fold("T2").estimates, c.without(["T2"]), test.condition)
+        for s, c in ((finished, campaign), (study, changed))
+    )
+    assert first == second
+    assert first.expected is not None

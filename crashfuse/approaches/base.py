@@ -75,6 +75,21 @@ class Approach(ABC):
             If called before :meth:`fit`.
         """
 
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """What it expects of each test that it learned from, as if that test had not been run.
+
+        Parameters
+        ----------
+        campaign : Campaign
+            What it was fitted to.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (1250,)
+            m/s², by the test's id; empty where it is not known, as under the paper's preset.
+        """
+        return {}
+
     @abstractmethod
     def learned(self) -> Learned:
         """What :meth:`fit` found.

@@ -8,7 +8,7 @@ from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import Condition
+from crashfuse.pulse import Condition, FloatArray
 
 
 class Cae(Approach):
@@ -42,6 +42,11 @@ class Cae(Approach):
         """
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         return self
+
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """The CAE pulse at every test: it never learns from one."""
+        self._require("model_")
+        return {test.id: self.model_.pulse(test.condition).accel_mps2 for test in campaign.tests}
 
     def learned(self) -> Learned:
         """Nothing but the emulator, which is trained in a second."""

@@ -265,6 +265,11 @@ class DisplacementDomain(Approach):
         self.left_out_ = LeftOut.of(pulses)
         return calibration
 
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """As the check of the band predicted them."""
+        self._require("left_out_")
+        return self.left_out_.expected(campaign)
+
     def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
         """Take the bias that is expected at a condition apart; empty for Table 4, which is all of one piece.
 

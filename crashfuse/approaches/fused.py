@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.displacement_domain import DisplacementDomain
 from crashfuse.approaches.kept import fitted
 from crashfuse.approaches.learned import Learned
-from crashfuse.approaches.left_out import STRIDE, LeftOut
+from crashfuse.approaches.left_out import STRIDE, LeftOut, in_full
 from crashfuse.approaches.lf_tcn import Device
 from crashfuse.approaches.pool import Pool, Scores
 from crashfuse.approaches.time_domain import TimeDomain
@@ -18,7 +17,7 @@ from crashfuse.cache import Cache
 from crashfuse.calibration import WIDENINGS, Calibration, Coverage, calibrate
 from crashfuse.campaign import Campaign
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import DT_S, GRID_S, Condition, FloatArray
+from crashfuse.pulse import DT_S, Condition, FloatArray
 from crashfuse.units import MPH
 
 VOICES = ("time domain", "displacement domain", "raw CAE")
@@ -100,7 +99,7 @@ class Fused(Approach):
         self._begin(campaign)
         watch.report("Weights of the mixture", 0, 1)
         one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
-        judged = [int(number) for number in other.numbers if number in one.numbers]
+        judged = self._judged()
         voices = [self._left_out_voices(number, one, other) for number in judged]
         nearness = [self._nearness(self._speeds[number], without=number) for number in judged]
         rated = slice(round(_JUDGED_S / (STRIDE * DT_S)))
@@ -113,8 +112,7 @@ class Fused(Approach):
             found = []
             for number, mixture in zip(judged, mixed, strict=True):
                 draws = mixture.mean + widening * (mixture.draws - mixture.mean)
-                whole = CubicSpline(GRID_S[::STRIDE], draws, axis=1)(GRID_S)
-                found.append(Coverage.of(campaign.tests[number], whole))
+                found.append(Coverage.of(campaign.tests[number], in_full(draws)))
             return found
 
         # A mixture of bands that hold is wider than it need be, where the voices agree.
@@ -167,8 +165,24 @@ class Fused(Approach):
         NotFittedError
             If called before :meth:`fit`.
         """
+        one, other = self.parts
+        return self.mixed(one.predict(condition), other.predict(condition))
+
+    @property
+    def parts(self) -> tuple[Approach, Approach]:
+        """What it is made of, fitted: the time domain, the displacement domain.
+
+        Raises
+        ------
+        NotFittedError
+            If asked before :meth:`fit`.
+        """
         self._require("pool_")
-        one, other = self.time_domain_.predict(condition), self.displacement_domain_.predict(condition)
+        return self.time_domain_, self.displacement_domain_
+
+    def mixed(self, one: Prediction, other: Prediction) -> Prediction:
+        """What :meth:`predict` makes of the predictions of its parts at a condition."""
+        condition = one.condition
         cae = self.displacement_domain_.model_.pulse(condition).accel_mps2
         cae_draws = self._cae_draws(cae, condition.speed_mps)
         weights = self.pool_.weights(self._nearness(condition.speed_mps))
@@ -177,6 +191,22 @@ class Fused(Approach):
         draws = mixture.mean + self.calibration_.widening * (mixture.draws - mixture.mean)
         notes = dict.fromkeys((self._reason(condition, weights), *one.notes, *other.notes))
         return Prediction(condition, mixture.mean, draws, tuple(notes))
+
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """What both approaches expect of tests that they have not seen, mixed with the weights that were learned."""
+        self._require("pool_")
+        one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
+        expected = {}
+        for number in self._judged():
+            weights = self.pool_.weights(self._nearness(self._speeds[number], without=number))
+            voices = self._left_out_voices(number, one, other)
+            expected[campaign.tests[number].id] = in_full(self._mix(voices, weights).mean)
+        return expected
+
+    def _judged(self) -> list[int]:
+        """Numbers of the tests that both approaches predicted from the others."""
+        one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
+        return [int(number) for number in other.numbers if number in one.numbers]
 
     def _reason(self, condition: Condition, weights: FloatArray) -> str:
         """The weights, and what decides them."""

@@ -3,22 +3,17 @@
 The increments are small, so the networks are taken as linear in them: f(x, θ_LF + θ_HF) = f(x, θ_LF) + J(x) θ_HF. Then
 the penalty λ‖θ_HF‖² is a Gaussian prior, the penalised least squares have one exact minimum without any step of an
 optimiser, every left-out test's prediction comes from the same matrix, and the posterior over θ_HF is the band.
-All that enters is the tangent kernel J(x) J(x')ᵀ (Jacot et al. 2018; as a posterior, Immer et al. 2021).
+All that enters is the tangent kernel J(x) J(x')ᵀ of :mod:`crashfuse.approaches.tangent` (Jacot et al. 2018; as a
+posterior, Immer et al. 2021).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from crashfuse.approaches.gaussian_process import draw
 from crashfuse.approaches.learned import Learned
-from crashfuse.approaches.tcn import Tcn, TcnConfig
-from crashfuse.approaches.threads import Crew, quick_threads
-from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import FloatArray
 
 PENALTIES = (0.02, 0.06, 0.2, 0.6)
@@ -30,75 +25,6 @@ does not.
 
 _UNRESOLVED = 0.01  # variance, relative to the kernel's mean: what a network cannot follow
 _FEW = 3  # tests: with fewer, leaving one out says nothing about ρ
-
-
-def tangent_kernel(network: Tcn, config: TcnConfig, inputs: Tensor, watch: Watch = SILENT) -> FloatArray:
-    """J(x) J(x')ᵀ of the mean of the members, all weights together, times the number of members.
-
-    Parameters
-    ----------
-    network : Tcn
-    config : TcnConfig
-    inputs : Tensor, shape (n_times, n, n_inputs)
-    watch : Watch
-
-    Returns
-    -------
-    ndarray, shape (n, n_times, n, n_times)
-    """
-    n_times, n, _ = inputs.shape
-    kernel = np.zeros((n * n_times, n * n_times))
-    with quick_threads(network):
-        for member in range(network.members):  # one after the other: a Jacobian takes 15 MB a pulse
-            watch.report("Fine-tuning on tests", member, network.members)
-            jacobian = torch.cat(list(_jacobians(network.alone(member, config), inputs)))
-            kernel += (jacobian @ jacobian.T).cpu().numpy() / network.members
-        watch.report("Fine-tuning on tests", network.members, network.members)
-    return kernel.reshape(n, n_times, n, n_times)
-
-
-def kernel_with(network: Tcn, config: TcnConfig, inputs: Tensor, others: Tensor) -> FloatArray:
-    """The tangent kernel between conditions and a single other one.
-
-    Parameters
-    ----------
-    network : Tcn
-    config : TcnConfig
-    inputs : Tensor, shape (n_times, n, n_inputs)
-    others : Tensor, shape (n_times, 1, n_inputs)
-
-    Returns
-    -------
-    ndarray, shape (n, n_times, n_times)
-    """
-
-    def of(member: int) -> FloatArray:
-        alone = network.alone(member, config)
-        (other,) = _jacobians(alone, others)
-        rows = [(jacobian @ other.T).cpu().numpy() for jacobian in _jacobians(alone, inputs)]
-        return np.array(rows, dtype=np.float64)
-
-    with quick_threads(network), Crew(network.members) as crew:
-        kernel: FloatArray = np.mean(crew.map(of, range(network.members)), axis=0)
-    return kernel
-
-
-def _jacobians(network: Tcn, inputs: Tensor) -> Iterator[Tensor]:
-    """For one pulse after the other, derivatives of a single member's outputs by its weights: (n_times, n_weights).
-
-    Only the first and last block and the head are fine-tuned: those between make 3 % of the kernel, at half its cost.
-    """
-    tuned = ("blocks.0.", f"blocks.{len(network.blocks) - 1}.", "head.")
-    weights = {name: weight.detach() for name, weight in network.named_parameters() if name.startswith(tuned)}
-    for pulse in torch.split(inputs.to(network.device), 1, dim=1):
-
-        def outputs(weights: dict[str, Tensor], pulse: Tensor = pulse) -> Tensor:
-            result: Tensor = torch.func.functional_call(network, weights, (pulse[None],))
-            return result[0, :, 0]
-
-        pullback = torch.func.vjp(outputs, weights)[1]
-        (gradients,) = torch.func.vmap(pullback)(torch.eye(len(pulse), device=pulse.device))
-        yield torch.cat([gradient.flatten(1) for gradient in gradients.values()], dim=1).detach()
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from crashfuse.approaches.learned import Learned
-from crashfuse.pulse import FloatArray
+from crashfuse.campaign import Campaign
+from crashfuse.pulse import GRID_S, FloatArray
 
 STRIDE = 10  # samples of the study grid: a CFC 60 pulse holds no more
 _DRAWS = 100
@@ -39,6 +41,12 @@ class LeftOut:
             np.array([pulses[1:] for pulses in some], dtype=np.float32),
         )
 
+    def expected(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """The expected pulses on the study grid in m/s², by the test's id."""
+        return {
+            campaign.tests[number].id: in_full(mean) for number, mean in zip(self.numbers, self.mean_mps2, strict=True)
+        }
+
     def learned(self) -> Learned:
         """All of it."""
         return Learned({}, {"numbers": self.numbers, "mean": self.mean_mps2, "draws": self.draws_mps2})
@@ -47,3 +55,9 @@ class LeftOut:
     def restored(cls, learned: Learned) -> "LeftOut":
         """What :meth:`learned` told."""
         return cls(learned.arrays["numbers"], learned.arrays["mean"], learned.arrays["draws"])
+
+
+def in_full(thinned_mps2: FloatArray) -> FloatArray:
+    """Back from every tenth sample to the study grid, shape (..., 1250), by a cubic spline."""
+    full: FloatArray = CubicSpline(GRID_S[::STRIDE], thinned_mps2, axis=-1)(GRID_S)
+    return full

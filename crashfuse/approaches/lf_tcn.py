@@ -117,6 +117,10 @@ class LfTcn(TcnApproach):
             self.cache.put(_KIND, key, self.learned().arrays)
         return self
 
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """Its pulse at every test: it has seen none."""
+        return {test.id: self.predict(test.condition).accel_mps2 for test in campaign.tests}
+
     def learned(self) -> Learned:
         """Weights and learning curves."""
         self._require("network_")

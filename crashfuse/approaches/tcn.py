@@ -132,10 +132,10 @@ class Tcn(nn.Module):
         members = config.members if members is None else members
         widths = [config.n_inputs] + [config.channels] * len(config.dilations)
         self.blocks = nn.ModuleList(
-            _ResidualBlock(members, widths[i], widths[i + 1], config.kernel, dilation, config.dropout, generator)
+            ResidualBlock(members, widths[i], widths[i + 1], config.kernel, dilation, config.dropout, generator)
             for i, dilation in enumerate(config.dilations)
         )
-        self.head = _CausalConv(members, config.channels, 1, 1, 1, generator)
+        self.head = CausalConv(members, config.channels, 1, 1, 1, generator)
 
     @property
     def device(self) -> torch.device:
@@ -183,7 +183,7 @@ class Tcn(nn.Module):
         return outputs
 
 
-class _ResidualBlock(nn.Module):
+class ResidualBlock(nn.Module):
     """Fig. 4: two times convolution, ReLU and spatial dropout, beside a shortcut that matches the channels."""
 
     def __init__(
@@ -197,12 +197,13 @@ class _ResidualBlock(nn.Module):
         generator: torch.Generator,
     ) -> None:
         super().__init__()
-        self.first = _CausalConv(members, n_in, n_out, kernel, dilation, generator)
-        self.second = _CausalConv(members, n_out, n_out, kernel, dilation, generator)
-        self.shortcut = nn.Identity() if n_in == n_out else _CausalConv(members, n_in, n_out, 1, 1, generator)
+        self.first = CausalConv(members, n_in, n_out, kernel, dilation, generator)
+        self.second = CausalConv(members, n_out, n_out, kernel, dilation, generator)
+        self.shortcut = nn.Identity() if n_in == n_out else CausalConv(members, n_in, n_out, 1, 1, generator)
         self._dropout, self._generator = dropout, generator
 
     def forward(self, inputs: Tensor) -> Tensor:
+        """Map sequences of shape (n_members, n_times, n_pulses, n_in) to as many of n_out channels."""
         hidden = self._drop(torch.relu(self.first(inputs)))
         hidden = self._drop(torch.relu(self.second(hidden)))
         return torch.relu(hidden + self.shortcut(inputs))
@@ -216,7 +217,7 @@ class _ResidualBlock(nn.Module):
         return hidden * kept.to(hidden.device) / (1 - self._dropout)
 
 
-class _CausalConv(nn.Module):
+class CausalConv(nn.Module):
     """Eq. 4: a dilated convolution over now and the past; what came before the sequence is zero."""
 
     def __init__(
@@ -228,7 +229,13 @@ class _CausalConv(nn.Module):
         self.bias = nn.Parameter((2 * torch.rand(members, n_out, generator=generator) - 1) * bound)
         self._dilation = dilation
 
+    @property
+    def lags(self) -> tuple[int, ...]:
+        """How many steps ago each tap looks; the last one is the present."""
+        return tuple(self._dilation * tap for tap in reversed(range(self.weight.shape[1])))
+
     def forward(self, inputs: Tensor) -> Tensor:
+        """Map sequences of shape (n_members, n_times, n_pulses, n_in) to as many of n_out channels."""
         members, kernel, n_in, n_out = self.weight.shape
         n_times, n_pulses = inputs.shape[1:3]
         past = (kernel - 1) * self._dilation

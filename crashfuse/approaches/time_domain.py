@@ -1,17 +1,21 @@
 """The time-domain approach: TCNs trained on the CAE runs, then fine-tuned on the tests (MF TCN, Sect. 3.1)."""
 
 import copy
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.descent import Checkpoint, load_weights, weights_of
-from crashfuse.approaches.increments import PENALTIES, Increments, Outlook, kernel_with, tangent_kernel
+from crashfuse.approaches.increments import PENALTIES, Increments, Outlook
 from crashfuse.approaches.learned import Learned
 from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.lf_tcn import LfTcn, TcnApproach, thinned
+from crashfuse.approaches.tangent import Tangent, tangent_kernel, tangents
 from crashfuse.approaches.training import fine_tune, mean_outputs
 from crashfuse.calibration import Calibration, Coverage, calibrate
 from crashfuse.campaign import Campaign
@@ -78,6 +82,7 @@ class TimeDomain(TcnApproach):
     def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
         """Start from the LF networks; returns the tests' pulses."""
         self.lf_, self._library, self.scaling_, self.network_ = lf, campaign.cae, lf.scaling_, lf.network_
+        self.__dict__.pop("_tangents", None)  # those of tests that it learned from before
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         shares = self._targets(accel)
@@ -120,13 +125,11 @@ class TimeDomain(TcnApproach):
         return self
 
     def _learn(self, campaign: Campaign, accel_mps2: FloatArray, watch: Watch) -> None:
-        inputs = self.scaling_.inputs(self._vectors, self.config)
         targets = self._targets(accel_mps2)
-        lf = mean_outputs(self.network_, inputs)
-        kernel = (
-            tangent_kernel(self.network_, self.config, inputs, watch=watch)
-            * self._alike(self._vectors)[:, None, :, None]
-        )
+        lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors, self.config))
+        watch.report("Fine-tuning on tests", 0, 1)
+        kernel = self._kernel_with(self._tangents, self._vectors)
+        watch.report("Fine-tuning on tests", 1, 1)
         self.increments_ = increments = Increments().fit(kernel, targets - lf)
         for number, rho in enumerate(reversed(PENALTIES), start=1):
             errors = {"tests_learned_from": increments.error_[rho], "tests_left_out": increments.left_out_error_[rho]}
@@ -154,6 +157,19 @@ class TimeDomain(TcnApproach):
         self.left_out_ = LeftOut.of(pulses)
         ends = np.array([self._end_share(test.condition, o.mean) for test, o in zip(tests, left_out, strict=True)])
         self._delta_v_misfit = float(np.abs(ends - self._end_shares).mean())
+
+    @cached_property
+    def _tangents(self) -> list[Tangent]:
+        """At the tests: every prediction needs them."""
+        return self._tangents_at(self._vectors)
+
+    def _tangents_at(self, vectors: FloatArray) -> list[Tangent]:
+        return tangents(self.network_, self.config, self.scaling_.inputs(vectors, self.config))
+
+    def _kernel_with(self, others: Sequence[Tangent], vectors: FloatArray) -> FloatArray:
+        """Tangent kernel between the tests and other conditions, shape (n_tests, n_times, n, n_times)."""
+        kernel = tangent_kernel(self.network_, self._tangents, others)
+        return kernel * self._alike(vectors)[:, None, :, None]
 
     def _change(self, condition: Condition) -> FloatArray:
         """Change of velocity over the record, as a share of v0, that each output of the network means."""
@@ -222,16 +238,21 @@ class TimeDomain(TcnApproach):
         lf = super().predict(condition)
         if not hasattr(self, "increments_"):
             return lf
-        inputs = self.scaling_.inputs(np.vstack([self._vectors, condition.vector]), self.config)
-        own = inputs[:, -1:]
-        kernel = kernel_with(self.network_, self.config, inputs, own)
-        across = kernel[:-1] * self._alike(condition.vector[None])[:, :, None]
-        outlook = self.increments_.outlook(across, kernel[-1])
-        outlook = self._stopped(condition, mean_outputs(self.network_, own)[0], outlook, self._end_shares)
-        check = self.calibration_
-        pulses = self._pulses(condition, outlook, check.widening, check.late_widening or check.widening)
+        vector, check = condition.vector[None], self.calibration_
+        here = self._tangents_at(vector)
+        across = self._kernel_with(here, vector)[:, :, 0]
+        own = tangent_kernel(self.network_, here, here)[0, :, 0]
+        expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
+        with threadpool_limits(1):  # small matrices, and the same numbers whatever the machine has
+            outlook = self._stopped(condition, expected, self.increments_.outlook(across, own), self._end_shares)
+            pulses = self._pulses(condition, outlook, check.widening, check.late_widening or check.widening)
         notes = lf.notes + _stopping(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
+
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """As the check of the band predicted them; empty after fine-tuning by Adam."""
+        self._require("network_")
+        return self.left_out_.expected(campaign) if hasattr(self, "left_out_") else {}
 
     @property
     def state(self) -> dict[str, object]:

@@ -76,7 +76,8 @@ def load_campaign(folder: str | Path) -> Campaign:
     cae.accel_mps2.flags.writeable = False
     tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
     crash_tests = tuple(CrashTest(test_id, condition, Pulse(GRID_S, accel)) for test_id, condition, accel in tests)
-    return Campaign(settings.name, cae, crash_tests, settings.notice, tuple(warnings))
+    cfc = settings.channel_filter_class
+    return Campaign(settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc)
 
 
 def _read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> _Settings:

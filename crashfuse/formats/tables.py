@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from crashfuse.errors import Problem
+from crashfuse.errors import DataError, Problem
 from crashfuse.pulse import Condition, FloatArray
 from crashfuse.units import MASS, SPEED
 
@@ -99,6 +99,21 @@ def not_a_number(cells: pd.Series, column: str, where: str, first_row: int, prob
         problems.append(Problem(where, "a number", found, "correct the cell", column, int(index) + first_row))
     _count_rest(bad.size, "cells that are no number", where, column, problems)
     return numbers
+
+
+def read_candidates(path: Path) -> tuple[Condition, ...]:
+    """Read conditions that could be tested, from a table of the form of ``tests.csv``.
+
+    Raises
+    ------
+    DataError
+        With every problem of the table.
+    """
+    problems: list[Problem] = []
+    table = read_conditions(path, standstill_allowed=False, problems=problems)
+    if table is None or problems:
+        raise DataError(problems)
+    return table.conditions
 
 
 def _read_text(path: Path, problems: list[Problem]) -> pd.DataFrame | None:

@@ -1,19 +1,21 @@
 """The look that all figures share: axes, units, lines, bands; how, not what."""
 
+import re
 from typing import Any, Literal
 
 import numpy as np
 import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it half-way, in several threads at once)
 import plotly.graph_objects as go
 
+from crashfuse.plots.palette import AXIS, CURSOR, GRID, IN_THE_DARK, INK, PAPER, WINDOW, WINDOW_INK
 from crashfuse.pulse import GRID_S, FloatArray
 from crashfuse.units import MS, G
 
 Unit = Literal["g", "m/s²"]
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
-_GRID = "#E3E6EA"
-_INK = "#262A33"
+_SHEER = re.compile(r"rgba\((\d+), (\d+), (\d+), ([\d.]+)\)")
+_BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.3
 
 LEGEND_ABOVE: dict[str, Any] = {
     "legend": {"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},
@@ -25,14 +27,14 @@ LEGEND_ABOVE: dict[str, Any] = {
 
 def new_figure(height: int) -> go.Figure:
     """An empty figure over time in ms, in the one look that all figures share."""
-    axis = {"gridcolor": _GRID, "zerolinecolor": "#9AA1AC", "linecolor": "#9AA1AC", "automargin": True}
+    axis = {"gridcolor": GRID, "zerolinecolor": AXIS, "linecolor": AXIS, "automargin": True}
     figure = go.Figure()
     figure.update_layout(
         template="none",
         height=height,
-        font={"family": _FONT, "size": 14, "color": _INK},
-        paper_bgcolor="#FFFFFF",
-        plot_bgcolor="#FFFFFF",
+        font={"family": _FONT, "size": 14, "color": INK},
+        paper_bgcolor=PAPER,
+        plot_bgcolor=PAPER,
         margin={"l": 64, "r": 16, "t": 32, "b": 52},
         hovermode="x unified",
         hoverlabel={"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
@@ -48,10 +50,28 @@ def new_figure(height: int) -> go.Figure:
         spikemode="across",
         spikesnap="cursor",
         spikethickness=1,
-        spikecolor="#5B6270",
+        spikecolor=CURSOR,
     )
     figure.update_yaxes(**axis)
     return figure
+
+
+def darkened(figure: go.Figure) -> go.Figure:
+    """The same figure in the colours of a dark page; a report, which is printed, stays light.
+
+    Parameters
+    ----------
+    figure : plotly.graph_objects.Figure
+        In the look of :func:`new_figure`; it is left as it is.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    drawn = figure.to_plotly_json()
+    # a heat map brings its own ground, on which its dark text reads
+    traces = [trace if trace["type"] == "heatmap" else _in_the_dark(trace) for trace in drawn["data"]]
+    return go.Figure(traces, _in_the_dark(drawn["layout"]))
 
 
 def accel_scale(unit: Unit, deceleration: bool) -> float:
@@ -83,7 +103,7 @@ def add_band(
         mode="lines",
         line={"width": 0, "color": colour},
         fill="toself",
-        fillcolor=f"rgba({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))}, 0.18)",
+        fillcolor=f"rgba({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))}, {_BAND_ALPHA})",
         hoverinfo="skip",
         yaxis=_y_axis(row),
         **style,
@@ -97,13 +117,35 @@ def shade_window(figure: go.Figure, window_ms: float | None, *, rows: int = 1) -
     for row in range(1, rows + 1):
         figure.add_shape(
             type="rect", xref="x", yref=f"{_y_axis(row)} domain", x0=0, x1=window_ms, y0=0, y1=1, layer="below",
-            fillcolor="#FFF4CC", opacity=0.55, line_width=0,
+            fillcolor=WINDOW, opacity=0.55, line_width=0,
         )  # fmt: skip
     figure.add_annotation(
         x=window_ms, xref="x", y=1, yref="y domain", xanchor="right", yanchor="top", showarrow=False,
-        text=f"rated: 0–{window_ms:g} ms", font={"size": 12, "color": "#6B5900"},
+        text=f"rated: 0–{window_ms:g} ms", font={"size": 12, "color": WINDOW_INK},
     )  # fmt: skip
 
 
 def _y_axis(row: int) -> str:
     return "y" if row == 1 else f"y{row}"
+
+
+def _in_the_dark(part: dict[str, Any]) -> dict[str, Any]:
+    """A part of a figure with every colour in it exchanged."""
+    return {key: _exchanged(value, is_colour=key.endswith("color")) for key, value in part.items()}
+
+
+def _exchanged(value: object, *, is_colour: bool) -> object:
+    if isinstance(value, dict):
+        return _in_the_dark(value)
+    if isinstance(value, list | tuple):
+        return [_exchanged(item, is_colour=is_colour) for item in value]
+    return _dark(value) if is_colour and isinstance(value, str) else value
+
+
+def _dark(colour: str) -> str:
+    if sheer := _SHEER.fullmatch(colour):
+        solid = "#{:02X}{:02X}{:02X}".format(*map(int, sheer.groups()[:3]))
+        red, green, blue = (int(_dark(solid)[i : i + 2], 16) for i in (1, 3, 5))
+        alpha = float(sheer[4])
+        return f"rgba({red}, {green}, {blue}, {_BAND_ALPHA_IN_THE_DARK if alpha == _BAND_ALPHA else alpha:g})"
+    return IN_THE_DARK.get(colour, colour)

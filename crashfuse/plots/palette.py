@@ -1,4 +1,4 @@
-"""What has which colour: approaches, grades, and tests by their speed."""
+"""What has which colour: approaches, grades, tests by their speed; and each colour's counterpart on a dark page."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,9 +9,12 @@ from plotly.colors import sample_colorscale
 from crashfuse.campaign import CrashTest
 from crashfuse.units import MPH
 
+PAPER, INK = "#FFFFFF", "#262A33"
+GRID, AXIS, CURSOR = "#E3E6EA", "#868D98", "#5B6270"
+WINDOW, WINDOW_INK = "#FFF4CC", "#6B5900"
 MEASURED_COLOUR = "#000000"
 COLOURS: Mapping[str, str] = {  # Okabe & Ito's palette, which colour-blind readers can tell apart
-    "cae": "#7f7f7f",
+    "cae": "#7F7F7F",
     "lf_tcn": "#CC79A7",
     "time_domain": "#0072B2",
     "displacement_domain": "#D55E00",
@@ -27,6 +30,28 @@ GRADE_COLOURS: Mapping[str, str] = {
 }
 """Colour behind each grade word of ISO/TS 18571; black text reads on all of them."""
 
+_SHADES = 64
+# the bright end of the scale is lost on white, the dark end on a dark page
+_SLOW_TO_FAST = sample_colorscale("Plasma", np.linspace(0.0, 0.63, _SHADES).tolist())
+_SLOW_TO_FAST_IN_THE_DARK = sample_colorscale("Plasma", np.linspace(0.42, 1.0, _SHADES).tolist())
+
+IN_THE_DARK: Mapping[str, str] = {
+    PAPER: "#14181F",
+    INK: "#E6E9EE",
+    GRID: "#2C333E",
+    AXIS: "#7C8592",
+    "#9AA1AC": "#7C8592",
+    "#EEF0F3": "#252C36",
+    CURSOR: "#AEB6C2",
+    WINDOW: "#4D4424",
+    WINDOW_INK: "#E3CB74",
+    MEASURED_COLOUR: "#F5F7FA",
+    COLOURS["cae"]: "#9A9FA6",
+    COLOURS["time_domain"]: "#2E93D6",
+    **dict(zip(_SLOW_TO_FAST, _SLOW_TO_FAST_IN_THE_DARK, strict=True)),
+}
+"""What a colour becomes on a dark page; those not named stay, for they read on both."""
+
 
 def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:
     """A line for each test: dark for slow, on a scale for colour-blind readers too; dashes tell repeats apart."""
@@ -34,10 +59,12 @@ def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:
         return {}
     speeds = np.array([test.condition.speed_mps for test in tests])
     share = (speeds - speeds.min()) / max(float(np.ptp(speeds)), 1e-9)
-    colours = sample_colorscale("Viridis", (0.88 * share).tolist())  # the bright end is lost on white
     rounded = np.round(speeds / MPH)
     repeats = [int((rounded[:i] == rounded[i]).sum()) for i in range(len(tests))]
     return {
-        test.id: {"color": colour, "dash": ("solid", "dash", "dot", "dashdot")[repeat % 4]}
-        for test, colour, repeat in zip(tests, colours, repeats, strict=True)
+        test.id: {
+            "color": _SLOW_TO_FAST[round(place * (_SHADES - 1))],
+            "dash": ("solid", "dash", "dot", "dashdot")[repeat % 4],
+        }
+        for test, place, repeat in zip(tests, share.tolist(), repeats, strict=True)
     }

@@ -8,6 +8,7 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches import LABELS, Prediction
 from crashfuse.campaign import CaeLibrary, CrashTest
+from crashfuse.filters import cfc_filter
 from crashfuse.plots.canvas import (
     LEGEND_ABOVE,
     Unit,
@@ -120,17 +121,20 @@ def measured_pulses(
     tests: Sequence[CrashTest],
     *,
     highlight: str | None = None,
+    cfc: float | None = None,
     window_ms: float | None = None,
     unit: Unit = "g",
     deceleration: bool = False,
 ) -> go.Figure:
-    """Draw all tests, coloured by speed.
+    """Draw all tests, coloured by speed; filtered, if asked for, over the thin curves of what was read.
 
     Parameters
     ----------
     tests : sequence of CrashTest
     highlight : str, optional
         Id of the test to draw thick (the held-out one).
+    cfc : float, optional
+        Channel frequency class to filter to (SAE J211-1), at most 1000.
     window_ms, unit, deceleration
         As in :func:`overlay`.
 
@@ -142,13 +146,21 @@ def measured_pulses(
     scale = accel_scale(unit, deceleration)
     lines = speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
-        thick = test.id == highlight
+        thick, accel = test.id == highlight, test.pulse.accel_mps2
+        if cfc is not None:
+            as_read = {"color": lines[test.id]["color"], "width": 1}
+            add_line(
+                figure, test.pulse.time_s, accel * scale, line=as_read, opacity=0.6, legendgroup=test.id,
+                showlegend=False, hoverinfo="skip",
+            )  # fmt: skip
+            accel = cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
         add_line(
             figure,
             test.pulse.time_s,
-            test.pulse.accel_mps2 * scale,
+            accel * scale,
             name=f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph" + (" (held out)" if thick else ""),
             line={**lines[test.id], "width": 4 if thick else 1.7},
+            legendgroup=test.id,
         )
     figure.update_layout(legend={"title": "Test · speed"})
     figure.update_yaxes(title=accel_title(unit, deceleration))

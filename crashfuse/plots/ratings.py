@@ -7,8 +7,8 @@ import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it ha
 import plotly.graph_objects as go
 
 from crashfuse.approaches import LABELS
-from crashfuse.plots.canvas import new_figure
-from crashfuse.plots.palette import GRADE_COLOURS
+from crashfuse.plots.canvas import LEGEND_ABOVE, new_figure
+from crashfuse.plots.palette import COLOURS, GRADE_COLOURS
 from crashfuse.rating import GRADES, grade
 
 
@@ -30,10 +30,10 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
     z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
     text = [[f"{value:.3f}  {grade(value)}" for value in row] for row in z]
-    figure = new_figure(height=48 + 34 * len(rows))
+    figure = new_figure(height=64 + 34 * len(rows))
     figure.add_heatmap(
         z=z.astype(np.float32),
-        x=[LABELS[name] for name in approaches],
+        x=[LABELS[name].replace(" domain", "<br>domain") for name in approaches],
         y=rows,
         text=text,
         texttemplate="%{text}",
@@ -49,11 +49,51 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
     figure.update_layout(
         hovermode="closest",
         dragmode=False,
-        margin={"t": 40, "b": 8},
+        margin={"t": 52, "b": 8},
         modebar={"remove": ["zoom2d", "pan2d", "resetScale2d", "toImage"]},
     )
     figure.update_xaxes(side="top", title=None, range=None, ticks="", showline=False, showgrid=False, showspikes=False)
     figure.update_yaxes(autorange="reversed", type="category", ticks="", showline=False, zeroline=False, showgrid=False)
+    return figure
+
+
+def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]]) -> go.Figure:
+    """Draw each test's rating by approach, with the interval that single drawn pulses are rated in.
+
+    Parameters
+    ----------
+    ratings : mapping of str to mapping of str to (float, float, float)
+        By test id, then by approach: overall rating, and lower and upper end of the interval.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = new_figure(height=420)
+    tests = list(ratings)
+    approaches = [name for name in LABELS if any(name in own for own in ratings.values())]
+    for place, name in enumerate(approaches):
+        own = [(i, *ratings[test][name]) for i, test in enumerate(tests) if name in ratings[test]]
+        number, overall, lower, upper = np.array(own, dtype=np.float32).T
+        figure.add_scatter(
+            x=number + 0.18 * (place - (len(approaches) - 1) / 2),
+            y=overall,
+            error_y={"array": upper - overall, "arrayminus": overall - lower, "width": 0, "thickness": 1.5},
+            mode="markers",
+            name=LABELS[name],
+            marker={"color": COLOURS[name], "size": 9},
+            customdata=np.column_stack([lower, upper]),
+            hovertemplate="%{y:.3f}, single draws %{customdata[0]:.3f} to %{customdata[1]:.3f}",
+        )
+    for limit, _ in GRADES:
+        if limit > 0:
+            figure.add_hline(y=limit, line={"color": "#9AA1AC", "width": 1, "dash": "dot"})
+    figure.update_layout(LEGEND_ABOVE, hovermode="closest")
+    figure.update_xaxes(
+        title="Held-out test", tickvals=list(range(len(tests))), ticktext=tests, range=[-0.6, len(tests) - 0.4],
+        showspikes=False, showgrid=False, unifiedhovertitle=None,
+    )  # fmt: skip
+    figure.update_yaxes(title="Overall rating (dotted: limits of the grades)", range=[0, 1.01])
     return figure
 
 

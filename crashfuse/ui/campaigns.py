@@ -1,7 +1,9 @@
 """Which campaigns this server has open, and reading them once for all sessions."""
 
+import itertools
 import os
 import tempfile
+import threading
 from pathlib import Path
 
 import streamlit as st
@@ -12,17 +14,20 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.formats.folder import load_campaign
 from crashfuse.synthetic import write_sample
 
-SAMPLE = "Sample campaign"
+SAMPLE = "sample"
 _SHIPPED = Path(__file__).parents[2] / "sample_data"
+_shelving = threading.Lock()
 
 
 @st.cache_resource
 def shelf() -> dict[str, Path | None]:
-    """Folders that can be chosen, by the name shown: the sample, the one named at the start, those opened since."""
+    """Folders that can be chosen, by their names: the sample, the one named at the start, those opened since.
+
+    These names, never a path, are what a link to a view can ask for.
+    """
     folders: dict[str, Path | None] = {SAMPLE: None}
     if at_start := os.environ.get("CRASHFUSE_CAMPAIGN"):
-        folder = Path(at_start).resolve()
-        folders[folder.name] = folder
+        _put(Path(at_start).resolve(), folders)
     return folders
 
 
@@ -44,13 +49,8 @@ def open_folder(folder: Path) -> str:
     except (OSError, RuntimeError, ValueError) as error:  # no such home, a name that no folder can have
         raise _unreadable(folder, error) from error
     read(folder)
-    known = shelf()
-    for name, other in known.items():
-        if other == folder:
-            return name
-    name = folder.name if folder.name not in known else str(folder)
-    known[name] = folder
-    return name
+    with _shelving:
+        return _put(folder, shelf())
 
 
 def load(name: str) -> Campaign:
@@ -76,6 +76,17 @@ def read(folder: Path) -> Campaign:
         return _read(folder, _stamp(folder))
     except OSError as error:
         raise _unreadable(folder, error) from error
+
+
+def _put(folder: Path, folders: dict[str, Path | None]) -> str:
+    """Shelve a folder under its own name, numbered if another has it; returns the name."""
+    for name, other in folders.items():
+        if other == folder:
+            return name
+    own = folder.name or "campaign"
+    name = next(name for name in itertools.chain([own], (f"{own} ({i})" for i in itertools.count(2))) if name not in folders)
+    folders[name] = folder
+    return name
 
 
 def _unreadable(folder: Path, error: Exception) -> DataError:

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import streamlit as st
 
@@ -10,10 +10,11 @@ from crashfuse.approaches import APPROACHES
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
 from crashfuse.config import StudyConfig
-from crashfuse.estimate import Estimate, Fit, find_estimate
+from crashfuse.estimate import Estimate, Fit, estimates_at, find_estimate
 from crashfuse.progress import Watch
 from crashfuse.pulse import Condition
 from crashfuse.study import Study, run_study
+from crashfuse.sweep import Sweep, sweep_speed, usual_speeds
 from crashfuse.ui.jobs import Job, Jobs
 
 
@@ -93,13 +94,10 @@ class StudyRequest:
         cache = Cache()
         return all(
             find_estimate(
-                self.config.rest(self.campaign, test_id),
-                self.campaign.test(test_id).condition,
-                name,
-                self.config,
-                cache=cache,
+                way.rest(self.campaign, test_id), self.campaign.test(test_id).condition, name, way, cache=cache
             )
             is not None
+            for way in reversed(self.config.each)
             for test_id in self.held_out
             for name in reversed(self.config.approaches)
         )
@@ -113,7 +111,7 @@ class Fitted:
 
     def estimates(self, condition: Condition) -> list[Estimate]:
         """What each of them expects at a condition."""
-        return [fit.estimate(condition) for fit in self.fits]
+        return estimates_at(self.fits, condition)
 
 
 @dataclass(frozen=True)
@@ -139,4 +137,31 @@ class FitRequest:
 
     def _work(self, watch: Watch) -> Fitted:
         names = self.config.approaches
-        return Fitted(tuple(Fit.of(self.campaign, name, self.config, watch=watch) for name in names))
+        fitted = Fitted(tuple(Fit.of(self.campaign, name, self.config, watch=watch) for name in names))
+        fitted.estimates(self.campaign.tests[0].condition)  # what the first answer needs and all others share
+        return fitted
+
+
+@dataclass(frozen=True)
+class SweepRequest:
+    """Predict over impact speed with approaches that have learned from a campaign."""
+
+    request: FitRequest
+    fitted: Fitted
+    condition: Condition
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for equal data, settings, weights and factors."""
+        return "sweep", self.request.key, replace(self.condition, speed_mps=1.0)
+
+    def start(self) -> None:
+        """Queue it, or join whoever had it queued before."""
+        jobs().start(self.key, f"{self.request.campaign.name}: predict over speed", self._work)
+
+    def find(self) -> Job[tuple[Sweep, ...]] | None:
+        """The job, if there was one."""
+        return jobs().get(self.key)
+
+    def _work(self, watch: Watch) -> tuple[Sweep, ...]:
+        return sweep_speed(self.fitted.fits, self.condition, usual_speeds(self.request.campaign), watch)

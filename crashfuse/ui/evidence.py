@@ -1,6 +1,6 @@
 """What a page shows for its claims: figures, remarks of the approaches, and the numbers to take away."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -13,11 +13,12 @@ from crashfuse.metrics import Metric, missing_sentences
 from crashfuse.plots.palette import GRADE_COLOURS
 
 
-def show_figure(figure: go.Figure, alt: str) -> None:
+def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:
     """Show a figure as it is, with the tools of use on a curve; ``alt`` tells those who can't see it what it shows."""
     st.plotly_chart(
         figure,
         alt=alt,
+        key=key,
         theme=None,
         config={
             "displaylogo": False,
@@ -66,6 +67,24 @@ def download(name: str, table: pd.DataFrame) -> None:
     """Button that saves a table as a CSV file of this name."""
     text = table.to_csv(index=False).encode()
     st.download_button(name, text, file_name=name, mime="text/csv", icon=":material/download:", on_click="ignore")
+
+
+def download_report(write: Callable[[], str], name: str = "report.html") -> None:
+    """Button that saves a report; it takes seconds to write, so that is done when it is asked for."""
+    st.download_button(
+        name, lambda: write().encode(), file_name=name, mime="text/html", icon=":material/description:",
+        on_click="ignore", help="One file, opens without a network, prints on paper.",
+    )  # fmt: skip
+
+
+def download_bytes(name: str, write: Callable[[], bytes]) -> None:
+    """Button that saves a file of another kind, made when it is asked for."""
+    st.download_button(name, write, file_name=name, icon=":material/download:", on_click="ignore")
+
+
+def show_recommendation(sentences: Sequence[str]) -> None:
+    """Show what is recommended and why."""
+    st.info("\n\n".join(_plain(sentence) for sentence in sentences), icon=":material/lightbulb:")
 
 
 def _plain(text: str) -> str:

@@ -23,10 +23,13 @@ def launch(port: int, campaign: Path | None) -> None:
     if campaign is not None:
         os.environ["CRASHFUSE_CAMPAIGN"] = str(campaign.resolve())
     os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # where the pages and settings lie
-    options = {
+    options = {  # those of config.toml on which safety rests, too: here no setting of the user's own outdoes them
         "server.address": "127.0.0.1",
         "server.port": port,
         "server.showEmailPrompt": "false",
+        "server.enableXsrfProtection": "true",
+        "server.enableCORS": "true",
         "browser.gatherUsageStats": "false",
+        "client.showErrorDetails": "none",
     }
     main(["run", "app.py", *(f"--{name}={value}" for name, value in options.items())], standalone_mode=False)

@@ -5,9 +5,9 @@ from typing import Any
 import streamlit as st
 
 from crashfuse.approaches import LABELS
+from crashfuse.fold import Fold
 from crashfuse.plots.learning import learning_curves, tuning_strength
 from crashfuse.plots.pulses import overlay
-from crashfuse.study import Fold
 from crashfuse.ui import evidence
 from crashfuse.ui.frame import View
 

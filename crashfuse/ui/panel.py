@@ -1,6 +1,6 @@
 """Live progress of a job, and the way from "nothing computed yet" to a result."""
 
-from typing import Any, NoReturn, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import streamlit as st
 
@@ -30,21 +30,25 @@ def result_of(request: Request[T], *, invitation: str, button: str) -> T:
     button : str
         Label of the button that starts it.
     """
+    result = result_or_none(request, invitation=invitation, button=button)
+    if result is None:
+        st.stop()
+    return result
+
+
+def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | None:
+    """As :func:`result_of`, but the rest of the page goes on without it."""
     job = request.find()
-    if job is None or job.result is None:
-        _show_the_way(request, job, invitation, button)
-    return job.result
-
-
-def _show_the_way(request: Request[T], job: Job[T] | None, invitation: str, button: str) -> NoReturn:
+    if job is not None and job.result is not None:
+        return job.result
     if job is not None and job.active:
         show_job(job)
     else:
         if job is not None:
             show_end(job)
         st.markdown(invitation)
-        st.button(button, type="primary", icon=":material/play_arrow:", on_click=request.start)
-    st.stop()
+        st.button(button, type="primary", icon=":material/play_arrow:", on_click=request.start, key=button)
+    return None
 
 
 def show_end(job: Job[Any]) -> None:

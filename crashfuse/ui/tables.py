@@ -12,6 +12,7 @@ from crashfuse.metrics import METRIC_LABELS, Metric
 from crashfuse.plots.palette import GRADE_COLOURS
 from crashfuse.pulse import GRID_S, Pulse
 from crashfuse.rating import Rating, grade, rate_windows
+from crashfuse.rating_tables import best, rating_table
 from crashfuse.study import Study
 from crashfuse.units import KPH, LB, MPH
 
@@ -74,6 +75,15 @@ def mean_ratings(study: Study) -> Styler:
             for name in study.config.approaches
         )
     )
+
+
+def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
+    """Ratings by test, approach and window in the form of the paper's tables, the best in bold."""
+    table = rating_table(study, rows)
+    bold = best(table).reset_index(drop=True).map(lambda is_best: "font-weight: 700" if is_best else "")
+    shown = table.map("{:.3f}".format).reset_index()
+    marks = bold.reindex(columns=shown.columns, fill_value="")
+    return _plain(shown).apply(lambda _: marks, axis=None)
 
 
 def metrics(columns: Iterable[tuple[str, Sequence[Metric]]]) -> Styler:

@@ -221,3 +221,26 @@ def test_a_pattern_in_few_points_is_not_called_dead() -> None:
     process = GaussianProcess(ALL_KINDS, NOISE).fit(x, np.sin(5 * x[:, 0]) + noise)
     assert not process.dead_
     assert process.retries_ == 0
+
+
+def test_further_rows_take_off_what_a_fit_with_them_would() -> None:
+    """The closed form, set by set, is the textbook's with all rows at once; what is found there does not matter."""
+    x, y = rows()
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 40 * y)
+    new, further = rows(15, seed=5)[0], [rows(6, seed=6)[0], rows(3, seed=7)[0]]
+    new[:, -1], further[0][:, -1], further[1][:, -1] = 98, 99, 3
+    logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1]) + 1e-10
+    now, then = process.std_given(new, further)
+    np.testing.assert_allclose(now, process.predict(new, return_std=True)[1], rtol=1e-9)
+    for std, more in zip(then, further, strict=True):
+        known = np.vstack([x, more])
+        inverse = np.linalg.inv(Covariance(ALL_KINDS, known, known)(logs) + noise * np.eye(len(known)))
+        cross = Covariance(ALL_KINDS, new, known)(logs)
+        left = np.diag(Covariance(ALL_KINDS, new, new)(logs) - cross @ inverse @ cross.T)
+        np.testing.assert_allclose(std, process.output_scale_ * np.sqrt(left), rtol=1e-5)
+        other = process.also_at(more)
+        mean, peer = other.predict(new, return_std=True)
+        np.testing.assert_allclose(std, peer, rtol=1e-6)
+        np.testing.assert_allclose(mean, process.predict(new), rtol=1e-6, atol=1e-6)
+        assert (std <= now).all()
+        assert std.mean() < 0.999 * now.mean()

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+from scipy.special import stdtrit
 
 from crashfuse.approaches.bias import BiasPoints
 from crashfuse.approaches.hierarchy import HierarchicalBias
@@ -178,3 +179,38 @@ def test_leaving_a_test_out_forgets_it() -> None:
     other = odd.process_._y * 0  # the test that is left out may have been anything
     odd.process_._y = np.where(odd.process_.x_[:, -1] == 1, other, model.process_._y)
     np.testing.assert_allclose(mean_and_width(odd.without(1), 9.0)[0], mean_and_width(rest, 9.0)[0], atol=1e-9)
+
+
+def points(speed_mps: float) -> BiasPoints:
+    """Where a test at this speed lies; its bias is not looked at."""
+    return BiasPoints(condition(speed_mps), S, SHARE, cae(speed_mps), np.full(S.size, np.nan))
+
+
+def test_tests_to_come_narrow_the_band_and_leave_the_mean() -> None:
+    """One as foretold by the closed form, most at its own speed; several add up."""
+    model = fit({v: shared(S) * v / 10 for v in (6.0, 9.0, 15.0, 15.2)})
+    targets, further = [points(12.0), points(6.0)], [points(12.0), points(15.0)]
+    now, then = model.half_widths(targets, further)
+    assert now.shape == (2 * S.size,)
+    assert then[0, : S.size].mean() < then[1, : S.size].mean() < now[: S.size].mean()
+    more = model.also(further[:1])
+    assert more.freedom_ == 4
+    np.testing.assert_allclose(more.half_widths(targets, [])[0], then[0], rtol=1e-6)
+    np.testing.assert_allclose(mean_and_width(more, 12.0)[0], mean_and_width(model, 12.0)[0], atol=1e-4)
+    twice = model.also(further)
+    assert twice.tests_ == 6
+    assert (twice.half_widths(targets, [])[0] < more.half_widths(targets, [])[0]).all()
+    assert model.process_.x_.shape[0] == 4 * S.size
+
+
+def test_a_test_to_come_keeps_what_it_has_alone() -> None:
+    """Repeated without end at one condition, tests never tell what another one there would have of its own."""
+    wiggle = 15 * np.sin(S / 0.05)
+    model = fit({9.9: shared(S) + wiggle, 10.0: shared(S) - wiggle, 10.1: shared(S), 10.2: shared(S) + 2 * wiggle})
+    own = model.parts(condition(10.0), S, cae(10.0))[4].upper_mps2
+    many = model.also([points(10.0)] * 12)
+    moving = model.end_share < SHARE
+    now, _ = many.half_widths([points(10.0)], [])
+    share = (now / stdtrit(many.freedom_, 0.975))[moving] / (own / stdtrit(model.freedom_, 0.975))[moving]
+    assert share.min() > 0.98
+    assert share.max() < 1.15

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-import torch
 
 from crashfuse.approaches import increments
-from crashfuse.approaches.increments import Increments, Outlook, kernel_with, tangent_kernel
-from crashfuse.approaches.tcn import Tcn, TcnConfig
+from crashfuse.approaches.increments import Increments, Outlook
 from crashfuse.pulse import FloatArray
 
 N, N_TIMES, N_WEIGHTS = 4, 5, 40
@@ -64,26 +62,6 @@ def test_a_left_out_test_is_predicted_as_if_it_had_not_been() -> None:
     np.testing.assert_allclose(
         trial.covariances[0] - UNRESOLVED * np.eye(N_TIMES), alone.covariance / again._size, rtol=1e-8, atol=1e-10
     )
-
-
-def test_the_tangent_kernel_is_the_product_of_gradients() -> None:
-    """Each entry is the scalar product of two outputs' gradients by automatic differentiation, mean over members."""
-    config = TcnConfig(channels=4, dilations=(1, 2), members=2)
-    network = Tcn(config, torch.Generator().manual_seed(1))
-    inputs = torch.randn(6, 3, config.n_inputs, generator=torch.Generator().manual_seed(5))
-    kernel = tangent_kernel(network, config, inputs)
-    assert kernel.shape == (3, 6, 3, 6)
-    np.testing.assert_allclose(
-        kernel_with(network, config, inputs, inputs[:, 1:2]), kernel[:, :, 1], rtol=1e-5, atol=1e-6
-    )
-
-    def gradient(time: int, pulse: int) -> torch.Tensor:
-        gradients = torch.autograd.grad(network(inputs)[:, time, pulse].sum(), list(network.parameters()))
-        return torch.cat([g.flatten() for g in gradients])
-
-    for i, t, j, u in ((0, 0, 0, 0), (2, 5, 1, 3), (1, 2, 0, 4)):
-        expected = (gradient(t, i) @ gradient(u, j)).item() / 2
-        assert kernel[i, t, j, u] == pytest.approx(expected, rel=1e-4)
 
 
 def test_the_weakest_penalty_within_one_standard_error_is_taken() -> None:

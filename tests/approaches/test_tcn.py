@@ -53,7 +53,7 @@ def test_nothing_reaches_beyond_the_receptive_field(config: TcnConfig) -> None:
 
 def test_a_convolution_is_the_sum_of_eq_4() -> None:
     """Σ l(i) F(p − d i), written out for one channel, kernel 3 and dilation 2."""
-    convolution = tcn._CausalConv(1, 1, 1, 3, 2, torch.Generator().manual_seed(0))
+    convolution = tcn.CausalConv(1, 1, 1, 3, 2, torch.Generator().manual_seed(0))
     inputs = torch.randn(1, 12, 1, 1, generator=torch.Generator().manual_seed(1))
     taps = convolution.weight.flatten().tolist()  # the last tap is the present
     past = [0.0] * 4 + inputs.flatten().tolist()
@@ -63,7 +63,7 @@ def test_a_convolution_is_the_sum_of_eq_4() -> None:
 
 def test_many_taps_are_convolved_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     """The way for long kernels and the way for short ones give the same numbers."""
-    convolution = tcn._CausalConv(2, 3, 4, 10, 2, torch.Generator().manual_seed(0)).double()
+    convolution = tcn.CausalConv(2, 3, 4, 10, 2, torch.Generator().manual_seed(0)).double()
     inputs = torch.randn(2, 30, 2, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
     by_library = convolution(inputs)
     monkeypatch.setattr(tcn, "_MOST_PRODUCTS", 10)

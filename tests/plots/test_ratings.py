@@ -24,3 +24,17 @@ def test_the_heat_map_colours_change_where_the_grades_do() -> None:
     spans = {colour: [limit for limit, c in heat.colorscale if c == colour] for _, colour in heat.colorscale}
     assert list(spans.values()) == [[0, 0.58], [0.58, 0.8], [0.8, 0.94], [0.94, 1]]
     assert list(spans) == list(GRADE_COLOURS.values())
+
+
+def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> None:
+    """Error bars are lengths from the mark; a test without an approach has no mark of it."""
+    figure = plots.rating_spread(
+        {"A": {"fused": (0.9, 0.7, 0.95)}, "B": {"fused": (0.8, 0.6, 0.8), "lf_tcn": (0.5, 0.4, 0.6)}}
+    )
+    network, fused = figure.data
+    assert (network.name, fused.name) == ("LF TCN", "Fused")
+    assert len(network.x) == 1
+    np.testing.assert_allclose(fused.y, [0.9, 0.8])
+    np.testing.assert_allclose(fused.error_y.array, [0.05, 0.0], atol=1e-6)
+    np.testing.assert_allclose(fused.error_y.arrayminus, [0.2, 0.2], rtol=1e-6)
+    assert list(figure.layout.xaxis.ticktext) == ["A", "B"]

@@ -21,11 +21,12 @@ from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.config import StudyConfig
 from crashfuse.errors import DataError, Problem
 from crashfuse.estimate import Estimate
+from crashfuse.fold import Fold
 from crashfuse.formats.folder import load_campaign
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import GRID_S, Condition, Pulse
 from crashfuse.rating import rate_windows
-from crashfuse.study import Fold, Study
+from crashfuse.study import Study
 from crashfuse.ui import campaigns, computation, displacement
 
 APP = Path(__file__).parents[2] / "app.py"
@@ -79,10 +80,10 @@ def quick_study(
         test = campaign.test(test_id)
         prediction = predict(campaign, test.condition)
         estimates = tuple(Estimate(name, prediction, FITS.get(name, {}), 0.1) for name in config.approaches)
-        rating = rate_windows(test.pulse, Pulse(GRID_S, prediction.accel_mps2), config.windows_ms)
-        folds.append(Fold(test_id, estimates, dict.fromkeys(config.approaches, rating)))
+        folds.append(Fold.of(test, estimates, config.windows_ms))
         watch.report("Held-out predictions", len(folds), len(held_out), loss=0.1)
-    return Study(campaign, config, tuple(folds), {"held_out_tests": 1.0})
+    study = Study(campaign, config, tuple(folds), {"held_out_tests": 1.0})
+    return replace(study, speed_groups=study) if config.hold_out == "both" else study
 
 
 @pytest.fixture
@@ -438,7 +439,7 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert "Made for a test." in words(app)
     assert "Fitted to 300 points of a bias of 7.2 g" in words(app)
     assert fit["Known to a factor of"].tolist() == ["1.50"]
-    assert downloads(app) == ["scores.csv", "pulses.csv", "metrics.csv"]
+    assert downloads(app) == ["scores.csv", "pulses.csv", "metrics.csv", "report.html"]
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
@@ -533,16 +534,21 @@ def test_the_papers_bias_is_said_to_be_of_one_piece() -> None:
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
 def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
-    """Heat map, means, and the scores as a file."""
+    """Alone and by speed group: means, heat maps, the paper's tables, spread, calibration, and files."""
     app = start("study")
     assert not charts(app)
     finish(press(app, "Leave out each of 4 tests"))
-    assert charts(app) == 1
+    assert charts(app) == 4
+    assert "for this campaign" in words(app)
     study = quick_study(campaign, StudyConfig(), held_out=campaign.test_ids)
     assert tables(app)[0]["0–60 ms"][0].startswith(f"{study.mean_rating('cae', 60.0):.3f} ")
-    assert tables(app)[1]["Maximum crush"][0].endswith(f" of {len(study.folds)}")
+    means, groups, fifth, third, coverage = tables(app)
+    assert means.equals(groups)
+    assert fifth["Test"].tolist()[:4] == ["T1"] * 4
+    assert third["Approach"].tolist()[:2] == ["LF_TCN", "MF_TCN"]
+    assert coverage["Maximum crush"][0].endswith(f" of {len(study.folds)}")
     assert "no more can be promised" in words(app)
-    assert downloads(app) == ["scores.csv", "metrics.csv"]
+    assert downloads(app) == ["scores.csv", "metrics.csv", "speed_groups.csv", "report.html"]
 
 
 @pytest.mark.usefixtures("open_campaign")

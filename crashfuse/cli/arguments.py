@@ -1,0 +1,126 @@
+"""What the command line takes."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from crashfuse.cli import data, models, studies
+from crashfuse.version import __version__
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line as argparse knows it."""
+    root = argparse.ArgumentParser(
+        formatter_class=lambda prog: argparse.HelpFormatter(prog, max_help_position=16),
+        prog="crashfuse",
+        description="Fuse CAE crash pulses with physical full-frontal barrier tests; predict and rate pulses.",
+    )
+    root.add_argument("--version", action="version", version=f"crashfuse {__version__}")
+    commands = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    app = commands.add_parser("app", help="start the dashboard on 127.0.0.1")
+    app.add_argument("--port", type=_whole(1, 65535), default=8501, help="port to listen on (default: %(default)s)")
+    app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
+    app.set_defaults(run=data.app)
+
+    sample = commands.add_parser("sample", help="write the synthetic sample campaign")
+    sample.add_argument("folder", type=Path, metavar="DIR", help="folder to make; it must not hold anything yet")
+    sample.set_defaults(run=data.sample)
+
+    check = commands.add_parser("check", help="say what a campaign holds and what is wrong with it")
+    check.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    check.set_defaults(run=data.check)
+
+    study = commands.add_parser("study", help="leave out each test in turn, predict it, rate the prediction")
+    study.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    study.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
+    _add_model_options(study)
+    study.add_argument(
+        "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
+    )
+    study.add_argument(
+        "--hold-out",
+        choices=("test", "speed-group", "both"),
+        help="leave each test out alone, with all tests at about its speed, or both, one study after the other "
+        "(default: both, but test alone with --held-out or --preset paper)",
+    )
+    study.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one a core)")
+    study.add_argument("--resume", action="store_true", help="go on with the study that was begun in DIR")
+    study.set_defaults(run=studies.study)
+
+    predict = commands.add_parser("predict", help="predict the pulse at a condition that was never tested")
+    predict.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    for flag in ("--speed-mph", "--front-weight-lb", "--rear-weight-lb"):
+        predict.add_argument(flag, type=float, required=True, metavar=flag[2].upper())
+    _add_prediction_options(predict)
+    predict.set_defaults(run=models.predict)
+
+    train = commands.add_parser("train", help="learn from all tests and CAE runs, and save the models")
+    train.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    train.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the models")
+    _add_model_options(train)
+    train.set_defaults(run=models.train)
+
+    sweep = commands.add_parser("sweep", help="predict the pulse metrics over impact speed, at fixed weights")
+    sweep.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    sweep.add_argument(
+        "--speed-mph", nargs=2, type=float, metavar=("LOW", "HIGH"), help="default: where there are runs"
+    )
+    for flag in ("--front-weight-lb", "--rear-weight-lb"):
+        sweep.add_argument(flag, type=float, required=True, metavar=flag[2].upper())
+    _add_prediction_options(sweep)
+    sweep.set_defaults(run=models.sweep)
+
+    next_test = commands.add_parser("next-test", help="rank tests to run next by how much each would narrow the band")
+    next_test.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    for flag in ("--speed-mph", "--front-weight-lb", "--rear-weight-lb"):
+        next_test.add_argument(flag, nargs=2, type=float, metavar=("LOW", "HIGH"), help="range (default: the tests')")
+    next_test.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="the kind of vehicle (default: the usual)")
+    next_test.add_argument(
+        "--candidates", type=Path, metavar="FILE.csv", help="a table like tests.csv (default: a grid)"
+    )
+    next_test.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    next_test.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
+    next_test.set_defaults(run=models.next_test)
+
+    rate = commands.add_parser("rate", help="rate one pulse against another by ISO/TS 18571")
+    rate.add_argument("reference", type=Path, metavar="REFERENCE.csv", help="time_ms or _s, acceleration_g or _mps2")
+    rate.add_argument("comparison", type=Path, metavar="COMPARISON.csv")
+    rate.add_argument("--windows-ms", nargs="+", type=float, metavar="W", help="over 0 to W ms (default: 20 40 60)")
+    rate.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    rate.set_defaults(run=data.rate)
+    return root
+
+
+def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of the tests' table (powertrain=V6, say)")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    parser.add_argument("--models", type=Path, metavar="DIR", help="predict with the models that train saved there")
+    _add_model_options(parser)
+
+
+def _add_model_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--approach",
+        nargs="+",
+        metavar="NAME",
+        help="cae, lf_tcn, time_domain, displacement_domain, fused (default: all)",
+    )
+    parser.add_argument("--preset", choices=("fast", "paper"), help="settings: ours (default) or the paper's")
+    parser.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
+    parser.add_argument(
+        "--device", choices=("auto", "cpu", "cuda"), help="where networks are trained (default: auto, CUDA if any)"
+    )
+
+
+def _whole(low: int, high: int | None = None) -> Callable[[str], int]:
+    """Parser of a whole number within bounds, for argparse."""
+
+    def whole_number(text: str) -> int:
+        number = int(text)
+        if number < low or (high is not None and number > high):
+            raise argparse.ArgumentTypeError(f"must be {low} or more" if high is None else f"must be {low} to {high}")
+        return number
+
+    return whole_number

@@ -1,0 +1,182 @@
+"""Commands that learn from all tests of a campaign: train, predict, sweep, next-test."""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from crashfuse.errors import UsageError
+
+if TYPE_CHECKING:
+    from crashfuse.campaign import Campaign
+    from crashfuse.config import StudyConfig
+    from crashfuse.estimate import Fit
+    from crashfuse.pulse import Condition
+
+_BEST = 5
+
+
+def train(arguments: argparse.Namespace) -> None:
+    """Learn from all tests and save the models."""
+    from crashfuse.estimate import Fit
+    from crashfuse.formats.folder import load_campaign
+    from crashfuse.models import save_model
+    from crashfuse.progress import Watch
+    from crashfuse.progress_bar import ProgressBar
+
+    campaign = load_campaign(arguments.campaign)
+    config = _config(arguments)
+    with ProgressBar() as bar:
+        for name in config.approaches:
+            fit = Fit.of(campaign, name, config, watch=Watch(bar.show))
+            save_model(fit, campaign, _model_path(arguments.out, name))
+    print(f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs of {campaign.name}.")
+    print(f"Written to {arguments.out}: {', '.join(_model_path(Path(), name).name for name in config.approaches)}")
+
+
+def predict(arguments: argparse.Namespace) -> None:
+    """Predict the pulse at a new condition."""
+    from crashfuse.estimate import estimates_at
+    from crashfuse.formats.folder import load_campaign
+    from crashfuse.nearest import nearest_sentences
+    from crashfuse.recommendation import recommend_for
+    from crashfuse.results import write_prediction
+
+    _require_positive(arguments, "speed_mph", "front_weight_lb", "rear_weight_lb")
+    campaign = load_campaign(arguments.campaign)
+    condition = _condition(arguments, campaign, arguments.speed_mph)
+    fits = _fits(arguments, campaign)
+    estimates = estimates_at(fits, condition)
+    metrics = write_prediction(campaign, estimates, fits[0].config, arguments.out)
+    print(metrics.drop(columns="held_out").to_string(index=False, na_rep="", float_format="{:.4g}".format))
+    advice = recommend_for(estimates, campaign, condition).sentences
+    notes = (note for estimate in estimates for note in estimate.prediction.notes)
+    for sentence in dict.fromkeys((*advice, *nearest_sentences(campaign, condition), *notes, campaign.notice)):
+        if sentence:
+            print(sentence)
+    print(f"Written to {arguments.out}: pulses.csv, pulses.parquet, metrics.csv, report.html, prediction.json, isomme/")
+
+
+def sweep(arguments: argparse.Namespace) -> None:
+    """Predict the metrics over speed."""
+    import numpy as np
+
+    from crashfuse.formats.folder import load_campaign
+    from crashfuse.progress import Watch
+    from crashfuse.progress_bar import ProgressBar
+    from crashfuse.results import write_sweep
+    from crashfuse.sweep import sweep_speed, usual_speeds, weights_sentence
+    from crashfuse.units import MPH
+
+    _require_positive(arguments, "front_weight_lb", "rear_weight_lb")
+    campaign = load_campaign(arguments.campaign)
+    speeds = usual_speeds(campaign)
+    if arguments.speed_mph is not None:
+        low, high = arguments.speed_mph
+        if not 0 < low < high < float("inf"):
+            raise UsageError("--speed-mph takes a speed above 0 and a higher one.")
+        speeds = np.unique([low, *np.arange(np.ceil(low), np.floor(high) + 1), high]) * MPH
+    condition = _condition(arguments, campaign, speeds[0] / MPH)
+    fits = _fits(arguments, campaign)
+    with ProgressBar() as bar:
+        sweeps = sweep_speed(fits, condition, speeds, Watch(bar.show))
+    write_sweep(campaign, sweeps, fits[0].config, arguments.out)
+    print(f"{len(speeds)} speeds from {speeds[0] / MPH:.1f} to {speeds[-1] / MPH:.1f} mph.")
+    print(weights_sentence(condition, campaign.tests))
+    print(f"Written to {arguments.out}: sweep.csv, report.html")
+
+
+def next_test(arguments: argparse.Namespace) -> None:
+    """Rank tests to run next."""
+    from crashfuse.approaches.displacement_domain import DisplacementDomain
+    from crashfuse.estimate import Fit
+    from crashfuse.formats.folder import load_campaign
+    from crashfuse.formats.tables import read_candidates
+    from crashfuse.next_test import ConditionRange, next_tests_table, rank_next_tests
+    from crashfuse.progress import Watch
+    from crashfuse.progress_bar import ProgressBar
+    from crashfuse.results import write_next_tests
+    from crashfuse.units import LB, MPH
+
+    campaign = load_campaign(arguments.campaign)
+    over = ConditionRange.of(campaign.tests)
+    asked = (("speed_mps", arguments.speed_mph, MPH), ("front_weight_kg", arguments.front_weight_lb, LB))
+    for name, limits, unit in (*asked, ("rear_weight_kg", arguments.rear_weight_lb, LB)):
+        if limits is not None:
+            ends = [replace(end, **{name: x * unit}) for end, x in zip((over.low, over.high), limits, strict=True)]
+            over = ConditionRange(*ends)
+    if arguments.factor:
+        factors = tuple(_factor(text, campaign.factors) for text in arguments.factor)
+        over = ConditionRange(replace(over.low, factors=factors), replace(over.high, factors=factors))
+    candidates = read_candidates(arguments.candidates) if arguments.candidates else None
+    with ProgressBar() as bar:
+        fit = Fit.of(campaign, DisplacementDomain.name, _config(arguments), watch=Watch(bar.show))
+    assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
+    ranked = rank_next_tests(fit.approach, over, candidates)
+    write_next_tests(campaign, over, ranked, fit.config, arguments.out)
+    print(f"The band of the displacement domain over {over.low} to {over.high}:")
+    print(next_tests_table(ranked[:_BEST]).to_string(index=False))
+    print(f"Written to {arguments.out}: next_tests.csv, report.html")
+
+
+def _require_positive(arguments: argparse.Namespace, *names: str) -> None:
+    for name in names:
+        if not 0 < getattr(arguments, name) < float("inf"):
+            raise UsageError(f"--{name.replace('_', '-')} must be a number above 0.")
+
+
+def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mph: float) -> "Condition":
+    from crashfuse.pulse import Condition
+    from crashfuse.units import LB, MPH
+
+    factors = tuple(_factor(text, campaign.factors) for text in arguments.factor or ())
+    return Condition(speed_mph * MPH, arguments.front_weight_lb * LB, arguments.rear_weight_lb * LB, factors)
+
+
+def _model_path(folder: Path, approach: str) -> Path:
+    return folder / f"{approach}.safetensors"
+
+
+def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
+    """The approaches that are asked for, from saved models if there is a folder of them, else trained."""
+    from crashfuse.approaches import APPROACHES
+    from crashfuse.cache import Cache
+    from crashfuse.estimate import Fit
+    from crashfuse.models import load_model
+    from crashfuse.progress import Watch
+    from crashfuse.progress_bar import ProgressBar
+
+    if arguments.models is None:
+        config = _config(arguments)
+        with ProgressBar() as bar:
+            return [Fit.of(campaign, name, config, watch=Watch(bar.show)) for name in config.approaches]
+    if any(value is not None for value in (arguments.preset, arguments.seed, arguments.device)):
+        raise UsageError("Saved models have their preset and seed in them; leave out --preset, --seed and --device.")
+    saved = tuple(name for name in APPROACHES if _model_path(arguments.models, name).is_file())
+    if not saved:
+        raise UsageError(f"There is no saved model in {arguments.models}; make some with crashfuse train.")
+    names = tuple(dict.fromkeys(arguments.approach or saved))
+    fits = [load_model(_model_path(arguments.models, name), campaign, cache=Cache()) for name in names]
+    if len({(fit.config.preset, fit.config.seed) for fit in fits}) > 1:
+        raise UsageError(f"The models in {arguments.models} were trained with different presets or seeds.")
+    return fits
+
+
+def _config(arguments: argparse.Namespace) -> "StudyConfig":
+    from crashfuse.config import StudyConfig
+
+    given = {name: getattr(arguments, name, None) for name in ("preset", "seed", "device")}
+    if getattr(arguments, "approach", None):
+        given["approaches"] = tuple(dict.fromkeys(arguments.approach))
+    config = StudyConfig(**{name: value for name, value in given.items() if value is not None})
+    config.check()
+    return config
+
+
+def _factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:
+    name, _, value = text.partition("=")
+    if value not in known.get(name, ()):
+        choices = "; ".join(f"{name}={value}" for name, values in known.items() for value in values) or "none"
+        raise UsageError(f"No test has the factor {text!r}; the tests have: {choices}.")
+    return name, value

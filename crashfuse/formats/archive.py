@@ -1,0 +1,234 @@
+"""Zips from strangers: safe names, sizes counted while unpacking.
+
+Nothing that an archive says of itself is believed: what it unpacks to is counted a chunk at a time, and every name is
+checked before the first byte is read. Names must hold on every platform, so that what is accepted here can be copied
+anywhere.
+"""
+
+import stat
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import IO
+
+from crashfuse.errors import DataError, Problem
+
+_CHUNK = 1 << 20
+_HARMLESS = 1 << 20  # bytes: what any archive may unpack to, whatever its ratio
+_MOST_PROBLEMS = 20  # listed; the rest is counted
+_LONGEST_NAME, _LONGEST_PATH = 200, 1000  # bytes in UTF-8; file systems end at 255 a name
+_DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}
+_DEVICES |= {f"{port}{number}" for port in ("COM", "LPT") for number in "0123456789¹²³"}
+_SYSTEM_FILES = {"thumbs.db", "desktop.ini", "__macosx"}  # and whatever begins with a dot
+_ENCRYPTED = 0x1 | 0x40 | 0x2000  # bits of an entry's flags: classic, strong, directory too
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # the others may ask for any amount of memory
+_BROKEN = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    NotImplementedError,
+    RuntimeError,
+    ValueError,
+    OverflowError,
+    OSError,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How much an upload may hold, as unpacked.
+
+    Parameters
+    ----------
+    total_bytes, member_bytes : int
+        All files together (2 GiB: 100,000 CAE runs as Parquet), and one of them (1 GiB).
+    members : int
+        Entries of an archive, or files (20,000: a library of 10,000 runs with one file each, twice).
+    ratio : float
+        Bytes unpacked for each byte of the archive (100: tables of numbers reach 5 to 20, a bomb 1000 and more).
+    rows : int
+        Rows of a Parquet table, whose size tells nothing of them (200 million: 100,000 runs of 2000 samples).
+    """
+
+    total_bytes: int = 2 << 30
+    member_bytes: int = 1 << 30
+    members: int = 20_000
+    ratio: float = 100.0
+    rows: int = 200_000_000
+
+
+DEFAULT_LIMITS = Limits()
+
+
+class Budget:
+    """What may still be unpacked from one upload of ``packed`` bytes."""
+
+    def __init__(self, limits: Limits, packed: int) -> None:
+        self.limits = limits
+        self.total = 0
+        self._by_ratio = max(limits.ratio * packed, _HARMLESS)
+
+    def spend(self, count: int, member_bytes: int, where: str) -> None:
+        """Count a chunk of a member that has now reached ``member_bytes``.
+
+        Raises
+        ------
+        DataError
+            If that is more than the limits allow.
+        """
+        self.total += count
+        limits = self.limits
+        if self.total > self._by_ratio:
+            expected, found = f"at most {limits.ratio:g} times the size of the archive", "more: it is a zip bomb"
+            raise DataError(Problem(where, expected, found, "zip the folder anew"))
+        if member_bytes > limits.member_bytes:
+            expected, advice = f"at most {_size(limits.member_bytes)} a file", "split it, or save it as Parquet"
+            raise DataError(Problem(where, expected, "more", advice))
+        if self.total > limits.total_bytes:
+            raise too_much(where, limits)
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One file of an upload: its path there, how messages call it, and how to open it."""
+
+    path: PurePosixPath
+    where: str
+    opened: Callable[[], IO[bytes]]
+
+    def chunks(self, budget: Budget) -> Iterator[bytes]:
+        """Yield its content, unpacked, in pieces of at most 1 MiB.
+
+        Raises
+        ------
+        DataError
+            If it is damaged or too large.
+        """
+        size = 0
+        try:
+            with self.opened() as stream:
+                while chunk := stream.read(_CHUNK):
+                    size += len(chunk)
+                    budget.spend(len(chunk), size, self.where)
+                    yield chunk
+        except _BROKEN as error:
+            raise _damaged(self.where, error) from error
+
+
+def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
+    """List the files of a zip, without folders and what systems leave behind (``__MACOSX``, ``.DS_Store``).
+
+    Parameters
+    ----------
+    stream : binary file
+        Stays in use by the members.
+    name : str
+        What messages call the archive.
+    limits : Limits
+
+    Raises
+    ------
+    DataError
+        If it is no sound zip, has too many entries, or one that is encrypted, a link, packed in a rare way, or whose
+        name is a trick.
+    """
+    try:
+        archive = zipfile.ZipFile(stream)
+        entries = archive.infolist()
+    except _BROKEN as error:
+        raise _damaged(name, error) from error
+    if len(entries) > limits.members:
+        raise too_many(name, len(entries), limits)
+    problems, members = [], []
+    for entry in entries:
+        where = f"{name}: {shown(entry.orig_filename)}"
+        trouble = _entry_trouble(entry)
+        if trouble is not None:
+            problems.append(Problem(where, *trouble))
+        elif not entry.is_dir() and not left_by_the_system(entry.filename):
+            members.append(Member(PurePosixPath(entry.filename), where, _opener(archive, entry)))
+    refuse(problems, name)
+    return members
+
+
+def name_trouble(name: str) -> tuple[str, str, str] | None:
+    """What is expected, found and advised where a relative path would not be safe on every platform."""
+    parts = name.split("/")
+    found = None
+    if not name.isprintable():
+        found = "a character that cannot be printed"
+    elif "\\" in name:
+        found = "a backslash"
+    elif name.startswith("/"):
+        found = "an absolute path"
+    elif ":" in name:
+        found = "a drive letter or a colon"
+    elif any(part in ("", ".", "..") for part in parts):
+        found = "a path that leaves its folder"
+    elif any(part != part.strip(" ").rstrip(".") for part in parts):
+        found = "a name that ends in a dot or a space"
+    elif any(part.split(".")[0].rstrip().upper() in _DEVICES for part in parts):
+        found = "a name that Windows keeps for a device"
+    elif max(len(part.encode()) for part in parts) > _LONGEST_NAME or len(name.encode()) > _LONGEST_PATH:
+        found = "a name that is too long"
+    return None if found is None else ("a plain name in a folder", found, "rename it")
+
+
+def left_by_the_system(name: str) -> bool:
+    """Tell whether a path is of the kind that file managers leave behind."""
+    return any(part.startswith(".") or part.lower() in _SYSTEM_FILES for part in name.split("/"))
+
+
+def refuse(problems: list[Problem], name: str) -> None:
+    """Raise a DataError with the first of the problems and the count of the rest, if there are any."""
+    if len(problems) > _MOST_PROBLEMS:
+        rest = f"{len(problems) - _MOST_PROBLEMS} more like these"
+        problems = [*problems[:_MOST_PROBLEMS], Problem(name, "none", rest, "correct them too")]
+    if problems:
+        raise DataError(problems)
+
+
+def too_many(where: str, found: int, limits: Limits) -> DataError:
+    """More files than allowed."""
+    advice = "leave out what is not needed, or put all pulses of a source into one table"
+    return DataError(Problem(where, f"at most {limits.members} files", f"{found}", advice))
+
+
+def too_much(where: str, limits: Limits) -> DataError:
+    """More bytes than allowed."""
+    advice = "leave out what is not needed, or save the pulses as Parquet"
+    return DataError(Problem(where, f"at most {_size(limits.total_bytes)} in all", "more", advice))
+
+
+def shown(text: str, most: int = 120) -> str:
+    """Return a stranger's name, harmless to print."""
+    return (text if text.isprintable() else ascii(text))[:most]
+
+
+def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
+    """What is expected, found and advised where an entry of a zip is unfit."""
+    kind = stat.S_IFMT(entry.external_attr >> 16)
+    if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
+        return "files", "a link or a device", "zip the files themselves"
+    if entry.flag_bits & _ENCRYPTED:
+        return "files without a password", "an encrypted one", "zip them without a password"
+    if entry.compress_type not in _METHODS:
+        return "files packed by deflate", f"packing method {entry.compress_type}", "make an ordinary zip"
+    return name_trouble(entry.orig_filename.removesuffix("/"))
+
+
+def _opener(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Callable[[], IO[bytes]]:
+    return lambda: archive.open(entry)
+
+
+def _damaged(where: str, error: Exception) -> DataError:
+    found = f"a damaged one ({shown(str(error)) or type(error).__name__})"
+    return DataError(Problem(where, "a sound zip", found, "zip the folder anew"))
+
+
+def _size(count: int) -> str:
+    return f"{count / (1 << 30):.3g} GiB" if count >= 1 << 30 else f"{count / (1 << 20):.3g} MiB"

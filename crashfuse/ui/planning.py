@@ -1,0 +1,115 @@
+"""Planning on the page Predict: pulse metrics over speed, and which test to run next."""
+
+import io
+import zipfile
+from collections.abc import Mapping
+
+import streamlit as st
+
+from crashfuse.approaches.displacement_domain import DisplacementDomain
+from crashfuse.approaches.hierarchy import HierarchicalBias
+from crashfuse.errors import UsageError
+from crashfuse.metrics import METRIC_LABELS
+from crashfuse.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
+from crashfuse.plots.next_test import next_tests
+from crashfuse.plots.sweep import sweep_figure
+from crashfuse.pulse import Condition
+from crashfuse.report import next_test_report, sweep_report
+from crashfuse.report.planning import NEXT_TEST_MEANING
+from crashfuse.sweep import missing_over_speed, sweep_table, weights_sentence
+from crashfuse.ui import evidence
+from crashfuse.ui.computation import FitRequest, Fitted, SweepRequest
+from crashfuse.ui.frame import View
+from crashfuse.ui.panel import result_or_none
+from crashfuse.units import LB, MPH
+
+_BEST = 5
+
+
+def show_sweep(view: View, request: FitRequest, fitted: Fitted, condition: Condition) -> None:
+    """Show every metric over speed, at the weights that were chosen above."""
+    st.markdown("What each approach expects over impact speed, at the weights above, with the tests as points.")
+    sweeps = result_or_none(
+        SweepRequest(request, fitted, condition),
+        invitation="Some thirty speeds are predicted one after the other, which takes about ten seconds.",
+        button="Predict over speed",
+    )
+    if sweeps is None:
+        return
+    metric = st.selectbox(
+        "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep metric"
+    )
+    evidence.show_figure(
+        sweep_figure(sweeps, metric, view.campaign),
+        alt=f"{METRIC_LABELS[metric]} over impact speed, every approach with its band, tests as points",
+    )
+    st.caption(weights_sentence(condition, view.campaign.tests))
+    for sentence in missing_over_speed(sweeps, metric):
+        st.caption(sentence)
+    with st.container(horizontal=True):
+        evidence.download("sweep.csv", sweep_table(sweeps, view.campaign.tests))
+        evidence.download_report(lambda: sweep_report(view.campaign, sweeps, request.config), "sweep.html")
+
+
+def show_next_test(view: View, request: FitRequest, fitted: Fitted, factors: Mapping[str, str]) -> None:
+    """Show which test would narrow the band most, over a range that is set here."""
+    domains = [fit.approach for fit in fitted.fits if isinstance(fit.approach, DisplacementDomain)]
+    if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
+        st.info("The next test is chosen by the displacement domain's variance, under the fast settings.")
+        return
+    st.markdown(NEXT_TEST_MEANING)
+    campaign = view.campaign
+    usual = ConditionRange.of(campaign.tests)
+    ends = []
+    axes = (("Speeds (mph)", MPH, 0.5), ("Front weights (lb)", LB, 10.0), ("Rear weights (lb)", LB, 10.0))
+    library = campaign.cae.vectors
+    for column, (label, unit, step), axis in zip(st.columns(3), axes, range(3), strict=True):
+        low, high = (end.vector[axis] / unit for end in (usual.low, usual.high))
+        least = max(min(float(library[:, axis].min()) / unit, low), step)
+        most = max(float(library[:, axis].max()) / unit, high)
+        ends.append(
+            column.slider(
+                label, _down(least, step), _up(most, step), (_down(low, step), _up(high, step)), step=step,
+                key=f"range of {label} {campaign.fingerprint[:8]}", persist_state="session",
+                help="The range that you care about; all conditions in it count alike.",
+            )
+        )  # fmt: skip
+    kind = tuple(factors.items()) or usual.low.factors
+    low, high = (Condition(ends[0][i] * MPH, ends[1][i] * LB, ends[2][i] * LB, kind) for i in (0, 1))
+    try:
+        over = ConditionRange(low, high)
+        ranked = _ranked(request.key, over, domains[0])
+    except UsageError as error:
+        st.warning(str(error), icon=":material/warning:")
+        return
+    evidence.show_figure(
+        next_tests(ranked, campaign.tests), alt="How much each candidate would narrow the band, over its speed"
+    )
+    st.markdown(f"**The best {_BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
+    table = next_tests_table(ranked[:_BEST])
+    st.table(table.rename(columns=str.capitalize).astype(str).style.hide(axis="index"), border="horizontal")
+    with st.container(horizontal=True):
+        evidence.download("next_tests.csv", next_tests_table(ranked))
+        evidence.download_report(lambda: next_test_report(campaign, over, ranked, request.config), "next_test.html")
+
+
+@st.cache_data(show_spinner="Weighing candidates …", max_entries=32)
+def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> tuple[NextTest, ...]:  # noqa: ARG001
+    return rank_next_tests(_domain, over)
+
+
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """Files by relative path, as one zip."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def _down(value: float, step: float) -> float:
+    return step * int(value / step + 1e-6)
+
+
+def _up(value: float, step: float) -> float:
+    return -step * int(-value / step - 1 + 1e-6)

@@ -1,0 +1,61 @@
+"""What was refused and why, row by row."""
+
+from collections.abc import Sequence
+
+import pandas as pd
+import streamlit as st
+
+from crashfuse.errors import Problem
+from crashfuse.ui.text import plain
+
+_MOST_ROWS = 50  # shown; the file to download has all
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def problem_table(problems: Sequence[Problem]) -> pd.DataFrame:
+    """One row a problem: where it is, what was expected there, what was found, what to do.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+
+    Returns
+    -------
+    DataFrame
+        All cells are text.
+    """
+    return pd.DataFrame(
+        {
+            "File": problem.where,
+            "Row": "" if problem.row is None else str(problem.row),
+            "Column": problem.column or "",
+            "Expected": problem.expected,
+            "Found": problem.found,
+            "What to do": problem.advice[:1].upper() + problem.advice[1:],
+        }
+        for problem in problems
+    )
+
+
+def show_problems(problems: Sequence[Problem]) -> None:
+    """Show everything that is wrong with the data, and offer it as a file for whoever has to mend them."""
+    count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
+    st.error(f"**This campaign cannot be used: {count}.** Nothing of it was opened.", icon=":material/error:")
+    table = problem_table(problems)
+    with st.container(border=True, height=420 if len(table) > 8 else "content"):
+        st.table(table.head(_MOST_ROWS).map(plain).style.hide(axis="index"), border="horizontal")
+    if len(table) > _MOST_ROWS:
+        st.caption(f"The first {_MOST_ROWS}; problems.csv has all {len(table)}.")
+    st.download_button(
+        "problems.csv",
+        table.map(_no_formula).to_csv(index=False).encode(),
+        file_name="problems.csv",
+        mime="text/csv",
+        icon=":material/download:",
+        on_click="ignore",
+    )
+
+
+def _no_formula(cell: str) -> str:
+    """A cell that no spreadsheet takes for a formula: it may hold a stranger's file name."""
+    return f"'{cell}" if cell.startswith(_FORMULA) else cell
