@@ -13,11 +13,12 @@ import numpy as np
 from crashfuse.approaches import LABELS
 from crashfuse.config import HoldOut, StudyConfig
 from crashfuse.formats.folder import load_campaign
+from crashfuse.rating_tables import TABLE_3, best, rating_table
+from crashfuse.recommendation import recommend, recommend_for
 from crashfuse.study import Study, run_study
 
 _REPEATS = 0.975
 _WINDOW_MS = 60.0
-_TABLE_3 = {"lf_tcn": "LF_TCN", "time_domain": "MF_TCN"}  # the paper's names
 
 
 def main() -> None:
@@ -34,6 +35,7 @@ def main() -> None:
             if hold_out == "test":
                 _print_tests(study)
                 _print_table_3(study)
+                _print_recommendations(study)
 
 
 def _print_summary(study: Study) -> None:
@@ -65,16 +67,36 @@ def _print_tests(study: Study) -> None:
 
 
 def _print_table_3(study: Study) -> None:
-    """Print the overall ratings of each test before and after the fine-tuning, the better of the two in bold."""
-    windows = study.config.windows_ms
-    print("\n| Test | ISO score | " + " | ".join(f"(0, {window:g}) ms" for window in windows) + " |")
-    print("|---|---|" + "---:|" * len(windows))
+    table = rating_table(study, TABLE_3)
+    marked = best(table)
+    print("\n| Test | ISO score | " + " | ".join(table.columns) + " |")
+    print("|---|---|" + "---:|" * len(table.columns))
+    for row in table.index:
+        cells = (f"**{x:.3f}**" if top else f"{x:.3f}" for x, top in zip(table.loc[row], marked.loc[row], strict=True))
+        print(f"| {' | '.join(row)} | {' | '.join(cells)} |")
+
+
+def _print_recommendations(study: Study) -> None:
+    """Print what was recommended for each test before it was run, what was expected of it and what came."""
+    print("\n| Test | recommended | expected | left-out tests near it | rated |")
+    print("|---|---|---:|---|---:|")
+    errors, inside = [], 0
     for fold in study.folds:
-        scores = {name: [round(fold.ratings[name][window].overall, 3) for window in windows] for name in _TABLE_3}
-        best = [max(pair) for pair in zip(*scores.values(), strict=True)]
-        for name, label in _TABLE_3.items():
-            row = (f"**{x:.3f}**" if x == top else f"{x:.3f}" for x, top in zip(scores[name], best, strict=True))
-            print(f"| {fold.held_out} | {label} | " + " | ".join(row) + " |")
+        condition = study.campaign.test(fold.held_out).condition
+        rest = study.config.rest(study.campaign, fold.held_out)
+        advice = recommend_for(fold.estimates, rest, condition, _WINDOW_MS)
+        rated = fold.ratings[advice.approach][_WINDOW_MS].overall
+        if (expected := advice.expected) is None:
+            continue
+        errors.append(expected.mean - rated)
+        inside += expected.lowest <= rated <= expected.highest
+        near = f"{len(expected.tests)}: {expected.lowest:.3f}–{expected.highest:.3f}"
+        print(f"| {fold.held_out} | {LABELS[advice.approach]} | {expected.mean:.3f} | {near} | {rated:.3f} |")
+    print(
+        f"\nThe expected rating is {np.mean(errors):+.3f} off on average, {np.abs(errors).mean():.3f} in size; "
+        f"{inside} of {len(errors)} tests rated within the range of those near them.\n"
+    )
+    print("\n".join(recommend(study).sentences))
 
 
 def _overall(study: Study, approach: str) -> np.ndarray:

@@ -40,7 +40,7 @@ def test_every_documented_command_and_option_exists(capsys: pytest.CaptureFixtur
     documented = {
         entry.split()[1]: set(re.findall(r"--[a-z-]+", entry)) for entry in re.split(r"\n(?=crashfuse )", listing)
     }
-    commands = set(re.findall(r"^ {4}([a-z-]+) ", _help(capsys), flags=re.MULTILINE))
+    commands = set(re.findall(r"^ {4}([a-z-]+)(?: |$)", _help(capsys), flags=re.MULTILINE))
     assert set(documented) == commands
     for command, options in documented.items():
         assert set(re.findall(r"--[a-z-]+", _help(capsys, command))) - {"--help"} == options, command

@@ -11,7 +11,6 @@ from crashfuse.version import __version__
 def parser() -> argparse.ArgumentParser:
     """The command line as argparse knows it."""
     root = argparse.ArgumentParser(
-        formatter_class=lambda prog: argparse.HelpFormatter(prog, max_help_position=16),
         prog="crashfuse",
         description="Fuse CAE crash pulses with physical full-frontal barrier tests; predict and rate pulses.",
     )
