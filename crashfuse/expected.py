@@ -12,6 +12,7 @@ from crashfuse.units import MPH
 
 _REACH_MPS = 5 * MPH
 _LEAST = 3  # tests, however far away
+_BESIDE_MPS = 1 * MPH  # a test this near is beside the condition
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,5 +97,5 @@ def expected_rating(
         float(window_ms),
         tuple(test.id for test in near),
         away(near[-1].condition.speed_mps),
-        bool(np.abs(speeds - condition.speed_mps).min() > max(gaps)),
+        bool(np.abs(speeds - condition.speed_mps).min() > max(*gaps, _BESIDE_MPS)),
     )

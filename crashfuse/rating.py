@@ -30,7 +30,9 @@ SHORTEST_WINDOW_S = 0.01
 GRADES = ((0.94, "Excellent"), (0.80, "Good"), (0.58, "Fair"))
 """Each grade with the overall rating that has to be exceeded to earn it; all else is Poor."""
 
-_INNER, _OUTER = 0.05, 0.5  # half widths of the corridors, as shares of max |T|
+INNER_CORRIDOR, OUTER_CORRIDOR = 0.05, 0.5
+"""Half widths of the corridors, as shares of the largest |T|."""
+
 _MAX_SHIFT = 0.2  # share of the samples
 _WARP_BAND = 0.1  # share of the overlap
 _MAGNITUDE_LIMIT, _SLOPE_LIMIT = 0.5, 2.0  # relative errors from which the score is 0
@@ -205,7 +207,7 @@ def _rate(reference: FloatArray, comparisons: FloatArray) -> list[Rating]:
 def _corridor(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
     """1 inside the inner corridor, 0 outside the outer one, a parabola between; the mean over time."""
     norm = np.abs(reference).max()
-    inner, outer = _INNER * norm, _OUTER * norm
+    inner, outer = INNER_CORRIDOR * norm, OUTER_CORRIDOR * norm
     distance = np.abs(comparisons - reference)
     mean: FloatArray = (np.clip((outer - distance) / (outer - inner), 0.0, 1.0) ** 2).mean(axis=-1)
     return mean

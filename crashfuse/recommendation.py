@@ -124,7 +124,8 @@ def recommend(study: Study) -> Recommendation:
         )
     if study.speed_groups is not None:
         apart = _Verdict(study.speed_groups)
-        sentences.append(f"Where no test of about the same speed was left to learn from: {apart.ratings_of(chosen)}")
+        told = apart.ratings_of(chosen)
+        sentences.append(f"Where no test of about the same speed was left to learn from: {told[0].lower()}{told[1:]}")
     return Recommendation(chosen, tuple(sentences))
 
 

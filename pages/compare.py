@@ -4,7 +4,9 @@ import streamlit as st
 
 from crashfuse.approaches import LABELS
 from crashfuse.metrics import pulse_metrics
-from crashfuse.plots import pulses as plots
+from crashfuse.plots.corridors import add_corridors
+from crashfuse.plots.pulses import motion
+from crashfuse.plots.residuals import residuals
 from crashfuse.recommendation import recommend_for
 from crashfuse.report import study_report
 from crashfuse.tables import pulses_table, scores_table, study_metrics
@@ -12,6 +14,10 @@ from crashfuse.ui import displacement, evidence, frame, network, tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.panel import result_of
 
+CORRIDORS_HELP = (
+    "ISO/TS 18571: a curve scores 1 inside the inner corridor about the test, 0 outside the outer one. They "
+    "are 5 % and 50 % of the largest acceleration in the rated window wide, to either side."
+)
 DRAWS_HELP = (
     "Where 95 % of the ratings lie of single pulses drawn from the band, each rated against the test. A draw has every "
     "wiggle in another place, so it rates lower than the expected pulse."
@@ -46,17 +52,32 @@ for column, (name, by_window) in zip(st.columns(len(fold.ratings)), fold.ratings
 evidence.show_recommendation(
     recommend_for(fold.estimates, config.rest(campaign, test.id), test.condition, view.window_ms).sentences
 )
-evidence.show_figure(
-    plots.motion(
+left, right = st.columns([3, 2], vertical_alignment="center")
+shown = left.segmented_control(
+    "Figure", ["Motion", "Residuals"], default="Motion", required=True, key="compared", persist_state="session",
+    label_visibility="collapsed",
+)  # fmt: skip
+if shown == "Motion":
+    corridors = right.toggle("Corridors of the rating", key="corridors", persist_state="session", help=CORRIDORS_HELP)
+    figure = motion(
         test.pulse,
         predictions,
         speed_mps=test.condition.speed_mps,
         window_ms=view.window_ms,
         unit=view.unit,
         deceleration=view.deceleration,
-    ),
-    alt=f"Acceleration, velocity and displacement over time: test {test.id} and every prediction of it",
-)
+    )
+    if corridors:
+        add_corridors(figure, test.pulse, view.window_ms, unit=view.unit, deceleration=view.deceleration)
+    alt = f"Acceleration, velocity and displacement over time: test {test.id} and every prediction of it"
+else:
+    figure = residuals(
+        test.pulse, predictions, window_ms=view.window_ms, unit=view.unit, deceleration=view.deceleration
+    )
+    alt = f"Every prediction of test {test.id} minus what was measured, over time"
+evidence.show_figure(figure, alt=alt)
+if shown == "Residuals":
+    st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
 
 network.show(view, fold)
 displacement.show(view, config, predictions)

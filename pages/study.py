@@ -42,11 +42,15 @@ def show_ratings(study: Study, way: str) -> None:
         for fold in study.folds
     }
     st.markdown(f"**Each test, {window}**")
-    evidence.show_figure(
+    chosen = evidence.clickable(
         rating_heatmap(overall),
         alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables below",
         key=way,
+        on_click=lambda test_id: frame.choose_held_out(campaign.test(test_id)),
     )
+    if chosen:
+        st.switch_page(frame.pages()["compare"])
+    st.caption("Click a cell to open its test on the page Compare.")
 
 
 evidence.show_recommendation(recommend(study).sentences)
@@ -60,11 +64,6 @@ st.caption("ISO/TS 18571: Excellent above 0.94, Good above 0.80, Fair above 0.58
 for test in campaign.tests:
     for note in campaign.cae.extrapolation(test.condition):
         st.caption(f":material/warning: {test.id}: {note}")
-
-st.subheader("Tables of the paper")
-fifth, third = st.tabs(["Table 5: approaches against the CAE", "Table 3: the network before and after the tests"])
-fifth.table(tables.paper_table(study, TABLE_5), border="horizontal")
-third.table(tables.paper_table(study, TABLE_3), border="horizontal")
 
 if study.coverage:
     st.subheader(f"How sure the ratings are, {window}")
@@ -95,6 +94,10 @@ if study.coverage:
         alt="Share of the time up to t0 at which a(t) lies inside bands of each level, by approach",
     )
     st.caption("Above the dotted line a band is wider than it need be, below it too narrow.")
+with st.expander("Every rating, in the form of the paper's tables", icon=":material/table:"):
+    fifth, third = st.tabs(["Table 5: approaches against the CAE", "Table 3: the network before and after the tests"])
+    fifth.table(tables.paper_table(study, TABLE_5), border="horizontal")
+    third.table(tables.paper_table(study, TABLE_3), border="horizontal")
 with st.container(horizontal=True):
     evidence.download("scores.csv", scores_table(study))
     evidence.download("metrics.csv", study_metrics(study))

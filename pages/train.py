@@ -2,7 +2,7 @@
 
 import streamlit as st
 
-from crashfuse.approaches import APPROACHES, LABELS
+from crashfuse.approaches import APPROACHES, DEVICES, LABELS
 from crashfuse.ui import frame
 from crashfuse.ui.computation import StudyRequest, chosen_config, jobs
 from crashfuse.ui.panel import show_end, show_job
@@ -37,10 +37,28 @@ right.radio(
     key="preset",
     persist_state="session",
 )
-right.number_input(
-    "Seed", min_value=0, max_value=2**31 - 1, value=0, step=1, key="seed", persist_state="session",
-    help="Same seed, same numbers.",
-)  # fmt: skip
+with right.expander("Advanced", icon=":material/tune:"):
+    st.number_input(
+        "Seed", min_value=0, max_value=2**31 - 1, value=0, step=1, key="seed", persist_state="session",
+        help="Of all that is random. Same seed, same numbers.",
+    )  # fmt: skip
+    st.radio(
+        "Leave out with a test",
+        ["test", "speed group"],
+        format_func={"test": "Nothing else", "speed group": "All tests at about its speed"}.__getitem__,
+        key="hold_out",
+        persist_state="session",
+        help="Without any test at about its speed the prediction is a step to a new speed: the harder question. "
+        "Tests less than 2 mph apart are at about one speed.",
+    )
+    st.radio(
+        "Networks are trained on",
+        DEVICES,
+        format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
+        key="device",
+        persist_state="session",
+        help="GPU means CUDA. Numbers of different devices differ in their last digits.",
+    )
 config = chosen_config()
 if config.preset == "paper":
     st.warning(

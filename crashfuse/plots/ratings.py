@@ -46,6 +46,16 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
         ygap=2,
         showscale=False,
     )
+    names = [LABELS[name].replace(" domain", "<br>domain") for name in approaches]
+    figure.add_scatter(  # cells of a heat map can't be clicked, marks can
+        x=names * len(tests),
+        y=[row for row in rows[:-1] for _ in approaches],
+        customdata=[test for test in tests for _ in approaches],
+        mode="markers",
+        marker={"symbol": "square", "size": 26, "opacity": 0},
+        hoverinfo="skip",
+        showlegend=False,
+    )
     figure.update_layout(
         hovermode="closest",
         dragmode=False,

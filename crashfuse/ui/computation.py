@@ -47,6 +47,8 @@ def chosen_config() -> StudyConfig:
         approaches=tuple(name for name in APPROACHES if name in state.get("approaches", APPROACHES)),
         preset=state.get("preset", "fast"),
         seed=int(state.get("seed", 0)),
+        hold_out=state.get("hold_out", "test"),
+        device=state.get("device", "auto"),
     )
 
 

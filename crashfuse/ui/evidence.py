@@ -1,6 +1,7 @@
 """What a page shows for its claims: figures, remarks of the approaches, and the numbers to take away."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -10,22 +11,40 @@ from crashfuse.approaches import LABELS, Prediction
 from crashfuse.estimate import Estimate
 from crashfuse.fits import fit_sentences, fit_table
 from crashfuse.metrics import Metric, missing_sentences
+from crashfuse.plots.canvas import darkened
 from crashfuse.plots.palette import GRADE_COLOURS
+
+_TOOLS = {
+    "displaylogo": False,
+    "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
+    "toImageButtonOptions": {"format": "svg", "filename": "crashfuse"},
+}
 
 
 def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:
     """Show a figure as it is, with the tools of use on a curve; ``alt`` tells those who can't see it what it shows."""
-    st.plotly_chart(
-        figure,
-        alt=alt,
-        key=key,
-        theme=None,
-        config={
-            "displaylogo": False,
-            "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
-            "toImageButtonOptions": {"format": "svg", "filename": "crashfuse"},
-        },
+    st.plotly_chart(_in_theme(figure), alt=alt, key=key, theme=None, config=_TOOLS)
+
+
+def clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[str], None]) -> bool:
+    """Show a figure whose marks stand for something, and tell ``on_click`` which; whether one has been clicked."""
+
+    def take() -> None:
+        for point in _points(st.session_state[key]):
+            on_click(point)
+
+    event = st.plotly_chart(
+        _in_theme(figure), alt=alt, key=key, theme=None, config=_TOOLS, on_select=take, selection_mode="points"
     )
+    return bool(_points(event))
+
+
+def _points(event: Any) -> list[str]:  # noqa: ANN401 - Streamlit gives it two forms
+    return [str(point["customdata"]) for point in event["selection"]["points"] if "customdata" in point]
+
+
+def _in_theme(figure: go.Figure) -> go.Figure:
+    return darkened(figure) if st.context.theme.type == "dark" else figure
 
 
 def show_grade(grade: str) -> None:

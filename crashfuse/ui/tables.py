@@ -83,6 +83,7 @@ def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
     bold = best(table).reset_index(drop=True).map(lambda is_best: "font-weight: 700" if is_best else "")
     shown = table.map("{:.3f}".format).reset_index()
     marks = bold.reindex(columns=shown.columns, fill_value="")
+    shown["Test"] = shown["Test"].where(~shown["Test"].duplicated(), "")  # named once, as in the paper
     return _plain(shown).apply(lambda _: marks, axis=None)
 
 

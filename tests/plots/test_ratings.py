@@ -9,7 +9,7 @@ from crashfuse.plots.palette import GRADE_COLOURS
 def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
     """Grades hold above 0.94, 0.80 and 0.58 (ISO/TS 18571), not at them."""
     scores = {"A": {"cae": 0.58, "lf_tcn": 0.81}, "B": {"cae": 0.80, "lf_tcn": 0.95}}
-    (heat,) = plots.rating_heatmap(scores).data
+    heat, _ = plots.rating_heatmap(scores).data
     assert [list(row) for row in heat.text] == [
         ["0.580  Poor", "0.810  Good"],
         ["0.800  Fair", "0.950  Excellent"],
@@ -20,10 +20,18 @@ def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
 
 def test_the_heat_map_colours_change_where_the_grades_do() -> None:
     """Each grade's colour spans its range of ratings."""
-    (heat,) = plots.rating_heatmap({"A": {"cae": 0.5}}).data
+    heat, _ = plots.rating_heatmap({"A": {"cae": 0.5}}).data
     spans = {colour: [limit for limit, c in heat.colorscale if c == colour] for _, colour in heat.colorscale}
     assert list(spans.values()) == [[0, 0.58], [0.58, 0.8], [0.8, 0.94], [0.94, 1]]
     assert list(spans) == list(GRADE_COLOURS.values())
+
+
+def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
+    """An invisible mark in it names its test."""
+    _, marks = plots.rating_heatmap({"A": {"cae": 0.5, "fused": 0.9}, "B": {"cae": 0.6, "fused": 0.8}}).data
+    assert list(marks.customdata) == ["A", "A", "B", "B"]
+    assert list(marks.y) == ["Test A", "Test A", "Test B", "Test B"]
+    assert list(marks.x) == ["CAE", "Fused"] * 2
 
 
 def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> None:
