@@ -75,7 +75,7 @@ class Approach(ABC):
             If called before :meth:`fit`.
         """
 
-    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:  # noqa: ARG002 - others need it
         """What it expects of each test that it learned from, as if that test had not been run.
 
         Parameters

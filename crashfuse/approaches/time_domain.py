@@ -15,18 +15,16 @@ from crashfuse.approaches.increments import PENALTIES, Increments, Outlook
 from crashfuse.approaches.learned import Learned
 from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.lf_tcn import LfTcn, TcnApproach, thinned
+from crashfuse.approaches.stopping import SMOOTH_S, Stopping, stopping_notes
 from crashfuse.approaches.tangent import Tangent, tangent_kernel, tangents
 from crashfuse.approaches.training import fine_tune, mean_outputs
 from crashfuse.calibration import Calibration, Coverage, calibrate
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import DT_S, GRID_S, Condition, FloatArray, kinematics
+from crashfuse.pulse import DT_S, Condition, FloatArray
 
-_SMOOTH_S = 0.0032  # increments deviate faster than cars do, and draws that wiggle too fast have too high a peak
 _DRIFT_MPS = 12.0  # over which increments change: what 10 mph tell of 35 mph is not all that 30 mph tell
-_LEAST_SPREAD = 0.02  # of the share of v0 that is left at the end of the record, however alike the tests
-_UNKNOWN_SPREAD = 0.1  # with a single test
 _HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
@@ -87,7 +85,7 @@ class TimeDomain(TcnApproach):
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         shares = self._targets(accel)
         self._end_shares = np.array(
-            [self._end_share(t.condition, s) for t, s in zip(campaign.tests, shares, strict=True)]
+            [self._stopping(t.condition).end_share(s) for t, s in zip(campaign.tests, shares, strict=True)]
         )
         return accel
 
@@ -155,8 +153,8 @@ class TimeDomain(TcnApproach):
         late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
         self.calibration_ = Calibration(first, tuple(check(first, late)), late)
         self.left_out_ = LeftOut.of(pulses)
-        ends = np.array([self._end_share(test.condition, o.mean) for test, o in zip(tests, left_out, strict=True)])
-        self._delta_v_misfit = float(np.abs(ends - self._end_shares).mean())
+        ends = [self._stopping(test.condition).end_share(o.mean) for test, o in zip(tests, left_out, strict=True)]
+        self._delta_v_misfit = float(np.abs(np.array(ends) - self._end_shares).mean())
 
     @cached_property
     def _tangents(self) -> list[Tangent]:
@@ -171,43 +169,13 @@ class TimeDomain(TcnApproach):
         kernel = tangent_kernel(self.network_, self._tangents, others)
         return kernel * self._alike(vectors)[:, None, :, None]
 
-    def _change(self, condition: Condition) -> FloatArray:
-        """Change of velocity over the record, as a share of v0, that each output of the network means."""
-        time = GRID_S[:: self.config.stride]
-        weights = np.full(time.size, time[1])
-        weights[[0, -1]] /= 2
-        change: FloatArray = weights * self.scaling_.outputs(condition.vector[None], self.config) / condition.speed_mps
-        return change
-
-    def _end_share(self, condition: Condition, outputs: FloatArray) -> float:
-        """Share of v0 that is left at the end of the record; below 0 after a rebound."""
-        return float(1 + self._change(condition) @ outputs)
+    def _stopping(self, condition: Condition) -> Stopping:
+        return Stopping.of(condition, self.scaling_, self.config)
 
     def _stopped(self, condition: Condition, lf: FloatArray, outlook: Outlook, end_shares: FloatArray) -> Outlook:
-        """The output that is expected of a vehicle that stops and bounces back about as those in the tests did.
-
-        The paper's Eq. 11 over the whole record, taken as one more measurement: acceleration must integrate to ΔV.
-        """
-        outlook = Outlook(lf + outlook.mean, outlook.covariance).smoothed(_SMOOTH_S / (DT_S * self.config.stride))
-        if not len(end_shares):
-            return outlook
-        spread = max(float(end_shares.std(ddof=1)), _LEAST_SPREAD) if len(end_shares) > 1 else _UNKNOWN_SPREAD
-        change = self._change(condition)
-        known = change, float(end_shares.mean()) - 1, spread**2
-        stopped = outlook.given(*known)
-        after = self._after_t0(condition, outlook.mean)
-        if not after.any():
-            return stopped
-        # The expected pulse brings the vehicle to its stop, so only what comes after that is put right.
-        return Outlook(outlook.given(*known, where=after).mean, stopped.covariance)
-
-    def _after_t0(self, condition: Condition, outputs: FloatArray) -> FloatArray:
-        """Weights that rise from 0 to 1 where these outputs have brought the vehicle to its stop."""
-        share_left = 1 + np.cumsum(self._change(condition) * outputs)
-        time = GRID_S[:: self.config.stride]
-        t0 = time[np.argmax(share_left <= 0)] if (share_left <= 0).any() else time[-1]
-        after: FloatArray = 1 - np.exp(-np.maximum(time - t0, 0.0) / _SMOOTH_S)
-        return after
+        """LF networks and increments together, no rougher than cars are, of a vehicle that stops."""
+        outlook = Outlook(lf + outlook.mean, outlook.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
+        return self._stopping(condition).imposed(outlook, end_shares)
 
     def _alike(self, vectors: FloatArray) -> FloatArray:
         """How alike increments at the tests and at other conditions are, shape (n_tests, n): they drift with speed."""
@@ -222,7 +190,7 @@ class TimeDomain(TcnApproach):
         normal = outlook.draw(n_draws, rng)
         # the variance itself is learned from a handful of tests: Student's t
         factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
-        wide = widening + (late - widening) * self._after_t0(condition, outlook.mean)
+        wide = widening + (late - widening) * self._stopping(condition).after_t0(outlook.mean)
         deviations = factors[:, None] * normal * wide
         outputs = outlook.mean + np.vstack([np.zeros(n_times), deviations])
         return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
@@ -246,7 +214,7 @@ class TimeDomain(TcnApproach):
         with threadpool_limits(1):  # small matrices, and the same numbers whatever the machine has
             outlook = self._stopped(condition, expected, self.increments_.outlook(across, own), self._end_shares)
             pulses = self._pulses(condition, outlook, check.widening, check.late_widening or check.widening)
-        notes = lf.notes + _stopping(condition, pulses[0], lf.accel_mps2)
+        notes = lf.notes + stopping_notes(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
@@ -278,15 +246,3 @@ class TimeDomain(TcnApproach):
             "left_out_delta_v_misfit": round(self._delta_v_misfit, 4),
             "band_check": self.calibration_.state,
         }
-
-
-def _stopping(condition: Condition, pulse: FloatArray, lf: FloatArray) -> tuple[str, ...]:
-    """A sentence if the predicted pulse does not stop the vehicle although the CAE model's does."""
-    motion = kinematics(np.array([pulse, lf]), condition.speed_mps, DT_S)
-    if not (np.isnan(motion.t0_s[0]) and np.isfinite(motion.t0_s[1])):
-        return ()
-    left = motion.velocity_mps[0].min() / condition.speed_mps
-    return (
-        f"The predicted pulse does not stop the vehicle within {GRID_S[-1] * 1e3:.0f} ms, as the CAE model's does: "
-        f"{left:.1%} of the impact speed is left.",
-    )

@@ -12,27 +12,17 @@ import plotly.graph_objects as go
 from plotly.colors import hex_to_rgb
 
 from crashfuse.approaches import LABELS, Prediction
-from crashfuse.approaches.bias import BiasPart, BiasPoints
 from crashfuse.approaches.dynamics import replay
-from crashfuse.campaign import CrashTest
 from crashfuse.energy import energy_crush
 from crashfuse.loading import LoadingPhase, loading_phase
 from crashfuse.plots.canvas import LEGEND_ABOVE, Unit, accel_scale, accel_title, new_figure
-from crashfuse.plots.palette import COLOURS, DASHES, MEASURED_COLOUR, speed_lines
+from crashfuse.plots.palette import COLOURS, DASHES, MEASURED_COLOUR
 from crashfuse.pulse import FloatArray, Pulse
-from crashfuse.units import MPH, MS
+from crashfuse.units import MS
 
 _MM, _KJ = 1e-3, 1e3
 _STEP_M = 0.004  # of bands: a quarter of what a CFC 60 pulse resolves
 _MARK_S = 0.004  # between marks of what was integrated
-_PARTS: Mapping[str, str] = {
-    "shared": "Shared",
-    "by speed": "By speed",
-    "by weight": "By weight",
-    "ratio": "Ratio × CAE",
-    "own": "The test's own",
-    "total": "Total, the sum of the parts below",
-}
 
 
 def over_displacement(
@@ -64,7 +54,7 @@ def over_displacement(
     -------
     plotly.graph_objects.Figure
     """
-    figure = _new_figure(height=460)
+    figure = displacement_figure(height=460)
     scale = accel_scale(unit, deceleration)
     crush: dict[str, tuple[float, float]] = {}
     for name, prediction in predictions.items():
@@ -72,7 +62,7 @@ def over_displacement(
             draws = [loading_phase(draw, speed_mps) for draw in prediction.draws_mps2]
             lower, upper = np.quantile([draw.crush_m for draw in draws], [0.025, 0.975])
             crush[name] = float(lower), float(upper)
-            _band(figure, *(_band_of(draws)), scale, COLOURS[name], legendgroup=name)
+            draw_band(figure, *(_band_of(draws)), scale, COLOURS[name], legendgroup=name)
     for name, prediction in predictions.items():
         line = {"color": COLOURS[name], "width": 2, "dash": DASHES.get(name, "solid")}
         label = LABELS[name] + (" (95 % band)" if name in crush else "")
@@ -82,48 +72,7 @@ def over_displacement(
         _curve(figure, loading_phase(measured.accel_mps2, speed_mps), scale, "Test", line, None, "test")
     figure.update_layout(LEGEND_ABOVE)
     figure.update_yaxes(title=accel_title(unit, deceleration))
-    return _fit(figure)
-
-
-def bias_by_speed(
-    tests: Sequence[CrashTest],
-    biases: Sequence[BiasPoints],
-    *,
-    highlight: str | None = None,
-    unit: Unit = "g",
-    deceleration: bool = False,
-) -> go.Figure:
-    """Draw what the CAE model got wrong in each test, over displacement and coloured by speed (Fig. 16).
-
-    Parameters
-    ----------
-    tests : sequence of CrashTest
-    biases : sequence of BiasPoints
-        Of these tests, in their order.
-    highlight : str, optional
-        Id of the test to draw thick (the held-out one).
-    unit, deceleration
-        As in :func:`over_displacement`.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
-    """
-    figure = _new_figure(height=460)
-    scale = accel_scale(unit, deceleration)
-    lines = speed_lines(tests)
-    for test, bias in sorted(zip(tests, biases, strict=True), key=lambda pair: pair[0].condition.speed_mps):
-        thick = test.id == highlight
-        _line(
-            figure,
-            bias.displacement_m,
-            bias.bias_mps2 * scale,
-            name=f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph" + (" (held out)" if thick else ""),
-            line={**lines[test.id], "width": 4 if thick else 1.7},
-        )
-    figure.update_layout(legend={"title": "Test · speed"})
-    figure.update_yaxes(title=f"Bias, test − CAE ({unit})")
-    return _fit(figure)
+    return fit_axis(figure)
 
 
 def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], *, speed_mps: float) -> go.Figure:
@@ -178,68 +127,6 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
     return figure
 
 
-def bias_parts(
-    parts: Sequence[BiasPart],
-    displacement_m: FloatArray,
-    measured: BiasPoints | None = None,
-    *,
-    unit: Unit = "g",
-    deceleration: bool = False,
-) -> go.Figure:
-    """Draw the parts of the bias that is expected at a condition, and their total, each with its 95 % band.
-
-    Parameters
-    ----------
-    parts : sequence of BiasPart
-        The total last.
-    displacement_m : ndarray, shape (n,)
-        Where they are given, in m.
-    measured : BiasPoints, optional
-        The held-out test's own bias, black over the total: what was to be foreseen.
-    unit, deceleration
-        As in :func:`over_displacement`.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
-    """
-    figure = _new_figure(height=640)
-    x_style, y_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
-    *some, total = parts
-    figure.set_subplots(
-        2, len(some), specs=[[{"colspan": len(some)}, *[None] * (len(some) - 1)], [{}] * len(some)],
-        row_heights=[0.6, 0.4], horizontal_spacing=0.015, vertical_spacing=0.14,
-        subplot_titles=[_PARTS.get(part.name, part.name) for part in (total, *some)],
-    )  # fmt: skip
-    figure.update_annotations(font_size=14)
-    figure.update_xaxes(x_style)
-    figure.update_yaxes(y_style)
-    scale, colour = accel_scale(unit, deceleration), COLOURS["displacement_domain"]
-    places = [{"row": 1, "col": 1}, *({"row": 2, "col": number + 1} for number in range(len(some)))]
-    for part, place in zip((total, *some), places, strict=True):
-        first = part is total
-        _band(
-            figure, displacement_m, part.lower_mps2, part.upper_mps2, scale, colour,
-            name="95 % band", showlegend=first, legendgroup="band", **place,
-        )  # fmt: skip
-        _line(
-            figure, displacement_m, part.mean_mps2 * scale, name="Expected", line={"color": colour, "width": 2},
-            showlegend=first, legendgroup="mean", **place,
-        )  # fmt: skip
-    if measured is not None:
-        _line(
-            figure, measured.displacement_m, measured.bias_mps2 * scale, name="Measured in this test",
-            line={"color": MEASURED_COLOUR, "width": 2.5}, **places[0],
-        )  # fmt: skip
-    figure.update_layout(LEGEND_ABOVE, margin={"t": 64}, legend={"y": 1.06})
-    figure.update_xaxes(title=None)
-    figure.update_xaxes(title="Displacement (mm)", row=2, col=(len(some) + 1) // 2)
-    bounds = scale * np.array([[part.lower_mps2, part.upper_mps2] for part in some])
-    figure.update_yaxes(range=[1.05 * bounds.min(), 1.05 * bounds.max()], showticklabels=False, row=2)  # to be compared
-    figure.update_yaxes(title=f"Bias, test − CAE ({unit})", showticklabels=True, col=1)
-    return _fit(figure)
-
-
 def energy_over_crush(
     measured: Pulse | None, predictions: Mapping[str, Prediction], *, speed_mps: float, mass_kg: float
 ) -> go.Figure:
@@ -256,41 +143,42 @@ def energy_over_crush(
     -------
     plotly.graph_objects.Figure
     """
-    figure = _new_figure(height=460)
+    figure = displacement_figure(height=460)
     scale = mass_kg / _KJ
     for name, prediction in predictions.items():
         found = energy_crush(prediction.accel_mps2, speed_mps, draws_mps2=prediction.draws_mps2)
         has_band = found.lower_jpkg is not None and found.upper_jpkg is not None
         if found.lower_jpkg is not None and found.upper_jpkg is not None:
             limits = found.lower_jpkg, found.upper_jpkg
-            _band(figure, found.crush_m, *limits, scale, COLOURS[name], legendgroup=name)
+            draw_band(figure, found.crush_m, *limits, scale, COLOURS[name], legendgroup=name)
         line = {"color": COLOURS[name], "width": 2, "dash": DASHES.get(name, "solid")}
         label = LABELS[name] + (" (95 % band)" if has_band else "")
-        _line(figure, found.crush_m, found.energy_jpkg * scale, name=label, line=line, legendgroup=name)
+        draw_line(figure, found.crush_m, found.energy_jpkg * scale, name=label, line=line, legendgroup=name)
     if measured is not None:
         found = energy_crush(measured.accel_mps2, speed_mps)
         line = {"color": MEASURED_COLOUR, "width": 2.5}
-        _line(figure, found.crush_m, found.energy_jpkg * scale, name="Test", line=line, legendrank=1)
+        draw_line(figure, found.crush_m, found.energy_jpkg * scale, name="Test", line=line, legendrank=1)
     figure.update_layout(LEGEND_ABOVE)
     figure.update_yaxes(title="Absorbed energy (kJ)", rangemode="tozero")
-    return _fit(figure)
+    return fit_axis(figure)
 
 
-def _new_figure(height: int) -> go.Figure:
+def displacement_figure(height: int) -> go.Figure:
     """An empty figure over displacement in mm."""
     figure = new_figure(height)
     figure.update_xaxes(title="Displacement (mm)", unifiedhovertitle={"text": "%{x:.0f} mm"})
     return figure
 
 
-def _fit(figure: go.Figure) -> go.Figure:
+def fit_axis(figure: go.Figure) -> go.Figure:
     """The axes begin at contact and leave some room beyond the longest curve."""
     longest = max(float(np.max(trace.x)) for trace in figure.data)
     figure.update_xaxes(range=[0, 1.02 * longest])
     return figure
 
 
-def _line(figure: go.Figure, displacement_m: FloatArray, values: FloatArray, **style: object) -> None:
+def draw_line(figure: go.Figure, displacement_m: FloatArray, values: FloatArray, **style: object) -> None:
+    """Draw one curve over displacement in mm, as float32."""
     x, y = _single(displacement_m / _MM), _single(values)
     figure.add_scatter(x=x, y=y, mode="lines", hovertemplate="%{y:.1f}", **style)
 
@@ -306,7 +194,7 @@ def _curve(
 ) -> None:
     """One crash up to its maximum crush, which is marked if there is one."""
     rank = 1 if group == "test" else 2
-    _line(
+    draw_line(
         figure, phase.displacement_m, phase.accel_mps2 * scale, name=name, line=line, legendgroup=group, legendrank=rank
     )
     if np.isnan(phase.t0_s):
@@ -326,7 +214,7 @@ def _curve(
     )
 
 
-def _band(
+def draw_band(
     figure: go.Figure,
     displacement_m: FloatArray,
     lower: FloatArray,

@@ -13,7 +13,7 @@ from crashfuse.config import StudyConfig
 from crashfuse.estimate import Estimate
 from crashfuse.fits import fit_sentences, fit_table
 from crashfuse.metrics import METRIC_LABELS, Metric, missing_sentences
-from crashfuse.plots.displacement import bias_by_speed
+from crashfuse.plots.bias import bias_by_speed
 from crashfuse.report.page import bullets, figure, pairs_table, paragraphs, section, table, text
 from crashfuse.units import LB, MPH
 

@@ -13,6 +13,7 @@ from crashfuse.cache import Cache
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.config import StudyConfig
+from crashfuse.plots import bias
 from crashfuse.plots import displacement as plots
 from crashfuse.pulse import Condition, FloatArray
 from crashfuse.ui import evidence
@@ -56,7 +57,7 @@ def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction])
         )
     elif choice == _BIAS:
         evidence.show_figure(
-            plots.bias_by_speed(
+            bias.bias_by_speed(
                 view.campaign.tests,
                 _biases(view.campaign.fingerprint, view.campaign),
                 highlight=test.id,
@@ -91,7 +92,7 @@ def _show_parts(view: View, config: StudyConfig) -> None:
     grid, expected = _parts(rest.fingerprint, test.condition, config.seed, rest)
     measured = _biases(campaign.fingerprint, campaign)[campaign.tests.index(test)]
     evidence.show_figure(
-        plots.bias_parts(expected, grid, measured, unit=view.unit, deceleration=view.deceleration),
+        bias.bias_parts(expected, grid, measured, unit=view.unit, deceleration=view.deceleration),
         alt=f"Parts of the bias that is expected in test {test.id}, over displacement, each with its 95 % band",
     )
     st.caption(

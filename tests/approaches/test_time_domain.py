@@ -8,8 +8,9 @@ import pytest
 import torch
 
 from crashfuse.approaches.lf_tcn import LfTcn
+from crashfuse.approaches.stopping import stopping_notes
 from crashfuse.approaches.tcn import TcnConfig
-from crashfuse.approaches.time_domain import TimeDomain, _stopping
+from crashfuse.approaches.time_domain import TimeDomain
 from crashfuse.cache import Cache
 from crashfuse.calibration import Coverage
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
@@ -84,11 +85,11 @@ def test_a_pulse_that_does_not_stop_the_vehicle_is_noted(campaign: Campaign) -> 
     """Only if the CAE model's does stop it; the sentence says what is left."""
     condition = campaign.tests[0].condition
     pulse = campaign.tests[0].pulse.accel_mps2
-    assert _stopping(condition, pulse, pulse) == ()
-    (note,) = _stopping(condition, 0.8 * pulse, pulse)
+    assert stopping_notes(condition, pulse, pulse) == ()
+    (note,) = stopping_notes(condition, 0.8 * pulse, pulse)
     assert "does not stop the vehicle within 100 ms" in note
     assert "12.0% of the impact speed is left" in note  # 1 - 0.8 * 1.1
-    assert _stopping(condition, 0.8 * pulse, 0.8 * pulse) == ()
+    assert stopping_notes(condition, 0.8 * pulse, 0.8 * pulse) == ()
 
 
 def test_the_state_says_what_was_chosen(mf: TimeDomain) -> None:

@@ -11,6 +11,7 @@ from crashfuse.approaches.bias import BiasPart, BiasPoints
 from crashfuse.approaches.displacement_domain import measured_bias
 from crashfuse.cae_model import CaeModel
 from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.plots import bias as bias_plots
 from crashfuse.plots import displacement as plots
 from crashfuse.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import MS, G
@@ -123,7 +124,7 @@ def test_a_vehicle_that_never_stops_has_no_maximum_crush(test: CrashTest) -> Non
 def test_the_bias_is_zero_where_the_cae_model_is_right(campaign: Campaign, model: CaeModel) -> None:
     """Tests whose pulses are the CAE model's own."""
     tests = [replace(t, pulse=Pulse(GRID_S, model.pulse(t.condition).accel_mps2)) for t in campaign.tests]
-    figure = plots.bias_by_speed(tests, [measured_bias(test, model) for test in tests])
+    figure = bias_plots.bias_by_speed(tests, [measured_bias(test, model) for test in tests])
     for curve in figure.data:
         np.testing.assert_allclose(curve.y, 0.0, atol=0.02)
 
@@ -131,7 +132,7 @@ def test_the_bias_is_zero_where_the_cae_model_is_right(campaign: Campaign, model
 def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: CaeModel) -> None:
     """At every displacement up to the test's maximum crush; the sign turns with the axis."""
     biases = [measured_bias(test, model) for test in campaign.tests]
-    figure = plots.bias_by_speed(campaign.tests, biases, unit="m/s²", deceleration=True)
+    figure = bias_plots.bias_by_speed(campaign.tests, biases, unit="m/s²", deceleration=True)
     for test, bias, curve in zip(campaign.tests, biases, figure.data, strict=True):
         _, displacement, accel = motion(test)
         expected = np.interp(curve.x / 1000, displacement, accel)
@@ -142,7 +143,7 @@ def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: 
 def test_biases_are_drawn_by_rising_speed_and_the_held_out_one_says_so(campaign: Campaign, model: CaeModel) -> None:
     """As on the page Data."""
     tests = campaign.tests[::-1]
-    figure = plots.bias_by_speed(tests, [measured_bias(test, model) for test in tests], highlight="T4")
+    figure = bias_plots.bias_by_speed(tests, [measured_bias(test, model) for test in tests], highlight="T4")
     assert [t.name.split(" mph")[0] for t in figure.data] == ["T1 · 15.0", "T2 · 25.0", "T3 · 26.0", "T4 · 35.0"]
     assert [t.name.endswith("(held out)") for t in figure.data] == [False, False, False, True]
 
@@ -176,7 +177,7 @@ def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
     """Each in a panel of its own with its band; the measured bias over the total only."""
     parts = [part("shared", -3.0), part("by speed", 2.0), part("own", 0.0), part("total", -1.0)]
     measured = BiasPoints(test.condition, S, np.linspace(1, 0, S.size), np.zeros(S.size), np.full(S.size, -2.0))
-    figure = plots.bias_parts(parts, S, measured, unit="m/s²")
+    figure = bias_plots.bias_parts(parts, S, measured, unit="m/s²")
     expected = [t for t in figure.data if t.name == "Expected"]
     assert [t.y[0] for t in expected] == [-1, -3, 2, 0]
     assert len({t.xaxis for t in expected}) == 4
@@ -190,7 +191,7 @@ def test_the_parts_share_one_scale_so_that_they_can_be_compared() -> None:
     """It holds all of them, whichever way the sign is."""
     parts = [part("shared", -30.0), part("by speed", 20.0), part("total", -10.0)]
     for deceleration in (False, True):
-        figure = plots.bias_parts(parts, S, unit="m/s²", deceleration=deceleration)
+        figure = bias_plots.bias_parts(parts, S, unit="m/s²", deceleration=deceleration)
         (low, high), other = figure.layout.yaxis2.range, figure.layout.yaxis3.range
         assert (low, high) == tuple(other)
         assert low <= (-21 if deceleration else -31)
