@@ -1,7 +1,19 @@
 """The one tree of exceptions: catch :class:`CrashfuseError` and you have caught them all."""
 
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+_LONGEST = 300  # characters of one part of a message; a stranger's cell may have millions
+
+
+def printable(text: str, most: int = _LONGEST) -> str:
+    """Return text from a file as one line that a terminal can show: no control characters, not too long."""
+    shown = "".join(
+        c if c.isprintable() or unicodedata.category(c) == "Zs" else c.encode("unicode_escape").decode()
+        for c in text[: most + 1]
+    )
+    return shown if len(shown) <= most else f"{shown[:most]}…"
 
 
 class CrashfuseError(Exception):
@@ -22,6 +34,8 @@ class Problem:
         What to do, as an instruction.
     column, row : str, int, optional
         Where in the file; rows count the header as row 1, as a spreadsheet does.
+
+    Whatever a file put into one of the texts, they are short and harmless to print.
     """
 
     where: str
@@ -30,6 +44,12 @@ class Problem:
     advice: str
     column: str | None = None
     row: int | None = None
+
+    def __post_init__(self) -> None:
+        for part in ("where", "expected", "found", "advice", "column"):
+            text = getattr(self, part)
+            if text is not None:
+                object.__setattr__(self, part, printable(text))
 
     def __str__(self) -> str:
         place = self.where

@@ -3,6 +3,7 @@
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,7 @@ class _Settings:
     name: str
     notice: str = ""
     channel_filter_class: float | None = None
+    filtered_with: float | None = None
 
 
 def load_campaign(folder: str | Path) -> Campaign:
@@ -76,7 +78,7 @@ def load_campaign(folder: str | Path) -> Campaign:
     cae.accel_mps2.flags.writeable = False
     tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
     crash_tests = tuple(CrashTest(test_id, condition, Pulse(GRID_S, accel)) for test_id, condition, accel in tests)
-    cfc = settings.channel_filter_class
+    cfc = settings.channel_filter_class or settings.filtered_with
     return Campaign(settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc)
 
 
@@ -89,15 +91,27 @@ def _read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         problems.append(Problem(path.name, "a TOML file in UTF-8", str(error), "correct the file"))
         return _Settings(folder.resolve().name)
-    cfc = values.pop("channel_filter_class", "none")
-    if cfc != "none" and (isinstance(cfc, bool) or not isinstance(cfc, int | float) or not 1 <= cfc <= 1000):
-        expected = 'a channel filter class such as 60 or 180, or "none"'
-        problems.append(Problem(path.name, expected, repr(cfc), "correct the value", "channel_filter_class"))
-        cfc = "none"
+    cfc, already = (_filter_class(values, key, problems) for key in ("channel_filter_class", "filtered_with"))
+    if cfc is not None and already is not None:
+        expected, advice = "one of the two", "leave out channel_filter_class, or pulses are filtered twice"
+        problems.append(Problem(path.name, expected, "channel_filter_class and filtered_with", advice))
+    values.pop("imported", None)  # where pulses came from, told by crashfuse import
     name, notice = str(values.pop("name", folder.resolve().name)), str(values.pop("notice", ""))
     if values:
         warnings.append(f"{path.name}: {', '.join(values)} is not a setting that crashfuse knows; it is left alone.")
-    return _Settings(name, notice, None if cfc == "none" else float(cfc))
+    return _Settings(name, notice, cfc, already)
+
+
+def _filter_class(values: dict[str, Any], key: str, problems: list[Problem]) -> float | None:
+    """Take a channel filter class out of the settings, None for "none"."""
+    cfc = values.pop(key, "none")
+    if cfc == "none":
+        return None
+    if isinstance(cfc, bool) or not isinstance(cfc, int | float) or not 1 <= cfc <= 1000:
+        expected = 'a channel filter class such as 60 or 180, or "none"'
+        problems.append(Problem("campaign.toml", expected, repr(cfc), "correct the value", key))
+        return None
+    return float(cfc)
 
 
 def _check_counts(tables: dict[str, ConditionTable], problems: list[Problem]) -> None:

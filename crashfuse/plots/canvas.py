@@ -15,7 +15,7 @@ Unit = Literal["g", "m/s²"]
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
 _SHEER = re.compile(r"rgba\((\d+), (\d+), (\d+), ([\d.]+)\)")
-_BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.3
+_BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.25
 
 LEGEND_ABOVE: dict[str, Any] = {
     "legend": {"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},

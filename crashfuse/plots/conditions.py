@@ -13,6 +13,14 @@ from crashfuse.pulse import FloatArray
 from crashfuse.units import LB, MPH
 
 _MAX_RUNS = 2000  # points; more only fill the same cloud
+_UNITS = np.array([MPH, LB, LB])
+_LABEL = np.array([0.12, 0.05])  # of an axis: the size of a test's label
+_SIDES = {
+    "top center": np.array([0.0, 0.9]),
+    "bottom center": np.array([0.0, -0.9]),
+    "middle right": np.array([0.9, 0.0]),
+    "middle left": np.array([-0.9, 0.0]),
+}
 _WEIGHTS = ("Front weight (lb)", "Rear weight (lb)")
 
 
@@ -35,19 +43,24 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
     """
     figure = new_figure(height=460)
     style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
-    figure.set_subplots(1, 2, horizontal_spacing=0.09)
+    figure.set_subplots(1, 2, horizontal_spacing=0.13)
     figure.update_xaxes({**style, "title": "Impact speed (mph)", "range": None, "showspikes": False})
-    figure.update_xaxes(unifiedhovertitle=None, rangemode="tozero")
+    figure.update_xaxes(unifiedhovertitle=None)
     figure.update_yaxes(other_style)
-    runs = library.vectors / [MPH, LB, LB]
+    runs = library.vectors / _UNITS
     low, high = _range(library, tests)
-    points = np.array([test.condition.vector for test in tests]).reshape(-1, 3) / [MPH, LB, LB]
+    points = np.array([test.condition.vector for test in tests]).reshape(-1, 3) / _UNITS
+    everything = np.vstack([runs, points])
+    bottom, top = everything.min(axis=0), everything.max(axis=0)
+    margin = 0.09 * (top - bottom) + 1e-6
+    figure.update_xaxes(range=[max(bottom[0] - margin[0], 0), top[0] + margin[0]])
     for col, title in enumerate(_WEIGHTS, start=1):
-        place = {"row": 1, "col": col, "showlegend": col == 1}
+        place: dict[str, object] = {"row": 1, "col": col, "showlegend": col == 1}
         _draw_runs(figure, runs[:: -(-len(runs) // _MAX_RUNS)], col, len(runs), place)
         _draw_range(figure, low, high, col, place)
-        _draw_tests(figure, library, tests, points, held_out, col, place)
-        figure.update_yaxes(title=title, row=1, col=col)
+        sides = _label_sides(points[:, [0, col]], (top - bottom + 2 * margin)[[0, col]])
+        _draw_tests(figure, library, tests, points, sides, held_out, col, place)
+        figure.update_yaxes(title=title, range=[bottom[col] - margin[col], top[col] + margin[col]], row=1, col=col)
     figure.update_layout(LEGEND_ABOVE, hovermode="closest")
     return figure
 
@@ -56,7 +69,7 @@ def _range(library: CaeLibrary, tests: Sequence[CrashTest]) -> tuple[FloatArray,
     """Least and greatest speed (mph) and weights (lb) of the runs that are paired with no test."""
     paired = {library.paired_run(test.condition) for test in tests}
     free = [run for run in range(len(library)) if run not in paired] or list(range(len(library)))
-    vectors = library.vectors[free] / [MPH, LB, LB]
+    vectors = library.vectors[free] / _UNITS
     return vectors.min(axis=0), vectors.max(axis=0)
 
 
@@ -64,7 +77,7 @@ def _draw_runs(figure: go.Figure, runs: FloatArray, col: int, count: int, place:
     figure.add_scatter(
         x=runs[:, 0].astype(np.float32), y=runs[:, col].astype(np.float32), mode="markers",
         name=f"{count:,} CAE runs", legendgroup="runs", hoverinfo="skip",
-        marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.45}, **place,
+        marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.35}, **place,
     )  # fmt: skip
 
 
@@ -82,6 +95,7 @@ def _draw_tests(
     library: CaeLibrary,
     tests: Sequence[CrashTest],
     points: FloatArray,
+    sides: Sequence[str],
     held_out: str | None,
     col: int,
     place: dict[str, object],
@@ -96,10 +110,11 @@ def _draw_tests(
                 x=points[chosen, 0].astype(np.float32),
                 y=points[chosen, col].astype(np.float32),
                 mode="markers+text",
+                cliponaxis=False,
                 name=name,
                 legendgroup=name,
                 text=[tests[i].id for i in chosen],
-                textposition=[_free_side(points[:, [0, col]], i) for i in chosen],
+                textposition=[sides[i] for i in chosen],
                 marker={"color": MEASURED_COLOUR, "symbol": symbol, "size": 10, "line": {"width": 2}},
                 customdata=[["<br>".join([str(tests[i].condition), *outside[i]])] for i in chosen],
                 hovertemplate="<b>Test %{text}</b><br>%{customdata[0]}<extra></extra>",
@@ -114,14 +129,14 @@ def _draw_tests(
         )  # fmt: skip
 
 
-def _free_side(points: FloatArray, i: int) -> str:
-    """Where a point's label is least in the way of its neighbours."""
-    spread = np.maximum(np.ptp(points, axis=0), 1e-9)
-    others = np.delete((points - points[i]) / spread, i, axis=0)
-    sides = {
-        "top center": (0.0, 1.0),
-        "bottom center": (0.0, -1.0),
-        "middle right": (0.6, 0.0),
-        "middle left": (-0.6, 0.0),
-    }
-    return max(sides, key=lambda side: np.abs(others - 0.09 * np.array(sides[side])).max(axis=1).min(initial=1.0))
+def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
+    """Where each point's label is least in the way of the points and of the labels before it."""
+    places = points / span / _LABEL
+    taken = list(places)
+    chosen = []
+    for i, place in enumerate(places):
+        others = np.array(taken[:i] + taken[i + 1 :]).reshape(-1, 2)
+        room = {side: np.abs(others - place - off).max(axis=1).min(initial=9.0) for side, off in _SIDES.items()}
+        chosen.append(max(room, key=lambda side: min(room[side], 1.2)))  # enough is enough: then the first
+        taken.append(place + _SIDES[chosen[-1]])
+    return chosen

@@ -33,7 +33,7 @@ GRADE_COLOURS: Mapping[str, str] = {
 _SHADES = 64
 # the bright end of the scale is lost on white, the dark end on a dark page
 _SLOW_TO_FAST = sample_colorscale("Plasma", np.linspace(0.0, 0.63, _SHADES).tolist())
-_SLOW_TO_FAST_IN_THE_DARK = sample_colorscale("Plasma", np.linspace(0.42, 1.0, _SHADES).tolist())
+_SLOW_TO_FAST_IN_THE_DARK = sample_colorscale("Plasma", np.linspace(0.42, 0.96, _SHADES).tolist())
 
 IN_THE_DARK: Mapping[str, str] = {
     PAPER: "#14181F",
@@ -43,7 +43,7 @@ IN_THE_DARK: Mapping[str, str] = {
     "#9AA1AC": "#7C8592",
     "#EEF0F3": "#252C36",
     CURSOR: "#AEB6C2",
-    WINDOW: "#4D4424",
+    WINDOW: "#423B22",
     WINDOW_INK: "#E3CB74",
     MEASURED_COLOUR: "#F5F7FA",
     COLOURS["cae"]: "#9A9FA6",

@@ -105,13 +105,14 @@ def motion(
         for row, values in _motion_rows(measured.kinematics(speed_mps)):
             _measured(figure, measured.time_s, values, row=row)
     _join_hover(figure, unit)
+    look = figure.layout.yaxis.to_plotly_json()
     figure.update_layout(
         hoversubplots="axis",
         **LEGEND_ABOVE,
         xaxis={"anchor": "y3"},
         yaxis={"domain": [0.62, 1.0], "title": accel_title(unit, deceleration)},
-        yaxis2={"domain": [0.31, 0.58], "title": "Velocity (km/h)"},
-        yaxis3={"domain": [0.0, 0.27], "title": "Displacement (mm)"},
+        yaxis2={**look, "domain": [0.31, 0.58], "title": "Velocity (km/h)"},
+        yaxis3={**look, "domain": [0.0, 0.27], "title": "Displacement (mm)"},
     )
     shade_window(figure, window_ms, rows=3)
     return figure

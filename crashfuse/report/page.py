@@ -24,6 +24,7 @@ table.ratings td:nth-child(2), table.ratings th:nth-child(2) { text-align: left 
 .notice { background: #fff4d6; border-left: 4px solid #d9a400; padding: .6rem 1rem }
 .verdict { background: #eef4f9; border-left: 4px solid #0072b2; padding: .1rem 1rem }
 .quiet { color: #5a6270 }
+nav { margin: 1rem 0 }
 nav a { margin-right: 1.2rem }
 code { overflow-wrap: anywhere }
 @page { size: A4; margin: 14mm }

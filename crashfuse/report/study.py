@@ -135,7 +135,7 @@ def _rating_rows(values: pd.DataFrame, bold: pd.DataFrame, names: dict[str, obje
     )
     for place, (heading, cells) in enumerate(names.items()):
         shown.insert(place, heading, [html.escape(str(cell)) for cell in cells])  # type: ignore[attr-defined]
-    return table(shown, escape=False, kind="ratings")
+    return table(shown, escape=False, kind="ratings" if len(names) > 1 else "")
 
 
 def _band(study: Study) -> str:

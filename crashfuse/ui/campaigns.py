@@ -1,6 +1,5 @@
 """Which campaigns this server has open, and reading them once for all sessions."""
 
-import itertools
 import os
 import tempfile
 import threading
@@ -83,8 +82,9 @@ def _put(folder: Path, folders: dict[str, Path | None]) -> str:
     for name, other in folders.items():
         if other == folder:
             return name
-    own = folder.name or "campaign"
-    name = next(name for name in itertools.chain([own], (f"{own} ({i})" for i in itertools.count(2))) if name not in folders)
+    name, number = folder.name or "campaign", 2
+    while name in folders:
+        name, number = f"{folder.name} ({number})", number + 1
     folders[name] = folder
     return name
 

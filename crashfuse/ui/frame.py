@@ -1,5 +1,6 @@
 """The frame around every page: navigation, the choices in the sidebar, the notice of a synthetic campaign."""
 
+from collections.abc import Iterable
 from contextvars import ContextVar
 from dataclasses import dataclass
 
@@ -12,6 +13,8 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.plots.canvas import Unit
 from crashfuse.ui import campaigns
 from crashfuse.ui.computation import jobs
+from crashfuse.ui.problems import show_problems
+from crashfuse.ui.text import plain
 from crashfuse.units import MPH
 
 _PAGES = {
@@ -25,10 +28,15 @@ _PAGES = {
 # drawn here, for Streamlit would fetch an icon of its own font from the internet for the browser's tab
 _PULSE = '<path d="M3 7h5c3 0 3 12 6 17s3-9 5-9 3 9 5 9 2-17 5-17" fill="none" stroke="%s" stroke-width="3"/>'
 _ICON = f'<svg viewBox="0 0 32 32"><rect width="32" height="32" rx="6" fill="#0B5CAD"/>{_PULSE % "#FFFFFF"}</svg>'
+_BLUE = "#2B7CCB"  # reads on the light and on the dark page
 _LOGO = (
-    f'<svg viewBox="0 0 156 32" width="156" height="32">{_PULSE % "#0B5CAD"}<text x="40" y="23" font-size="23" '
-    'font-weight="600" font-family="Helvetica, Arial, sans-serif" fill="#262A33">crashfuse</text></svg>'
+    f'<svg viewBox="0 0 156 32" width="156" height="32">{_PULSE % _BLUE}<text x="40" y="23" font-size="23" '
+    f'font-weight="600" font-family="Helvetica, Arial, sans-serif" fill="{_BLUE}">crashfuse</text></svg>'
 )
+# Streamlit writes white on the accent colour, which in the dark is too light for it
+_ACCENT_TEXT = '<style>button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F) }</style>'
+_NOT_FOUND = "not found"  # in the session: what its link asked for in vain
+REFUSED = "refused"  # in the session: what is wrong with the campaign that was last tried
 
 
 @dataclass(frozen=True)
@@ -83,10 +91,12 @@ def enter() -> View | None:
     if choice is None:
         _navigate()
         st.rerun()
+    if missing := st.session_state.get(_NOT_FOUND):
+        st.warning(plain(missing), icon=":material/link_off:")
     if choice.problems:
         show_problems(choice.problems)
     if choice.view is not None and choice.view.campaign.notice:
-        st.info(choice.view.campaign.notice, icon=":material/science:")
+        st.info(plain(choice.view.campaign.notice), icon=":material/science:")
     return choice.view
 
 
@@ -97,7 +107,7 @@ def enter_with_campaign(title: str) -> View:
     if view is None:
         st.markdown("No campaign is open yet. Open one on the page **Data**, or look around with the sample.")
         offer_sample()
-        st.page_link(pages()["data"], label="Open a campaign folder", icon=":material/folder_open:")
+        st.page_link(pages()["data"], label="Open a campaign of your own", icon=":material/folder_open:")
         st.stop()
     return view
 
@@ -124,22 +134,22 @@ def offer_sample() -> None:
 def choose_campaign(name: str) -> None:
     """Select a campaign of the shelf; to be called from a callback, before the sidebar is drawn."""
     st.session_state["campaign"] = name
+    _forget()
 
 
-def show_problems(problems: tuple[Problem, ...]) -> None:
-    """List everything that is wrong with the data."""
-    count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
-    st.error(f"**This campaign cannot be used: {count}.**", icon=":material/error:")
-    with st.container(border=True, height=320 if len(problems) > 8 else "content"):
-        for problem in problems:
-            st.text(f"• {problem}")
+def choose_held_out(test: CrashTest) -> None:
+    """Select the test to be held out; to be called from a callback, before the sidebar is drawn."""
+    st.session_state["held_out"] = _label(test)
+    _forget()
 
 
 def _navigate() -> Page:
-    st.set_page_config(page_title="crashfuse", page_icon=_ICON, layout="wide")
+    home = st.Page(_open_first_page, title="Data", default=True, visibility="hidden")
+    page = st.navigation([home, *pages().values()])
+    st.set_page_config(page_title=f"{page.title} · crashfuse", page_icon=_ICON, layout="wide")
     st.logo(_LOGO, size="large")
-    home = st.Page(_open_first_page, title="crashfuse", default=True, visibility="hidden")
-    return st.navigation([home, *pages().values()])
+    st.html(_ACCENT_TEXT)
+    return page
 
 
 def _open_first_page() -> None:
@@ -151,6 +161,8 @@ def _sidebar() -> _Choice:
     with st.sidebar:
         names = list(campaigns.shelf())
         first = campaigns.at_start()
+        _note_if_missing("campaign", names, "The campaign {} of this link is not open on this server. "
+                 "Open its folder, or upload it, on the page Data.")  # fmt: skip
         name = st.selectbox(
             "Campaign",
             names,
@@ -158,6 +170,7 @@ def _sidebar() -> _Choice:
             placeholder="none open",
             key="campaign",
             bind="query-params",
+            on_change=_forget,
         )
         if name is None:
             return choice
@@ -166,13 +179,15 @@ def _sidebar() -> _Choice:
         except DataError as error:
             choice.problems = error.problems
             return choice
-        labels = {f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph": test for test in campaign.tests}
+        labels = {_label(test): test for test in campaign.tests}
+        _note_if_missing("held_out", labels, "This campaign has no test {}, which this link holds out.")  # fmt: skip
         held_out = labels[
             st.selectbox(
                 "Held-out test",
                 list(labels),
                 key="held_out",
                 bind="query-params",
+                on_change=_forget,
                 help="The test to be predicted. Nothing that predicts it sees its pulse.",
             )
         ]
@@ -193,13 +208,39 @@ def _sidebar() -> _Choice:
             "Show as", ["Acceleration", "Deceleration"], default="Acceleration", required=True, key="sign",
             bind="query-params", help="Braking is negative as an acceleration (SAE J1733), positive as a deceleration.",
         )  # fmt: skip
-        _show_jobs()
+        _keep_up(st.context.theme.type)
     choice.view = View(campaign, held_out, float(window), unit, sign == "Deceleration")
     return choice
 
 
+def _label(test: CrashTest) -> str:
+    return f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph"
+
+
+def _note_if_missing(parameter: str, known: Iterable[str], sentence: str) -> None:
+    """Note if the link that began this session asks for what is not there.
+
+    Streamlit drops from an address what no widget has an option for, so this comes before the widget.
+    """
+    asked, noted = st.query_params.get(parameter), f"{parameter} of the link"
+    if asked and noted not in st.session_state and asked not in known:
+        st.session_state.setdefault(_NOT_FOUND, sentence.format(f"“{asked[:80]}”"))
+    st.session_state[noted] = asked
+
+
+def _forget() -> None:
+    """Drop what could not be had: the user has chosen something else."""
+    st.session_state.pop(_NOT_FOUND, None)
+    st.session_state.pop(REFUSED, None)
+
+
 @st.fragment(run_every=2.0)
-def _show_jobs() -> None:
-    """What the server computes right now, wherever it was started."""
+def _keep_up(theme: str | None) -> None:
+    """Follow what changes without a click: what the server computes, wherever it was started, and the theme.
+
+    Figures are drawn on the server, in the colours of the theme that the browser had then.
+    """
+    if st.context.theme.type != theme:
+        st.rerun()
     for job in jobs().active:
         st.caption(f":material/hourglass_top: {job.title}" + (" (waiting)" if job.state == "waiting" else ""))

@@ -1,6 +1,8 @@
 """What was refused and why, row by row."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import groupby
 
 import pandas as pd
 import streamlit as st
@@ -24,31 +26,48 @@ def problem_table(problems: Sequence[Problem]) -> pd.DataFrame:
     DataFrame
         All cells are text.
     """
+    return pd.DataFrame([_cells(problem, "" if problem.row is None else str(problem.row)) for problem in problems])
+
+
+def short_table(problems: Sequence[Problem]) -> pd.DataFrame:
+    """The same with neighbours that differ by the row alone in one, as rows 2–21."""
     return pd.DataFrame(
-        {
-            "File": problem.where,
-            "Row": "" if problem.row is None else str(problem.row),
-            "Column": problem.column or "",
-            "Expected": problem.expected,
-            "Found": problem.found,
-            "What to do": problem.advice[:1].upper() + problem.advice[1:],
-        }
-        for problem in problems
+        [
+            _cells(problem, _rows([same.row for same in alike if same.row is not None]))
+            for problem, alike in groupby(problems, key=lambda problem: replace(problem, row=None))
+        ]
     )
+
+
+def _cells(problem: Problem, rows: str) -> dict[str, str]:
+    return {
+        "File": problem.where,
+        "Row": rows,
+        "Column": problem.column or "",
+        "Expected": problem.expected,
+        "Found": problem.found,
+        "What to do": problem.advice[:1].upper() + problem.advice[1:],
+    }
+
+
+def _rows(numbers: Sequence[int]) -> str:
+    if len(numbers) > 1 and list(numbers) == list(range(numbers[0], numbers[-1] + 1)):
+        return f"{numbers[0]}–{numbers[-1]}"
+    return ", ".join(map(str, numbers))
 
 
 def show_problems(problems: Sequence[Problem]) -> None:
     """Show everything that is wrong with the data, and offer it as a file for whoever has to mend them."""
     count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
     st.error(f"**This campaign cannot be used: {count}.** Nothing of it was opened.", icon=":material/error:")
-    table = problem_table(problems)
+    table = short_table(problems)
     with st.container(border=True, height=420 if len(table) > 8 else "content"):
         st.table(table.head(_MOST_ROWS).map(plain).style.hide(axis="index"), border="horizontal")
     if len(table) > _MOST_ROWS:
-        st.caption(f"The first {_MOST_ROWS}; problems.csv has all {len(table)}.")
+        st.caption(f"The first {_MOST_ROWS}; problems.csv has all.")
     st.download_button(
         "problems.csv",
-        table.map(_no_formula).to_csv(index=False).encode(),
+        problem_table(problems).map(_no_formula).to_csv(index=False).encode(),
         file_name="problems.csv",
         mime="text/csv",
         icon=":material/download:",

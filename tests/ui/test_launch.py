@@ -1,5 +1,6 @@
 """`crashfuse app` serves the dashboard, on this machine only, and ends with its process."""
 
+import json
 import os
 import socket
 import subprocess
@@ -11,6 +12,17 @@ from pathlib import Path
 import pytest
 
 from crashfuse import cli
+
+ROOT = Path(__file__).parents[2]
+SAFE = {
+    "server.address": "127.0.0.1",
+    "server.enableXsrfProtection": True,
+    "server.enableCORS": True,
+    "browser.gatherUsageStats": False,
+    "client.showErrorDetails": "none",
+}
+OWN_COMMAND = "from crashfuse.ui.launch import launch; launch(8501, None)"
+STREAMLITS_COMMAND = "cli.main(['run', 'app.py'], standalone_mode=False)"
 
 
 def _answers(port: int) -> bool:
@@ -44,3 +56,39 @@ def test_a_campaign_that_is_not_there_is_wrong_usage(tmp_path: Path, capsys: pyt
     """One sentence before any server starts."""
     assert cli.main(["app", "--campaign", str(tmp_path / "nowhere")]) == cli.WRONG_USAGE
     assert "There is no folder" in capsys.readouterr().err
+
+
+def _settings(command: str, folder: Path, environment: dict[str, str]) -> dict[str, object]:
+    """What Streamlit makes of its files, the environment and a command line, in a process of its own."""
+    program = (
+        "import json, os, sys\n"
+        "from streamlit import config\n"
+        "from streamlit.web import bootstrap, cli\n"
+        "bootstrap.run = lambda *_, **__: None\n"
+        "sys.argv = ['crashfuse']\n"
+        f"{command}\n"
+        f"names = {[*SAFE, 'server.maxUploadSize']!r}\n"
+        "print(json.dumps({name: config.get_option(name) for name in names}))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, env=environment, check=True, capture_output=True, text=True
+    )
+    return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.mark.parametrize(("command", "folder"), [(OWN_COMMAND, Path("/")), (STREAMLITS_COMMAND, ROOT)])
+def test_nothing_leaves_the_machine_by_default(command: str, folder: Path) -> None:
+    """One machine, no telemetry, no strangers' requests, no tracebacks for them; uploads of up to 200 MB."""
+    assert _settings(command, folder, dict(os.environ)) == {**SAFE, "server.maxUploadSize": 200}
+
+
+def test_the_command_is_safe_whatever_the_environment_says() -> None:
+    """Settings for other dashboards of the same user do not open this one."""
+    open_wide = {
+        "STREAMLIT_SERVER_ADDRESS": "0.0.0.0",  # noqa: S104
+        "STREAMLIT_SERVER_ENABLE_XSRF_PROTECTION": "false",
+        "STREAMLIT_BROWSER_GATHER_USAGE_STATS": "true",
+        "STREAMLIT_CLIENT_SHOW_ERROR_DETAILS": "full",
+    }
+    found = _settings(OWN_COMMAND, Path("/"), {**os.environ, **open_wide})
+    assert {name: found[name] for name in SAFE} == SAFE
