@@ -39,10 +39,10 @@ def open_folder() -> None:
 
 def open_upload() -> None:
     """Open what was dropped, and empty the field if it was sound."""
-    if files := st.session_state[f"files {st.session_state.get(ROUND, 0)}"]:
-        attempt(lambda: open_uploads(files))
-        if frame.REFUSED not in st.session_state:
-            st.session_state[ROUND] = st.session_state.get(ROUND, 0) + 1
+    files = st.session_state[f"files {st.session_state.get(ROUND, 0)}"]
+    attempt(lambda: open_uploads(files))
+    if frame.REFUSED not in st.session_state:
+        st.session_state[ROUND] = st.session_state.get(ROUND, 0) + 1
 
 
 def doors() -> None:

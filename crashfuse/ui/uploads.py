@@ -32,6 +32,10 @@ def open_uploads(files: Sequence[Upload]) -> str:
     DataError
         With everything that is wrong with it; nothing of it is kept.
     """
+    if not files:  # none was dropped, or the browser kept back what is too large
+        expected = f"files of at most {st.get_option('server.maxUploadSize')} MB each"
+        advice = "choose the files, and open a larger campaign as a folder"
+        raise DataError(Problem("upload", expected, "none", advice))
     uploads = [(file.name, file.getvalue()) for file in files]
     digest = hashlib.sha256()
     for name, content in sorted(uploads):

@@ -35,6 +35,12 @@ def contrast(colour: str, ground: str) -> float:
     return (bright + 0.05) / (dim + 0.05)
 
 
+def blend(colour: str, ground: str, share: float = 0.6) -> str:
+    """A colour seen through, as Streamlit draws captions."""
+    over, under = (np.array([int(part[i : i + 2], 16) for i in (1, 3, 5)]) for part in (colour, ground))
+    return "#{:02X}{:02X}{:02X}".format(*np.round(share * over + (1 - share) * under).astype(int))
+
+
 @pytest.fixture
 def predictions(campaign: Campaign) -> dict[str, Prediction]:
     """One of each approach, some with bands."""
@@ -145,12 +151,13 @@ def test_tests_of_rising_speed_rise_in_brightness_on_both_pages(campaign: Campai
 
 @pytest.mark.parametrize(("name", "ground"), [("light", LIGHT), ("dark", DARK)])
 def test_the_pages_own_colours_read(name: str, ground: str) -> None:
-    """Text, links and the accent on the page, on fields and in the sidebar; and text on the accent itself."""
+    """Text, captions, links and the accent on the page, on fields and in the sidebar; text on the accent itself."""
     theme = THEMES[name]
     assert theme["backgroundColor"] == ground
     grounds = [ground, theme["secondaryBackgroundColor"], theme["sidebar"]["backgroundColor"]]
     for own in grounds:
         for colour in ("textColor", "linkColor", "primaryColor"):
             assert contrast(theme[colour], own) >= TEXT
+        assert contrast(blend(theme["textColor"], own), own) >= TEXT
     on_accent = "#FFFFFF" if name == "light" else DARK
     assert contrast(on_accent, theme["primaryColor"]) >= TEXT

@@ -6,6 +6,7 @@ import pytest
 
 from crashfuse.approaches import Prediction
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.filters import cfc_filter
 from crashfuse.plots import pulses as plots
 from crashfuse.pulse import GRID_S, N_SAMPLES
 from crashfuse.units import KPH, MPH, G
@@ -155,3 +156,25 @@ def test_the_library_band_carries_the_paired_runs(campaign: Campaign) -> None:
     figure = plots.library_band(campaign.cae, campaign.tests)
     assert len(figure.data) == 2 + len(campaign.tests)
     assert figure.data[2].name == f"C20 · {campaign.tests[0].condition.speed_mps / MPH:.1f} mph"
+
+
+def test_filtered_tests_are_drawn_over_what_was_read(campaign: Campaign) -> None:
+    """Two curves a test of one colour: the thin one as read, the named one filtered to the class."""
+    plain = plots.measured_pulses(campaign.tests)
+    figure = plots.measured_pulses(campaign.tests, cfc=180, unit="m/s²")
+    assert (len(plain.data), len(figure.data)) == (4, 8)
+    for test in campaign.tests:
+        read, filtered = (trace for trace in figure.data if trace.legendgroup == test.id)
+        np.testing.assert_allclose(read.y, test.pulse.accel_mps2, rtol=1e-6, atol=1e-6)
+        expected = cfc_filter(test.pulse.accel_mps2, cfc=180, dt_s=test.pulse.dt_s)
+        np.testing.assert_allclose(filtered.y, expected, rtol=1e-5, atol=1e-3)
+        assert read.line.color == filtered.line.color
+        assert read.line.width < filtered.line.width
+        assert not read.showlegend
+
+
+def test_the_grid_of_all_three_rows_of_motion_is_the_same(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """Velocity and displacement are read off as acceleration is, in the dark too."""
+    figure = plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps)
+    axes = [figure.layout.yaxis, figure.layout.yaxis2, figure.layout.yaxis3]
+    assert len({(axis.gridcolor, axis.linecolor, axis.zerolinecolor) for axis in axes}) == 1

@@ -1,0 +1,99 @@
+"""The dashboard without a browser: a new server for each test, and sessions on it."""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import streamlit as st
+from streamlit.testing.v1 import AppTest
+
+APP = Path(__file__).parents[2] / "app.py"
+SOON = 30.0
+_ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")  # punctuation that is kept from being Markdown
+
+
+@dataclass(frozen=True)
+class Session:
+    """One user in front of a page; no step may raise."""
+
+    app: AppTest
+
+    def run(self) -> "Session":
+        """Draw the page anew."""
+        self.app.run()
+        assert not self.app.exception
+        return self
+
+    def go(self, page: str) -> "Session":
+        """Turn to another page."""
+        self.app.switch_page(f"pages/{page}.py")
+        return self.run()
+
+    def press(self, label: str) -> "Session":
+        """Press the one button of this label."""
+        (button,) = [button for button in self.app.button if button.label == label]
+        button.click()
+        return self.run()
+
+    @property
+    def words(self) -> str:
+        """All text of the page, as it is read: without the marks that keep it from being Markdown."""
+        kinds = "title", "subheader", "markdown", "caption", "text", "error", "info", "warning", "success"
+        text = "\n".join(element.value for kind in kinds for element in getattr(self.app, kind))
+        return _ESCAPED.sub(r"\1", text)
+
+    @property
+    def tables(self) -> list[pd.DataFrame]:
+        """All tables of the page, their text as it is read."""
+        return [
+            table.value.map(lambda cell: _ESCAPED.sub(r"\1", cell) if isinstance(cell, str) else cell)
+            for table in self.app.table
+        ]
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """The large numbers by their labels."""
+        return {metric.label: metric.value for metric in self.app.metric}
+
+    @property
+    def buttons(self) -> list[str]:
+        """Labels of all buttons."""
+        return [button.label for button in self.app.button]
+
+    @property
+    def charts(self) -> int:
+        """How many figures the page shows."""
+        return len(self.app.get("plotly_chart"))
+
+
+@pytest.fixture(autouse=True)
+def fresh_server(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Nothing is left of another test: no campaign, no job."""
+    monkeypatch.delenv("CRASHFUSE_CAMPAIGN", raising=False)
+    st.cache_resource.clear()
+    yield
+    st.cache_resource.clear()
+
+
+@pytest.fixture
+def open_campaign(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The server is started with the small campaign."""
+    monkeypatch.setenv("CRASHFUSE_CAMPAIGN", str(campaign_folder))
+    return campaign_folder
+
+
+@pytest.fixture
+def visit() -> Callable[..., Session]:
+    """Begin a session on a page, by a link with these parameters."""
+
+    def begin(page: str = "data", **parameters: str) -> Session:
+        app = AppTest.from_file(APP, default_timeout=SOON)
+        app.query_params.update(parameters)
+        app.run()
+        session = Session(app)
+        return session.go(page)
+
+    return begin

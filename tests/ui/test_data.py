@@ -1,0 +1,237 @@
+"""The page Data: opening a campaign, refusing what is none, and showing what is in it."""
+
+import io
+import json
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+import streamlit as st
+
+from crashfuse.cache import default_folder
+from crashfuse.campaign import Campaign
+from crashfuse.errors import Problem
+from crashfuse.filters import cfc_filter
+from crashfuse.formats.folder import load_campaign
+from crashfuse.pulse import GRID_S, Pulse
+from crashfuse.rating import rate_windows
+from crashfuse.ui import campaigns, uploads
+from crashfuse.ui.problems import problem_table, short_table
+from crashfuse.units import G
+
+if TYPE_CHECKING:
+    from tests.ui.conftest import Session
+
+Visit = Callable[..., "Session"]
+
+
+def zipped(folder: Path) -> bytes:
+    """A zip of all files in a folder."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for path in folder.rglob("*"):
+            archive.write(path, path.relative_to(folder))
+    return stream.getvalue()
+
+
+def upload(session: "Session", *files: tuple[str, bytes]) -> "Session":
+    """Drop files and open them."""
+    session.app.file_uploader[0].set_value([(name, content, "application/octet-stream") for name, content in files])
+    return session.press("Open upload")
+
+
+def kept() -> list[Path]:
+    """Folders of uploads that the server keeps."""
+    return list(uploads._scratch().iterdir())
+
+
+# --- a newcomer ----------------------------------------------------------------------------------------------------
+
+
+def test_a_newcomer_sees_what_this_is_and_one_button(visit: Visit) -> None:
+    """The first page has a sentence, the sample, a field for a folder and one for files."""
+    session = visit()
+    assert "full-frontal barrier tests" in session.words
+    assert session.buttons == ["Load the sample campaign", "Open folder", "Open upload"]
+    assert [field.label for field in session.app.text_input] == ["A campaign folder on this computer"]
+    assert len(session.app.file_uploader) == 1
+
+
+def test_the_sample_is_made_where_it_was_not_shipped(
+    visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, campaign_folder: Path
+) -> None:
+    """An installed package has no checkout beside it: the sample is written into the cache folder, once."""
+    written: list[Path] = []
+
+    def write(folder: Path) -> None:
+        written.append(folder)
+        shutil.copytree(campaign_folder, folder)
+
+    monkeypatch.setattr(campaigns, "_SHIPPED", tmp_path / "nowhere")
+    monkeypatch.setattr(campaigns, "write_sample", write)
+    for _ in range(2):
+        st.cache_resource.clear()
+        assert visit().press("Load the sample campaign").numbers["Tests"] == "4"
+    assert len(written) == 1
+    assert [path.name for path in default_folder().iterdir()] == ["sample"]
+
+
+# --- a folder ------------------------------------------------------------------------------------------------------
+
+
+def open_folder(session: "Session", text: str) -> "Session":
+    """Type a folder in and open it."""
+    session.app.text_input(key="folder").set_value(text)
+    return session.press("Open folder")
+
+
+def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, campaign: Campaign) -> None:
+    """Numbers, tests, conditions, CAE runs and the rating before any correction."""
+    session = open_folder(visit(), str(campaign_folder))
+    assert session.app.sidebar.selectbox(key="campaign").value == campaign_folder.name
+    assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
+    assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
+    assert session.charts == 3
+    (table,) = session.tables
+    assert table["Test"].tolist() == ["T1", "T2", "T3", "T4"]
+    assert table["Speed (mph)"].tolist() == ["15.0", "25.0", "26.0", "35.0"]
+    assert table["Paired CAE run"].tolist() == ["C20", "C21", "C22", "C23"]
+    run = Pulse(GRID_S, campaign.cae.accel_mps2[20].astype(float))
+    rating = rate_windows(campaign.tests[0].pulse, run, [40.0])[40.0]
+    assert table["CAE rating 0–40 ms"][0] == f"{rating.overall:.3f} {rating.grade}"
+
+
+def test_a_bad_folder_shows_every_problem_and_no_traceback(visit: Visit, campaign_folder: Path) -> None:
+    """Two things are wrong; both are said, with the place and what to do, and can be taken away."""
+    (campaign_folder / "tests" / "T2.csv").unlink()
+    cae = campaign_folder / "cae.csv"
+    cae.write_text(cae.read_text().replace("front_weight_lb", "front_weight"))
+    session = open_folder(visit(), str(campaign_folder))
+    assert "cannot be used: 2 problems" in session.words
+    (table,) = session.tables
+    assert table.columns.tolist() == ["File", "Row", "Column", "Expected", "Found", "What to do"]
+    told = table.apply(" ".join, axis=1)
+    assert told.str.contains("T2").any()
+    assert told.str.contains("front_weight").any()
+    assert "Traceback" not in session.words
+    assert [button.label for button in session.app.download_button] == ["problems.csv"]
+    assert session.app.sidebar.selectbox(key="campaign").value is None
+    assert "cannot be used" not in session.press("Load the sample campaign").words
+
+
+@pytest.mark.parametrize("text", ["/no/such/folder", "", "\0"])
+def test_a_folder_that_is_none_breaks_nothing(visit: Visit, text: str) -> None:
+    """Whatever is typed in, the page stays."""
+    session = open_folder(visit(), text)
+    assert session.app.sidebar.selectbox(key="campaign").value is None
+
+
+def test_a_campaign_whose_files_change_is_read_anew(visit: Visit, open_campaign: Path) -> None:
+    """Nobody looks at yesterday's data."""
+    session = visit()
+    table = open_campaign / "tests.csv"
+    table.write_text("\n".join(table.read_text().splitlines()[:-1]) + "\n")
+    assert session.run().numbers["Tests"] == "3"
+
+
+# --- an upload -----------------------------------------------------------------------------------------------------
+
+
+def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> None:
+    """The same data as in the folder; dropped twice it is one campaign."""
+    content = zipped(campaign_folder)
+    for _ in range(2):
+        session = upload(visit(), ("sled.zip", content))
+        assert session.app.sidebar.selectbox(key="campaign").value == "sled"
+        assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
+        assert len(kept()) == 1
+    assert list(campaigns.shelf()) == ["sample", "sled"]
+
+
+def test_the_files_of_a_campaign_are_opened_together(visit: Visit, campaign_folder: Path) -> None:
+    """CSV and Parquet side by side; the field is empty afterwards."""
+    files = [(path.name, path.read_bytes()) for path in campaign_folder.rglob("*") if path.is_file()]
+    session = upload(visit(), *files)
+    assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
+    assert not session.app.file_uploader[0].value
+
+
+def test_a_bad_upload_is_refused_row_by_row_and_not_kept(visit: Visit, campaign_folder: Path) -> None:
+    """Two cells that are no number in one file, by their rows, and another file that is missing."""
+    pulse = campaign_folder / "tests" / "T3.csv"
+    lines = pulse.read_text().splitlines()
+    for row in (5, 6):
+        lines[row - 1] = lines[row - 1].split(",")[0] + ",=oops"
+    pulse.write_text("\n".join(lines))
+    (campaign_folder / "tests" / "T2.csv").unlink()
+    session = upload(visit(), ("bad.zip", zipped(campaign_folder)))
+    (table,) = session.tables
+    (cells,) = table[table["Column"] == "acceleration_g"].to_dict("records")
+    assert (cells["File"], cells["Row"], cells["Found"]) == ("tests/T3.csv", "5–6", "'=oops'")
+    assert cells["What to do"] == "Correct the cell"
+    assert table["Expected"].str.contains("T2").any()
+    assert kept() == []
+    assert list(campaigns.shelf()) == ["sample"]
+
+
+def test_a_strangers_file_name_is_shown_as_text(visit: Visit) -> None:
+    """No link, no image, no formula comes of it."""
+    name = "![x](www.example.org) $a$ :tada: `b` <i>.exe"
+    session = upload(visit(), (name, b"MZ"))
+    (shown,) = session.tables[0]["File"]
+    assert "![x](www.example.org) $a$" in shown
+    (raw,) = session.app.table[0].value["File"]
+    for mark in ("![", "](", "$a$", "www.", "<i>"):
+        assert mark not in raw
+
+
+def test_nothing_dropped_or_all_too_large_is_said(visit: Visit) -> None:
+    """The browser keeps back what is over the limit; the page says what the limit is and the other way."""
+    (table,) = visit().press("Open upload").tables
+    assert table["Expected"].tolist() == ["files of at most 200 MB each"]
+    assert table["What to do"].tolist() == ["Choose the files, and open a larger campaign as a folder"]
+    assert kept() == []
+
+
+def test_a_full_disk_is_a_sentence(visit: Visit, campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page says so, and nothing half-written stays."""
+
+    def full(*_: object) -> Path:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(uploads, "lay_out", full)
+    session = upload(visit(), ("a.zip", zipped(campaign_folder)))
+    assert session.tables[0]["Found"].tolist() == ["No space left on device"]
+    assert kept() == []
+
+
+def test_problems_that_differ_by_the_row_alone_are_shown_as_one() -> None:
+    """Neighbouring rows as a range, others listed; the table to take away has each of its own."""
+    bad = [Problem("a.csv", "a number", "'x'", "correct the cell", "v", row) for row in (2, 3, 4)]
+    other = [Problem("a.csv", "a number", "'y'", "correct the cell", "v", row) for row in (7, 9)]
+    missing = Problem("b.csv", "this file", "no such file", "add it")
+    assert short_table([*bad, *other, missing])["Row"].tolist() == ["2–4", "7, 9", ""]
+    assert problem_table([*bad, *other, missing])["Row"].tolist() == ["2", "3", "4", "7", "9", ""]
+
+
+# --- what is in it -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_the_filter_is_drawn_over_what_was_read(visit: Visit, campaign: Campaign) -> None:
+    """Two curves a test, and the peak that the filter leaves of the held-out one; every other page stays unfiltered."""
+    session = visit(held_out="T2 · 25.0 mph")
+    before = json.loads(session.app.get("plotly_chart")[0].proto.spec)["data"]
+    session.app.button_group(key="filter").set_value("CFC 60").run()
+    after = json.loads(session.app.get("plotly_chart")[0].proto.spec)["data"]
+    assert (len(before), len(after)) == (4, 8)
+    pulse = campaign.test("T2").pulse
+    filtered = cfc_filter(pulse.accel_mps2, cfc=60, dt_s=pulse.dt_s)
+    read_peak, peak = (np.abs(accel).max() / G for accel in (pulse.accel_mps2, filtered))
+    assert f"from {read_peak:.1f} to {peak:.1f} g" in session.words
+    session.go("train").go("data")
+    assert session.app.button_group(key="filter").value == "CFC 60"

@@ -1,0 +1,152 @@
+"""The frame around every page: what is chosen once holds everywhere, and an address reproduces it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import streamlit as st
+from streamlit.runtime.context import ContextProxy, StreamlitTheme
+
+from crashfuse.plots.palette import IN_THE_DARK, PAPER
+from crashfuse.ui import campaigns
+
+if TYPE_CHECKING:
+    from tests.ui.conftest import Session
+
+PAGES = ("data", "train", "compare", "study", "predict")
+Visit = Callable[..., "Session"]
+
+
+@pytest.mark.parametrize("page", ["train", "compare", "study", "predict"])
+def test_without_a_campaign_a_page_says_what_to_do(visit: Visit, page: str) -> None:
+    """It offers the sample and the way to the page Data, and no more."""
+    session = visit(page)
+    assert "No campaign is open yet" in session.words
+    assert session.buttons == ["Load the sample campaign"]
+    assert not session.charts
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_choices_hold_on_every_page(visit: Visit) -> None:
+    """Chosen once, seen everywhere."""
+    session = visit()
+    sidebar = session.app.sidebar
+    sidebar.selectbox(key="held_out").select("T3 · 26.0 mph").run()
+    sidebar.button_group(key="window").set_value(20.0).run()
+    sidebar.button_group(key="sign").set_value("Deceleration").run()
+    for page in ("compare", "data", "train"):
+        sidebar = session.go(page).app.sidebar
+        assert sidebar.selectbox(key="held_out").value == "T3 · 26.0 mph"
+        assert sidebar.button_group(key="window").value == 20.0
+        assert sidebar.button_group(key="sign").value == "Deceleration"
+
+
+def test_an_address_reproduces_the_view(visit: Visit, campaign_folder: Path) -> None:
+    """A folder that is open on the server by its name, the test, the window, the unit, the sign."""
+    campaigns.open_folder(campaign_folder)
+    view = {"held_out": "T3 · 26.0 mph", "window": "0–20 ms", "unit": "m/s²", "sign": "Deceleration"}
+    session = visit(campaign=campaign_folder.name, **view)
+    assert session.app.title[0].value == "campaign"
+    sidebar = session.app.sidebar
+    assert sidebar.selectbox(key="held_out").value == "T3 · 26.0 mph"
+    assert sidebar.button_group(key="window").value == 20.0
+    assert sidebar.button_group(key="unit").value == "m/s²"
+    assert sidebar.button_group(key="sign").value == "Deceleration"
+    assert "not open on this server" not in session.words
+
+
+def test_the_sample_has_a_name_that_a_link_can_give(visit: Visit) -> None:
+    """``?campaign=sample`` opens it."""
+    assert "lumped-parameter simulation" in visit(campaign="sample").words
+
+
+def test_a_link_opens_nothing_that_nobody_has_opened_here(visit: Visit, campaign_folder: Path) -> None:
+    """A path in the address is a name that nobody knows; the page says what to do, as text."""
+    for asked in (str(campaign_folder), f"../{campaign_folder.name}", "[x](https://example.org)"):
+        session = visit("compare", campaign=asked)
+        assert session.app.sidebar.selectbox(key="campaign").value is None
+        assert f"The campaign “{asked}” of this link is not open on this server." in session.words
+        assert "[x](" not in session.app.warning[0].value
+        assert not campaigns.shelf().keys() - {campaigns.SAMPLE}
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_another_campaign_is_not_shown_as_that_of_the_link_without_a_word(visit: Visit) -> None:
+    """The server's own is open instead, so the page says so, until something is chosen."""
+    session = visit(campaign="elsewhere")
+    assert "“elsewhere” of this link is not open" in session.words
+    session.app.sidebar.selectbox(key="campaign").select("sample").run()
+    assert "“elsewhere”" not in session.words
+    session = visit(held_out="T9 · 50.0 mph")
+    assert "This campaign has no test “T9 · 50.0 mph”, which this link holds out." in session.words
+    session.app.sidebar.selectbox(key="held_out").select("T2 · 25.0 mph").run()
+    assert "which this link holds out" not in session.words
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_choice_that_another_campaign_lacks_is_not_laid_to_the_link(visit: Visit) -> None:
+    """Turning to another campaign is the user's own step: no warning about tests."""
+    session = visit()
+    session.app.sidebar.selectbox(key="held_out").select("T3 · 26.0 mph").run()
+    session.app.sidebar.selectbox(key="campaign").select("sample").run()
+    assert not session.app.exception
+    assert "which this link holds out" not in session.words
+
+
+def test_folders_of_one_name_are_told_apart_without_their_paths(
+    campaign_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Names stand in addresses, which are passed on: no path gets into one. One folder has one name."""
+    sample = tmp_path / "sample"
+    campaign_folder.rename(sample)
+    monkeypatch.setenv("CRASHFUSE_CAMPAIGN", str(sample))
+    assert campaigns.at_start() == "sample (2)"
+    for number in (3, 4):
+        twin = tmp_path / f"{number}" / "sample"
+        twin.parent.mkdir()
+        for path in sorted(sample.rglob("*")):
+            (twin / path.relative_to(sample)).parent.mkdir(parents=True, exist_ok=True)
+            if path.is_file():
+                (twin / path.relative_to(sample)).write_bytes(path.read_bytes())
+        assert campaigns.open_folder(twin) == f"sample ({number})"
+        assert campaigns.open_folder(twin) == f"sample ({number})"
+    assert not [name for name in campaigns.shelf() if "/" in name]
+
+
+def test_a_campaign_that_goes_bad_while_open_is_refused_on_every_page(visit: Visit, open_campaign: Path) -> None:
+    """What is wrong stands where the page would be."""
+    session = visit()
+    (open_campaign / "cae.csv").unlink()
+    for page in PAGES:
+        session.go(page)
+        assert "cannot be used: 1 problem" in session.words
+        assert session.tables[0]["File"].tolist() == ["cae.csv"]
+
+
+def test_the_notice_of_a_synthetic_campaign_stands_on_every_page(visit: Visit, open_campaign: Path) -> None:
+    """It says plainly that no real car is shown; whatever else its words do, they are text."""
+    notice = "Synthetic: no real vehicle. ![x](https://example.org/x.png)"
+    (open_campaign / "campaign.toml").write_text(f'name = "*Toy*"\nnotice = "{notice}"\n')
+    session = visit()
+    assert session.app.title[0].value == r"\*Toy\*"
+    for page in PAGES:
+        assert notice in session.go(page).words
+        assert "![" not in session.app.info[0].value
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_figures_are_drawn_for_the_theme_that_the_browser_has(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """White paper in the light theme, the page's own ground in the dark; where it is unknown, light."""
+    assert all(f'"paper_bgcolor":"{PAPER}"' in chart.proto.spec for chart in visit().app.get("plotly_chart"))
+    theme = property(lambda _: StreamlitTheme({"type": "dark"}))
+    monkeypatch.setattr(ContextProxy, "theme", theme)
+    charts = visit().app.get("plotly_chart")
+    assert charts
+    assert all(f'"paper_bgcolor":"{IN_THE_DARK[PAPER]}"' in chart.proto.spec for chart in charts)
+
+
+def test_the_dark_page_has_the_ground_and_the_ink_of_dark_figures() -> None:
+    """Else every figure would stand in a box."""
+    options = {name: st.get_option(f"theme.dark.{name}") for name in ("backgroundColor", "textColor")}
+    assert options == {"backgroundColor": IN_THE_DARK[PAPER], "textColor": "#E6E9EE"}
