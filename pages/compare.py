@@ -13,6 +13,7 @@ from crashfuse.tables import pulses_table, scores_table, study_metrics
 from crashfuse.ui import displacement, evidence, frame, network, tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.panel import result_of
+from crashfuse.ui.text import plain
 
 CORRIDORS_HELP = (
     "ISO/TS 18571: a curve scores 1 inside the inner corridor about the test, 0 outside the outer one. They "
@@ -25,11 +26,11 @@ DRAWS_HELP = (
 
 view = frame.enter_with_campaign("Compare")
 test, campaign, config = view.held_out, view.campaign, chosen_config()
-st.subheader(f"Test {test.id}: {test.condition}")
+st.subheader(f"Test {plain(test.id)}: {test.condition}")
 
 study = result_of(
     StudyRequest(campaign, (test.id,), config),
-    invitation=f"Test {test.id} has not been predicted yet. Every approach will learn from the other "
+    invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will learn from the other "
     f"{len(campaign.tests) - 1} tests and the CAE runs; the first time takes a minute or two, later ones less.",
     button=f"Predict test {test.id}",
 )

@@ -16,6 +16,7 @@ from crashfuse.tables import scores_table, study_metrics
 from crashfuse.ui import evidence, frame, tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.panel import result_of
+from crashfuse.ui.text import plain
 
 view = frame.enter_with_campaign("Study")
 campaign, config = view.campaign, chosen_config()
@@ -63,7 +64,7 @@ for tab, tab_name, own in zip(st.tabs(names), names, (study, study.speed_groups)
 st.caption("ISO/TS 18571: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
 for test in campaign.tests:
     for note in campaign.cae.extrapolation(test.condition):
-        st.caption(f":material/warning: {test.id}: {note}")
+        st.caption(f":material/warning: {plain(test.id)}: {note}")
 
 if study.coverage:
     st.subheader(f"How sure the ratings are, {window}")

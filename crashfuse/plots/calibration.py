@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches import LABELS
 from crashfuse.plots.canvas import new_figure
-from crashfuse.plots.palette import COLOURS
+from crashfuse.plots.palette import AXIS, COLOURS
 from crashfuse.pulse import FloatArray
 
 
@@ -28,7 +28,7 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
     """
     figure = new_figure(height=440)
     figure.add_scatter(
-        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line={"color": "#9AA1AC", "dash": "dot"},
+        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line={"color": AXIS, "dash": "dot"},
         hoverinfo="skip",
     )  # fmt: skip
     for name, shares in observed.items():

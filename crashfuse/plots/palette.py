@@ -40,7 +40,6 @@ IN_THE_DARK: Mapping[str, str] = {
     INK: "#E6E9EE",
     GRID: "#2C333E",
     AXIS: "#7C8592",
-    "#9AA1AC": "#7C8592",
     "#EEF0F3": "#252C36",
     CURSOR: "#AEB6C2",
     WINDOW: "#423B22",

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches import LABELS
 from crashfuse.plots.canvas import LEGEND_ABOVE, new_figure
-from crashfuse.plots.palette import COLOURS, GRADE_COLOURS
+from crashfuse.plots.palette import AXIS, COLOURS, GRADE_COLOURS
 from crashfuse.rating import GRADES, grade
 
 
@@ -97,7 +97,7 @@ def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]
         )
     for limit, _ in GRADES:
         if limit > 0:
-            figure.add_hline(y=limit, line={"color": "#9AA1AC", "width": 1, "dash": "dot"})
+            figure.add_hline(y=limit, line={"color": AXIS, "width": 1, "dash": "dot"})
     figure.update_layout(LEGEND_ABOVE, hovermode="closest")
     figure.update_xaxes(
         title="Held-out test", tickvals=list(range(len(tests))), ticktext=tests, range=[-0.6, len(tests) - 0.4],

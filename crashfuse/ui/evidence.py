@@ -13,6 +13,7 @@ from crashfuse.fits import fit_sentences, fit_table
 from crashfuse.metrics import Metric, missing_sentences
 from crashfuse.plots.canvas import darkened
 from crashfuse.plots.palette import GRADE_COLOURS
+from crashfuse.ui.text import plain
 
 _TOOLS = {
     "displaylogo": False,
@@ -63,7 +64,7 @@ def show_notes(predictions: Mapping[str, Prediction]) -> None:
             makers.setdefault(note, []).append(LABELS[name])
     if makers:
         st.subheader("Notes")
-        st.markdown("\n".join(f"- {', '.join(names)}: {_plain(note)}" for note, names in makers.items()))
+        st.markdown("\n".join(f"- {', '.join(names)}: {plain(note)}" for note, names in makers.items()))
 
 
 def show_fits(estimates: Iterable[Estimate]) -> None:
@@ -71,7 +72,7 @@ def show_fits(estimates: Iterable[Estimate]) -> None:
     for estimate in estimates:
         if sentences := fit_sentences(estimate.state):
             with st.expander(f"How the fit went: {LABELS[estimate.approach].lower()}"):
-                st.markdown("\n\n".join(_plain(sentence) for sentence in sentences))
+                st.markdown("\n\n".join(plain(sentence) for sentence in sentences))
                 if not (table := fit_table(estimate.state)).empty:
                     st.table(table.style.hide(axis="index"), border="horizontal")
 
@@ -79,7 +80,7 @@ def show_fits(estimates: Iterable[Estimate]) -> None:
 def show_missing(columns: Sequence[tuple[str, Sequence[Metric]]]) -> None:
     """Say why numbers are missing in a table of pulse metrics."""
     for sentence in missing_sentences(columns):
-        st.caption(_plain(sentence))
+        st.caption(plain(sentence))
 
 
 def download(name: str, table: pd.DataFrame) -> None:
@@ -103,9 +104,4 @@ def download_bytes(name: str, write: Callable[[], bytes]) -> None:
 
 def show_recommendation(sentences: Sequence[str]) -> None:
     """Show what is recommended and why."""
-    st.info("\n\n".join(_plain(sentence) for sentence in sentences), icon=":material/lightbulb:")
-
-
-def _plain(text: str) -> str:
-    """Text that Markdown shows as it is."""
-    return "".join(f"\\{char}" if char in "\\`*_{}[]()<>#+-!|$~:" else char for char in text)
+    st.info("\n\n".join(plain(sentence) for sentence in sentences), icon=":material/lightbulb:")

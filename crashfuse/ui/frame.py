@@ -243,4 +243,4 @@ def _keep_up(theme: str | None) -> None:
     if st.context.theme.type != theme:
         st.rerun()
     for job in jobs().active:
-        st.caption(f":material/hourglass_top: {job.title}" + (" (waiting)" if job.state == "waiting" else ""))
+        st.caption(f":material/hourglass_top: {plain(job.title)}" + (" (waiting)" if job.state == "waiting" else ""))

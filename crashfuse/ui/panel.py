@@ -7,6 +7,7 @@ import streamlit as st
 from crashfuse.plots.learning import learning_curves
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.jobs import Job, Step
+from crashfuse.ui.text import plain
 
 T = TypeVar("T")
 
@@ -68,7 +69,7 @@ def show_job(job: Job[Any]) -> None:
         st.rerun()
     with st.container(border=True):
         left, right = st.columns([5, 1], vertical_alignment="center")
-        left.markdown(f"**{job.title}**")
+        left.markdown(f"**{plain(job.title)}**")
         right.button(
             "Cancel",
             icon=":material/stop:",
@@ -81,7 +82,7 @@ def show_job(job: Job[Any]) -> None:
             st.caption("Stopping at the next opportunity …")
         elif job.state == "waiting":
             ahead = next((other for other in jobs().active if other is not job), None)
-            st.caption("Waiting for its turn" + (f" behind: {ahead.title}" if ahead else "") + ".")
+            st.caption("Waiting for its turn" + (f" behind: {plain(ahead.title)}" if ahead else "") + ".")
         steps = list(job.steps.items())
         for name, step in steps:
             _show_step(name, step)

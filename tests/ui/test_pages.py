@@ -1,5 +1,6 @@
 """Every page in every state, driven through app.py without a browser."""
 
+import re
 import threading
 import time
 from collections.abc import Iterator
@@ -140,7 +141,8 @@ def words(app: AppTest) -> str:
         app.success,
     )
     texts = [element.value for elements in kinds for element in elements]
-    return "\n".join(texts + [bar.text for bar in app.progress])
+    shown = "\n".join(texts + [bar.text for bar in app.progress])
+    return re.sub(r"\\([!-/:-@\[-`{-~])", r"\1", shown)  # as Markdown shows it
 
 
 def tables(app: AppTest) -> list[pd.DataFrame]:
