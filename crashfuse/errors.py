@@ -9,6 +9,8 @@ _LONGEST = 300  # characters of one part of a message; a stranger's cell may hav
 
 def printable(text: str, most: int = _LONGEST) -> str:
     """Return text from a file as one line that a terminal can show: no control characters, not too long."""
+    if len(text) <= most and text.isprintable():
+        return text
     shown = "".join(
         c if c.isprintable() or unicodedata.category(c) == "Zs" else c.encode("unicode_escape").decode()
         for c in text[: most + 1]
@@ -58,6 +60,25 @@ class Problem:
         if self.row is not None:
             place += f", row {self.row}"
         return f"{place}: expected {self.expected}, found {self.found}; {self.advice}."
+
+
+def shortened(problems: Sequence[Problem], most: int = 20) -> list[Problem]:
+    """Keep the first problems of each kind, and count the rest in one: a list that a person can read.
+
+    Of one kind are problems with the same advice in the same column of one file, or of the files of one folder.
+    """
+    kinds: dict[tuple[str, str, str], list[Problem]] = {}
+    for problem in problems:
+        home = problem.where.partition(",")[0].partition("/")[0]
+        column = (problem.column or "").partition(" ")[0]
+        kinds.setdefault((home, problem.advice, column), []).append(problem)
+    listed: list[Problem] = []
+    for (home, _, column), alike in kinds.items():
+        listed += alike[:most]
+        if len(alike) > most:
+            found = f"{len(alike) - most} more like these"
+            listed.append(Problem(home, alike[0].expected, found, "correct them too", column or None))
+    return listed
 
 
 class DataError(CrashfuseError):

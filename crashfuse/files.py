@@ -1,8 +1,20 @@
-"""Writing files so that nobody ever sees half of one."""
+"""Writing files so that nobody ever sees half of one, or some of a set."""
 
 import os
+import platform
+import re
+import shutil
+import sys
+import time
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
+
+_UNFINISHED = re.compile(r"\.unfinished-(?P<host>.+)-(?P<process>\d+)-[0-9a-f]{32}")
+_HOST = re.sub(r"[^\w.]", "_", platform.node()) or "here"
+_LONG_S = 3600.0  # no write takes that
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -14,7 +26,7 @@ def write_atomically(path: Path, content: bytes) -> None:
         If the folder cannot be made or written; nothing is left behind.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    temporary = _unfinished(path.parent)
     try:
         with temporary.open("wb") as stream:
             stream.write(content)
@@ -24,3 +36,68 @@ def write_atomically(path: Path, content: bytes) -> None:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def written_together(folder: Path, last: str) -> Iterator[Path]:
+    """Write a set of files: all of them move to their folder once each is whole, or none does.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files belong.
+    last : str
+        The file that moves last. As long as it does not tell of the others, they are not all there: should the
+        machine stop between two moves, that shows.
+
+    Yields
+    ------
+    Path
+        Where to write them.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be made or written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    staging = _unfinished(folder)
+    try:
+        staging.mkdir()
+        yield staging
+        for path in sorted((p for p in staging.rglob("*") if p.is_file()), key=lambda p: p.name == last):
+            target = folder / path.relative_to(staging)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(target)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def _unfinished(folder: Path) -> Path:
+    """Name for what this process is about to write there."""
+    _sweep(folder)
+    return folder / f".unfinished-{_HOST}-{os.getpid()}-{uuid.uuid4().hex}"
+
+
+@cache  # looking once is enough
+def _sweep(folder: Path) -> None:
+    """Remove what processes that were killed have left."""
+    for path in folder.glob(".unfinished-*"):
+        name = _UNFINISHED.fullmatch(path.name)
+        with suppress(OSError):
+            if name and (
+                (name["host"] == _HOST and not _is_alive(int(name["process"])))
+                or time.time() - path.stat().st_mtime > _LONG_S
+            ):
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def _is_alive(process: int) -> bool:
+    """Whether there is a process of this number; where that cannot be asked, there is."""
+    if sys.platform != "win32":  # there the question would end it
+        with suppress(PermissionError):
+            try:
+                os.kill(process, 0)
+            except ProcessLookupError:
+                return False
+    return True

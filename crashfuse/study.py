@@ -5,17 +5,18 @@ works on ``campaign.without(test)``, whose fingerprint is also the key under whi
 """
 
 import time
-import warnings
-from collections.abc import Generator, Sequence, Set
+from collections.abc import Sequence, Set
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import cast
 
-import joblib
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches import APPROACHES, CAE_ONLY
+from crashfuse.approaches import APPROACHES, CAE_ONLY, Device
+from crashfuse.approaches.kept import settings
+from crashfuse.approaches.lf_tcn import LfTcn
 from crashfuse.cache import Cache
 from crashfuse.calibration import Calibration, Coverage, shares_inside
 from crashfuse.campaign import Campaign, CrashTest
@@ -25,6 +26,7 @@ from crashfuse.estimate import Estimate, estimate_at, find_estimate
 from crashfuse.fold import Fold
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import DT_S, FloatArray
+from crashfuse.workers import Task, Workers, workers_at
 
 _STEPS = {"test": "Held-out predictions", "speed group": "Held-out speed groups"}
 
@@ -88,6 +90,7 @@ def run_study(
     cache: Cache | None = None,
     watch: Watch = SILENT,
     workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Study:
     """Leave out each test in turn, predict it with every approach from all the others, and rate the predictions.
 
@@ -102,6 +105,9 @@ def run_study(
     watch : Watch
     workers : int, optional
         Processes for the folds; default one for each core. The numbers don't depend on it.
+    scheduler : str, optional
+        Address of a Dask scheduler (``tcp://host:port``), whose workers then compute the folds:
+        :class:`crashfuse.workers.Cluster`.
 
     Raises
     ------
@@ -109,19 +115,22 @@ def run_study(
         If a name, a window or the number of tests makes the study impossible.
     Cancelled
         If the watch was told to stop.
+    CrashfuseError
+        If workers die again and again, or the cluster cannot be reached or does not have the same versions.
     """
     check_study(campaign, config, held_out)
     tests = [campaign.test(test_id) for test_id in dict.fromkeys(held_out or campaign.test_ids)]
-    studies = [
-        _leave_out(campaign, tests, way, cache or Cache(), watch, workers)
-        for way in config.each
-        if config.hold_out != "both" or way.hold_out == "test" or _has_speed_groups(campaign)
-    ]
+    with workers_at(scheduler, workers) as place:
+        studies = [
+            _leave_out(campaign, tests, way, cache or Cache(), watch, place)
+            for way in config.each
+            if config.hold_out != "both" or way.hold_out == "test" or _has_speed_groups(campaign)
+        ]
     return replace(studies[0], config=config, speed_groups=studies[1] if len(studies) > 1 else None)
 
 
 def _leave_out(
-    campaign: Campaign, tests: Sequence[CrashTest], config: StudyConfig, cache: Cache, watch: Watch, workers: int | None
+    campaign: Campaign, tests: Sequence[CrashTest], config: StudyConfig, cache: Cache, watch: Watch, workers: Workers
 ) -> Study:
     """Run the study that leaves these tests out in one way."""
     step = _STEPS[config.hold_out]
@@ -134,18 +143,18 @@ def _leave_out(
             kept := find_estimate(config.rest(campaign, test.id), test.condition, name, config, cache=cache)
         ) is not None:
             estimates[test.id, name] = kept
-    tasks: dict[tuple[str, tuple[str, ...]], list[CrashTest]] = {}  # tests that are predicted from the same others
+    alike: dict[tuple[str, tuple[str, ...]], list[CrashTest]] = {}  # tests that are predicted from the same others
     for test, name in wanted:
         if (test.id, name) not in estimates:
-            tasks.setdefault((name, config.rest(campaign, test.id).test_ids), []).append(test)
-    _prepare(campaign, {name for name, _ in tasks}, config, cache, watch)
+            alike.setdefault((name, config.rest(campaign, test.id).test_ids), []).append(test)
+    tasks = [Task(name, tuple(tests)) for (name, _), tests in alike.items()]
+    shared = _prepare(campaign, {task.approach for task in tasks}, config, cache, watch)
     prepared = time.perf_counter()
 
     watch.report(step, len(estimates), len(wanted))
-    alone = len({rest for _, rest in tasks}) < 2  # processes take seconds to start
-    workers = workers or (1 if alone else min(joblib.cpu_count(), len(tasks)))
-    todo = [(name, tests) for (name, _), tests in tasks.items()]
-    with closing(_completed(campaign, todo, config, cache, watch, workers)) as completed:
+    device = cast(Device, config.create(LfTcn.name).hardware)  # "auto" must not mean something else on another machine
+    work = partial(_hold_out, config=replace(config, device=device))
+    with closing(workers.completed(work, campaign, tasks, shared, watch)) as completed:
         for found in completed:
             estimates |= {(test_id, estimate.approach): estimate for test_id, estimate in found}
             watch.report(step, len(estimates), len(wanted))
@@ -193,47 +202,25 @@ def _has_speed_groups(campaign: Campaign) -> bool:
     return len(campaign.speed_group(campaign.test_ids[0])) < len(campaign.tests)
 
 
-def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> None:
-    """Fit once what only the CAE runs decide, with all cores; the folds then find it in the cache."""
+def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> Cache:
+    """Fit once what only the CAE runs decide, with all cores; the folds then find it in the cache.
+
+    Returns the same cache, but one that has been used for this and nothing else.
+    """
     cae_only = campaign.without(campaign.test_ids)
+    shared = Cache(cache.folder)
     for name in sorted({part for approach in approaches for part in CAE_ONLY[approach]}):
-        config.create(name, cache).fit(cae_only, watch)
-
-
-def _completed(
-    campaign: Campaign,
-    tasks: Sequence[tuple[str, Sequence[CrashTest]]],
-    config: StudyConfig,
-    cache: Cache,
-    watch: Watch,
-    workers: int,
-) -> Generator[list[tuple[str, Estimate]]]:
-    """Yield the tasks' estimates as they get done, each with its held-out test's id."""
-    if workers == 1:
-        for name, tests in tasks:
-            yield _hold_out(campaign, tests, name, config, cache, watch)
-        return
-    pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
-    completed = pool(joblib.delayed(_hold_out)(campaign, tests, name, config, cache) for name, tests in tasks)
-    with warnings.catch_warnings():
-        # joblib warns of workers that it renews when they have grown, and of what a cancelled study leaves undone
-        warnings.filterwarnings("ignore", category=UserWarning, module="joblib")
-        try:
-            for result in completed:  # noqa: UP028 - "yield from" would close the pool outside the filter
-                yield result
-        finally:
-            completed.close()
+        approach = config.create(name, shared)
+        with shared.alone("prepared", {**settings(approach), "cae": campaign.cae.fingerprint}, watch):
+            approach.fit(cae_only, watch)
+    return shared
 
 
 def _hold_out(
-    campaign: Campaign,
-    tests: Sequence[CrashTest],
-    approach: str,
-    config: StudyConfig,
-    cache: Cache,
-    watch: Watch = SILENT,
+    campaign: Campaign, task: Task, cache: Cache, watch: Watch, *, config: StudyConfig
 ) -> list[tuple[str, Estimate]]:
-    """Predict tests that are all learned about from the same others."""
+    """Predict the tests of a task; returns each one's id and what is expected of it."""
+    tests, name = task.tests, task.approach
     rest = config.rest(campaign, tests[0].id)
     with threadpool_limits(1):  # contended BLAS threads cost many times the CPU, and other numbers
-        return [(t.id, estimate_at(rest, t.condition, approach, config, cache=cache, watch=watch)) for t in tests]
+        return [(t.id, estimate_at(rest, t.condition, name, config, cache=cache, watch=watch)) for t in tests]

@@ -188,15 +188,86 @@ def test_wrong_usage_ends_with_2_and_leaves_nothing(
     assert not out.exists()
 
 
-def test_an_output_folder_that_is_a_file_is_one_sentence(
-    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("out", "sentence"),
+    [
+        ("{tmp}/file", "file is a file, not a folder; name another folder for --out."),
+        ("{tmp}/file/results", "file is a file, not a folder; name another folder for --out."),
+        ("{campaign}", "name a folder outside it for --out."),
+        ("{campaign}/results", "name a folder outside it for --out."),
+        ("{tmp}/other", "other is a campaign folder; name another for --out."),
+        ("{tmp}/sweep", "sweep holds a sweep (sweep.csv); name another folder for the "),
+        ("", "one of the arguments is empty; was a variable not set?"),
+    ],
+)
+@pytest.mark.parametrize("command", [["study"], ["predict", *at_condition(30, 2100, 1500)]])
+def test_a_folder_that_results_do_not_belong_in_is_one_sentence(
+    campaign_on_disk: Path,
+    tmp_path: Path,
+    command: list[str],
+    out: str,
+    sentence: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """No traceback when the results cannot be written."""
-    out = tmp_path / "out"
-    out.write_text("")
-    command = ["study", str(campaign_on_disk), "--out", str(out), "--held-out", "T1", "--approach", "cae"]
+    """A file, the campaign, another campaign, results of another kind, nothing: said before anything is computed."""
+    (tmp_path / "file").write_text("")
+    for folder, table in (("other", "tests.csv"), ("sweep", "sweep.csv")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / table).write_text("")
+    before = {path: path.stat().st_mtime_ns for place in (tmp_path, campaign_on_disk) for path in place.rglob("*")}
+    place = out.format(tmp=tmp_path, campaign=campaign_on_disk)
+    assert cli.main([command[0], str(campaign_on_disk), *command[1:], "--out", place]) == cli.WRONG_USAGE
+    (said,) = capsys.readouterr().err.strip().splitlines()
+    assert sentence in said
+    after = {path: path.stat().st_mtime_ns for place in (tmp_path, campaign_on_disk) for path in place.rglob("*")}
+    assert after == before
+
+
+def test_a_folder_that_may_not_be_written_is_one_sentence(
+    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Asked beforehand; and what the system refuses later is a sentence too."""
+    command = ["train", str(campaign_on_disk), "--approach", "cae", "--out", str(tmp_path / "out")]
+    with monkeypatch.context() as patch:
+        patch.setattr("os.access", lambda *_: False)
+        assert cli.main(command) == cli.WRONG_USAGE
+    assert f"Nothing can be written to {tmp_path}; name another folder for --out." in capsys.readouterr().err
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device", "model")
+
+    monkeypatch.setattr("crashfuse.models.write_atomically", full)
     assert cli.main(command) == cli.WRONG_DATA
-    assert "Traceback" not in capsys.readouterr().err
+    assert "crashfuse: model cannot be read or written: no space left on device.\n" in capsys.readouterr().err
+
+
+def test_what_older_results_of_the_same_kind_had_more_does_not_stay(campaign_on_disk: Path, tmp_path: Path) -> None:
+    """Speed groups that are not asked for again, channels of approaches that are left out; a stranger's file stays."""
+    study, predict = tmp_path / "study", tmp_path / "prediction"
+    command = ["study", str(campaign_on_disk), "--out", str(study), "--approach", "cae", "--workers", "1"]
+    assert cli.main(command) == cli.DONE
+    (study / "notes.txt").write_text("")
+    assert (study / "speed_groups.csv").is_file()
+    assert cli.main([*command, "--hold-out", "test"]) == cli.DONE
+    names = {"notes.txt", "scores.csv", "pulses.csv", "metrics.csv", "study.json", "report.html"}
+    assert {path.name for path in study.iterdir()} == names
+
+    command = ["predict", str(campaign_on_disk), *at_condition(30, 2100, 1500), "--out", str(predict)]
+    assert cli.main([*command, "--approach", "cae", "displacement_domain"]) == cli.DONE
+    assert cli.main([*command, "--approach", "cae"]) == cli.DONE
+    once = tmp_path / "once"
+    assert cli.main([*command[:-1], str(once), "--approach", "cae"]) == cli.DONE
+    assert {p.relative_to(predict) for p in predict.rglob("*")} == {p.relative_to(once) for p in once.rglob("*")}
+
+
+def test_a_name_that_the_terminal_cannot_show_is_no_traceback(campaign_folder: Path) -> None:
+    """Letters that its encoding lacks are escaped."""
+    (campaign_folder / "campaign.toml").write_text('name = "\u540d\u524d"', encoding="utf-8")
+    command = [sys.executable, "-m", "crashfuse", "check", str(campaign_folder)]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert (done.returncode, done.stderr) == (cli.DONE, "")
+    assert done.stdout.startswith("\\u540d\\u524d: 4 tests, 24 CAE runs.")
 
 
 def test_predict_writes_pulses_metrics_and_report(

@@ -1,8 +1,11 @@
 """The study: nothing leaks, nothing is computed twice, and the numbers don't depend on how it is run."""
 
+import hashlib
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -150,6 +153,37 @@ def test_a_second_run_is_answered_from_the_cache(campaign: Campaign, monkeypatch
     assert a.prediction.draws_mps2.tobytes() == b.prediction.draws_mps2.tobytes()
     assert a.state == b.state
     assert a.prediction.notes == b.prediction.notes
+
+
+def test_a_damaged_cache_is_computed_again(campaign: Campaign, tmp_path: Path) -> None:
+    """With a byte flipped in every entry of every kind, the same study gives the same bits and mends the cache."""
+    config = StudyConfig(approaches=("displacement_domain",))
+    first = run_study(campaign, config, held_out=["T3"], cache=Cache(tmp_path), workers=1)
+    entries = {path: path.read_bytes() for path in tmp_path.rglob("*.bin")}
+    assert {path.parent.name for path in entries} == {"emulator", "fits", "predictions"}
+    for path, content in entries.items():
+        path.write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
+    second = run_study(campaign, config, held_out=["T3"], cache=Cache(tmp_path), workers=1)
+    a, b = (study.fold("T3").estimate("displacement_domain").prediction for study in (first, second))
+    assert a.accel_mps2.tobytes() == b.accel_mps2.tobytes()
+    assert a.draws_mps2 is not None
+    assert b.draws_mps2 is not None
+    assert a.draws_mps2.tobytes() == b.draws_mps2.tobytes()
+    for path in entries:
+        checksum, _, payload = path.read_bytes().partition(b"\n")
+        assert hashlib.sha256(payload).hexdigest().encode() == checksum
+
+
+def test_two_studies_on_one_cache_learn_once(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the same time, with the same tests left out: who comes second takes what the first has learned."""
+    fits = _count_fits(monkeypatch)
+    config = StudyConfig(approaches=("displacement_domain",))
+    with ThreadPoolExecutor(2) as pool:
+        studies = list(pool.map(lambda _: run_study(campaign, config, held_out=["T1", "T2"], workers=1), range(2)))
+    assert len(fits) == 2
+    for test_id in ("T1", "T2"):
+        one, other = (study.fold(test_id).estimate("displacement_domain").prediction for study in studies)
+        assert one.accel_mps2.tobytes() == other.accel_mps2.tobytes()
 
 
 def test_a_study_that_was_stopped_goes_on_where_it_was(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -43,18 +44,35 @@ def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = 
         If the watch was told to stop.
     """
     key = {**settings(approach), "campaign": campaign.fingerprint}
-    entry = cache.get(_KIND, key) if cache else None
-    if entry is not None:
-        text = json.loads(str(entry.pop("text")))
-        return approach.restore(campaign, Learned(text["values"], entry)), text["seconds"]
+    if cache is None:
+        return approach, _learn(approach, campaign, watch)
+    seconds = _restore(approach, campaign, cache, key)
+    if seconds is None:
+        with cache.alone(_KIND, key, watch):
+            seconds = _restore(approach, campaign, cache, key)  # another process may have come first
+            if seconds is None:
+                seconds = _learn(approach, campaign, watch)
+                learned = approach.learned()
+                text = json.dumps({"values": learned.values, "seconds": seconds})
+                cache.put(_KIND, key, {**learned.arrays, "text": np.array(text)})
+    return approach, seconds
+
+
+def _learn(approach: Approach, campaign: Campaign, watch: Watch) -> float:
+    """Fit it; returns the seconds that took."""
     start = time.perf_counter()
     approach.fit(campaign, watch)
-    seconds = time.perf_counter() - start
-    if cache:
-        learned = approach.learned()
-        text = json.dumps({"values": learned.values, "seconds": seconds})
-        cache.put(_KIND, key, {**learned.arrays, "text": np.array(text)})
-    return approach, seconds
+    return time.perf_counter() - start
+
+
+def _restore(approach: Approach, campaign: Campaign, cache: Cache, key: Mapping[str, object]) -> float | None:
+    """Take up what is kept; returns the seconds that took when it was learned, or None if nothing is kept."""
+    entry = cache.get(_KIND, key)
+    if entry is None:
+        return None
+    text = json.loads(str(entry.pop("text")))
+    approach.restore(campaign, Learned(text["values"], entry))
+    return float(text["seconds"])
 
 
 def settings(approach: Approach) -> dict[str, object]:

@@ -108,14 +108,22 @@ class LfTcn(TcnApproach):
         entry = self.cache.get(_KIND, key) if self.cache else None
         if entry is not None:
             return self.restore(campaign, Learned({}, entry))
-        self._library, self.scaling_ = cae, Scaling.of(cae.vectors, cae.accel_mps2, config)
+        vectors, accel = self._begin(cae)
         checkpoint = Checkpoint(self.cache, {**key, "training": _KIND})
         self.network_, self.losses_ = train(
-            cae.vectors, cae.accel_mps2, self.scaling_, config, self.seed, self._device, checkpoint, watch
+            vectors, accel, self.scaling_, config, self.seed, self._device, checkpoint, watch
         )
         if self.cache:
             self.cache.put(_KIND, key, self.learned().arrays)
         return self
+
+    def _begin(self, cae: CaeLibrary) -> tuple[FloatArray, FloatArray]:
+        """Take up the library; returns conditions and pulses of the runs to learn from."""
+        most = self.config.max_runs or len(cae)
+        used = slice(None) if len(cae) <= most else np.linspace(0, len(cae) - 1, most).astype(int)
+        vectors, accel = cae.vectors[used], cae.accel_mps2[used]
+        self._library, self.scaling_ = cae, Scaling.of(vectors, accel, self.config)
+        return vectors, accel
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
         """Its pulse at every test: it has seen none."""
@@ -128,8 +136,7 @@ class LfTcn(TcnApproach):
 
     def restore(self, campaign: Campaign, learned: Learned) -> Self:
         """Take up weights; the scaling is the library's."""
-        cae = campaign.cae
-        self._library, self.scaling_ = cae, Scaling.of(cae.vectors, cae.accel_mps2, self.config)
+        self._begin(campaign.cae)
         weights = dict(learned.arrays)
         self.losses_ = weights.pop("losses")
         self.network_ = Tcn(self.config, torch.Generator()).to(self._device).eval()

@@ -38,6 +38,8 @@ class TcnConfig:
         acceleration at all speeds.
     batch, epochs, min_steps : int
         Pulses a step; epochs, or as many more as make that many steps in a small library.
+    max_runs : int
+        Most CAE runs to learn from, taken evenly from the library: more teach the networks no more; 0 for all.
     learning_rate, annealing_epochs : float, int
         Adam's rate and the half period of its cosine; 0 for one warm-up and one cosine over the whole training.
     members : int
@@ -62,6 +64,7 @@ class TcnConfig:
     batch: int = 16
     epochs: int = 20
     min_steps: int = 1000
+    max_runs: int = 3000
     learning_rate: float = 4e-3
     annealing_epochs: int = 0
     members: int = 4
@@ -92,6 +95,7 @@ class TcnConfig:
             batch=32,
             epochs=1000,
             min_steps=0,
+            max_runs=0,
             learning_rate=3e-4,
             annealing_epochs=100,
             members=1,

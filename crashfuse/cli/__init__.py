@@ -1,20 +1,29 @@
 """The command line: parse, call the library, print. Nothing is computed here."""
 
 import argparse
+import io
 import sys
 from collections.abc import Callable, Sequence
 
 from crashfuse.cli.arguments import parser
-from crashfuse.errors import CrashfuseError, DataError, UsageError
+from crashfuse.errors import CrashfuseError, DataError, UsageError, printable
 
 __all__ = ["main", "parser"]
 
 DONE, WRONG_DATA, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
+_LONGEST_LINE = 2000
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 the data are wrong, 2 wrong usage)."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a name in letters that the terminal lacks
+    argv = sys.argv[1:] if argv is None else argv
     arguments = parser().parse_args(argv)
+    if any(argument == "" or (argument.startswith("--") and argument.endswith("=")) for argument in argv):
+        _say("crashfuse: one of the arguments is empty; was a variable not set?")
+        return WRONG_USAGE
     command: Callable[[argparse.Namespace], None] = arguments.run
     try:
         command(arguments)
@@ -25,8 +34,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except UsageError as error:
         _say(f"crashfuse: {error}")
         return WRONG_USAGE
-    except (CrashfuseError, OSError) as error:
+    except CrashfuseError as error:
         _say(f"crashfuse: {error}")
+        return WRONG_DATA
+    except OSError as error:
+        _say(f"crashfuse: {_about_the_system(error)}")
         return WRONG_DATA
     except KeyboardInterrupt:
         _say("Stopped. What was finished is in the cache: the same command goes on from there (a study with --resume).")
@@ -34,6 +46,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     return DONE
 
 
+def _about_the_system(error: OSError) -> str:
+    """What the system refused, as a sentence."""
+    reason = (error.strerror or str(error) or type(error).__name__).rstrip(".")
+    place = f"{error.filename} cannot be read or written" if error.filename else "something cannot be read or written"
+    return f"{place}: {reason[:1].lower()}{reason[1:]}."
+
+
 def _say(*lines: str) -> None:
     for line in lines:
-        print(line, file=sys.stderr)
+        print(printable(line, _LONGEST_LINE), file=sys.stderr)

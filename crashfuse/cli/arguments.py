@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from crashfuse.cli import data, models, studies
+from crashfuse.cli import data, imports, models, studies
 from crashfuse.version import __version__
 
 
@@ -30,6 +30,8 @@ def parser() -> argparse.ArgumentParser:
     check.add_argument("campaign", type=Path, metavar="CAMPAIGN")
     check.set_defaults(run=data.check)
 
+    imports.add_options(commands.add_parser("import", help="take foreign files into a campaign"))
+
     study = commands.add_parser("study", help="leave out each test in turn, predict it, rate the prediction")
     study.add_argument("campaign", type=Path, metavar="CAMPAIGN")
     study.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
@@ -44,7 +46,11 @@ def parser() -> argparse.ArgumentParser:
         help="leave each test out alone, with all tests at about its speed, or both, one study after the other "
         "(default: both, but test alone with --held-out or --preset paper)",
     )
-    study.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one a core)")
+    where = study.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one a core)")
+    where.add_argument(
+        "--scheduler", metavar="tcp://HOST:PORT", help="of a Dask cluster that you trust, whose workers do the work"
+    )
     study.add_argument("--resume", action="store_true", help="go on with the study that was begun in DIR")
     study.set_defaults(run=studies.study)
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from crashfuse.cli.output import replacing, require_output
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ def train(arguments: argparse.Namespace) -> None:
     from crashfuse.progress import Watch
     from crashfuse.progress_bar import ProgressBar
 
+    require_output(arguments.out, arguments.campaign)
     campaign = load_campaign(arguments.campaign)
     config = _config(arguments)
     with ProgressBar() as bar:
@@ -44,11 +46,13 @@ def predict(arguments: argparse.Namespace) -> None:
     from crashfuse.results import write_prediction
 
     _require_positive(arguments, "speed_mph", "front_weight_lb", "rear_weight_lb")
+    require_output(arguments.out, arguments.campaign, "prediction")
     campaign = load_campaign(arguments.campaign)
     condition = _condition(arguments, campaign, arguments.speed_mph)
     fits = _fits(arguments, campaign)
     estimates = estimates_at(fits, condition)
-    metrics = write_prediction(campaign, estimates, fits[0].config, arguments.out)
+    with replacing(arguments.out, "prediction"):
+        metrics = write_prediction(campaign, estimates, fits[0].config, arguments.out)
     print(metrics.drop(columns="held_out").to_string(index=False, na_rep="", float_format="{:.4g}".format))
     advice = recommend_for(estimates, campaign, condition).sentences
     notes = (note for estimate in estimates for note in estimate.prediction.notes)
@@ -70,6 +74,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     from crashfuse.units import MPH
 
     _require_positive(arguments, "front_weight_lb", "rear_weight_lb")
+    require_output(arguments.out, arguments.campaign, "sweep")
     campaign = load_campaign(arguments.campaign)
     speeds = usual_speeds(campaign)
     if arguments.speed_mph is not None:
@@ -99,6 +104,7 @@ def next_test(arguments: argparse.Namespace) -> None:
     from crashfuse.results import write_next_tests
     from crashfuse.units import LB, MPH
 
+    require_output(arguments.out, arguments.campaign, "ranking of next tests")
     campaign = load_campaign(arguments.campaign)
     over = ConditionRange.of(campaign.tests)
     asked = (("speed_mps", arguments.speed_mph, MPH), ("front_weight_kg", arguments.front_weight_lb, LB))

@@ -1,9 +1,14 @@
 """The command that leaves tests out."""
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crashfuse.errors import UsageError
+from crashfuse.cli.output import require_output
+from crashfuse.errors import CrashfuseError, UsageError
+from crashfuse.files import written_together
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,6 +27,7 @@ def study(arguments: argparse.Namespace) -> None:
     from crashfuse.study import check_study, run_study
     from crashfuse.tables import scores_table
 
+    require_output(arguments.out, arguments.campaign, "study")
     campaign = load_campaign(arguments.campaign)
     given: dict[str, Any] = {
         name: value
@@ -52,10 +58,19 @@ def study(arguments: argparse.Namespace) -> None:
             )
         config, held_out = record.config, record.held_out
     check_study(campaign, config, held_out)
-    begin_study(arguments.out, campaign, held_out, config)
+    with _writing(arguments.out) as folder:
+        begin_study(folder, campaign, held_out, config)
     with ProgressBar() as bar:
-        study = run_study(campaign, config, held_out=held_out, watch=Watch(bar.show), workers=arguments.workers)
-    write_study(study, arguments.out)
+        study = run_study(
+            campaign,
+            config,
+            held_out=held_out,
+            watch=Watch(bar.show),
+            workers=arguments.workers,
+            scheduler=arguments.scheduler,
+        )
+    with replacing(arguments.out, "study"), _writing(arguments.out) as folder:
+        write_study(study, folder)
     print("Mean ISO/TS 18571 rating over the held-out tests, " + _LEFT_OUT[config.each[0].hold_out])
     _print_means(scores_table(study))
     if study.speed_groups is not None:
@@ -66,6 +81,19 @@ def study(arguments: argparse.Namespace) -> None:
         print(campaign.notice)
     groups = "" if study.speed_groups is None else "speed_groups.csv, "
     print(f"Written to {arguments.out}: scores.csv, {groups}pulses.csv, metrics.csv, study.json, report.html")
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[Path]:
+    """Where to write a set of results, which get to their folder together or not at all."""
+    try:
+        with written_together(folder, last="study.json") as staging:
+            yield staging
+    except OSError as error:
+        raise CrashfuseError(
+            f"Nothing was written to {folder}: {error.strerror or error}. "
+            "What was computed is in the cache: once there is room, the same command goes on from there."
+        ) from error
 
 
 def _print_means(scores: "pd.DataFrame") -> None:

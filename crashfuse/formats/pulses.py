@@ -5,28 +5,27 @@ Tables are read in batches and their samples go straight into the float32 array 
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, printable, shortened
 from crashfuse.filters import cfc_filter
-from crashfuse.formats.tables import find_column, not_a_number
+from crashfuse.formats.csv_text import CsvTable, unreadable
+from crashfuse.formats.parquet import ParquetTable
+from crashfuse.formats.signal import Signal, cover_trouble, ends_early, joined, time_trouble
+from crashfuse.formats.tables import find_column, listed, not_a_number
 from crashfuse.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.units import ACCELERATION, MS, TIME
 
-_BATCH_ROWS = 1_000_000
-_SLOWEST_S = 1e-3
-_SHORTEST_S = 60e-3  # the longest rated window by default
-_UNEVEN = 0.02  # of a step: what rounding the times to five digits can do
-
-Signal = tuple[FloatArray, FloatArray, int]
-"""Time in s, acceleration in m/s², and the row of the file where they start."""
+_ENDINGS = (".csv", ".parquet")
+_MOST_SAMPLES = 2_000_000  # a record of 10 s at 200 kHz
+_LARGEST_S, _LARGEST_MPS2 = 1e6, 1e6  # 100,000 g: no sensor, no vehicle
+_MOST_STRANGERS = 3  # named
 
 
 @dataclass(slots=True)
@@ -54,37 +53,32 @@ class PulseSource:
         """Pulses of these ids on the study grid, shape (n_ids, 1250), m/s²; what is wrong is in ``problems``."""
         accel = np.zeros((len(ids), N_SAMPLES), dtype=np.float32)
         row_of = {run_id: row for row, run_id in enumerate(ids)}
-        missing, strangers = set(ids), 0
+        missing = set(ids)
+        strangers: dict[str, None] = {}
         for run_id, where, signal in self._signals(ids):
             if run_id not in row_of:
-                strangers += 1
+                strangers[run_id] = None
             elif run_id in missing:
                 missing.remove(run_id)
                 if signal is None:
                     continue
-                on_grid = self._on_grid(signal, f"{where}, {run_id}" if "_pulses" in where else where)
+                on_grid = self._on_grid(signal, f"{where}, {printable(run_id, 60)}" if "_pulses" in where else where)
                 if on_grid is not None:
                     accel[row_of[run_id]] = on_grid
-                    if _ends_early(signal[0]):
-                        self.ends_s[run_id] = float(signal[0][-1])
-            else:
-                found = f"rows of {run_id} in two places"
-                advice = "sort the file by id, then by time"
-                self.problems.append(
-                    Problem(where, "the rows of one id together", found, advice, "id", signal and signal[2])
-                )
-        if missing and not self._unreadable:
+                    if ends_early(signal.time_s):
+                        self.ends_s[run_id] = float(signal.time_s[-1])
+        if not self._unreadable:
             self._report_missing([run_id for run_id in ids if run_id in missing])
         if strangers:
+            named = ", ".join(printable(run_id, 60) for run_id in list(strangers)[:_MOST_STRANGERS])
+            more = f" and {len(strangers) - _MOST_STRANGERS} more" if len(strangers) > _MOST_STRANGERS else ""
             self.warnings.append(
-                f"{strangers} pulses of {self.source} have no row in {self.source}.csv and are left out."
+                f"{self.source}: pulses without a row in {self.source}.csv are left out, namely {named}{more}."
             )
         return accel
 
     def _signals(self, ids: Sequence[str]) -> Iterator[tuple[str, str, Signal | None]]:
-        tables = [
-            path for ending in ("parquet", "csv") if (path := self.folder / f"{self.source}_pulses.{ending}").is_file()
-        ]
+        tables = [path for ending in _ENDINGS if (path := self.folder / f"{self.source}_pulses{ending}").exists()]
         singles = self.folder / self.source
         forms = [path.name for path in tables] + ([f"{singles.name}/"] if singles.is_dir() else [])
         if len(forms) != 1:
@@ -98,83 +92,128 @@ class PulseSource:
             yield from self._from_files(singles, ids)
 
     def _from_files(self, folder: Path, ids: Sequence[str]) -> Iterator[tuple[str, str, Signal | None]]:
+        try:
+            names = sorted(path.name for path in folder.iterdir())
+        except OSError as error:
+            self.problems.append(unreadable(f"{folder.name}/", error))
+            self._unreadable = True
+            return
+        there = set(names)
         for run_id in ids:
-            for path in (folder / f"{run_id}.csv", folder / f"{run_id}.parquet"):
-                if path.is_file():
-                    where = f"{folder.name}/{path.name}"
-                    parts = [signal for _, signal in self._batches(path, where, with_id=False)]
-                    yield run_id, where, _joined(parts) if parts else None
-                    break
+            files = [name for ending in _ENDINGS if (name := f"{run_id}{ending}") in there]
+            if len(files) > 1:
+                found, advice = " and ".join(files), "keep one of them"
+                self.problems.append(Problem(f"{folder.name}/", f"one pulse for {run_id}", found, advice))
+                yield run_id, files[0], None
+            elif files:
+                where = f"{folder.name}/{files[0]}"
+                parts: list[Signal] = []
+                for _, part in self._batches(folder / files[0], where, with_id=False):
+                    parts.append(part)
+                    if self._too_long(parts, where):
+                        parts = []
+                        break
+                yield run_id, where, joined(parts) if parts else None
         known = set(ids)
-        for path in sorted(folder.iterdir()):
-            if path.suffix in (".csv", ".parquet") and path.stem not in known:
-                yield path.stem, path.name, None
+        for name in names:
+            stem, dot, ending = name.rpartition(".")
+            if f"{dot}{ending}" in _ENDINGS and stem not in known:
+                yield stem, name, None
 
     def _from_table(self, path: Path) -> Iterator[tuple[str, str, Signal | None]]:
         """Yield one signal a run, joining what a batch's end has cut."""
-        pending_id: str | None = None
+        finished: set[str] = set()
+        pending_id = ""
         pending: list[Signal] = []
-        for codes, (time, accel, first_row) in self._batches(path, path.name, with_id=True):
+        so_far = len(self.problems)
+        for codes, rows_of in self._batches(path, path.name, with_id=True):
             starts = np.flatnonzero(np.r_[True, codes.codes[1:] != codes.codes[:-1]])
             for start, stop in zip(starts, np.r_[starts[1:], len(codes)], strict=True):
                 run_id = str(codes.categories[codes.codes[start]]).strip()
                 if pending and run_id != pending_id:
-                    yield str(pending_id), path.name, _joined(pending)
+                    yield pending_id, path.name, joined(pending)
+                    finished.add(pending_id)
                     pending = []
                 pending_id = run_id
-                pending.append((time[start:stop], accel[start:stop], first_row + int(start)))
+                pending.append(rows_of[start:stop])
+                if run_id in finished:
+                    found = f"rows of {printable(run_id, 60)} in two places"
+                    advice, row = "sort the file by id, then by time", int(pending[0].rows[0])
+                    # what was said of records cut to pieces is no fault of theirs
+                    self.problems[so_far:] = [
+                        Problem(path.name, "the rows of one id together", found, advice, "id", row)
+                    ]
+                    self._unreadable = True
+                    return
+                if self._too_long(pending, path.name):
+                    self._unreadable = True
+                    return
         if pending:
-            yield str(pending_id), path.name, _joined(pending)
+            yield pending_id, path.name, joined(pending)
+
+    def _too_long(self, parts: Sequence[Signal], where: str) -> bool:
+        """Tell, and say, whether a record has more samples than any has."""
+        if (count := sum(part.rows.size for part in parts)) <= _MOST_SAMPLES:
+            return False
+        found, advice = f"{count} at least", "cut the record, or export it at a lower rate"
+        row = int(parts[0].rows[0])
+        self.problems.append(Problem(where, f"at most {_MOST_SAMPLES} samples a record", found, advice, "time", row))
+        return True
 
     def _batches(self, path: Path, where: str, *, with_id: bool) -> Iterator[tuple[pd.Categorical, Signal]]:
         """Yield batches as ids and SI samples; a file that cannot be read appends problems and yields nothing more."""
-        row = 2
+        empty = True
         try:
-            for frame in _frames(path):
-                columns = self._columns(frame, where, with_id=with_id)
+            with _opened(path, where) as table:
+                columns = self._columns(table.names, where, with_id=with_id)
                 if columns is None:
                     self._unreadable |= with_id
                     return
-                time, accel = (
-                    factor * not_a_number(frame[column], column, where, row, self.problems)
-                    for column, factor in columns
-                )
-                ids = pd.Categorical(frame["id"] if with_id else np.zeros(len(frame), dtype=np.int8))
-                if (ids.codes < 0).any():
-                    nameless = row + int(np.argmax(ids.codes < 0))
-                    advice = "name the run that the row belongs to"
-                    self.problems.append(Problem(where, "an id in each row", "an empty cell", advice, "id", nameless))
-                elif len(frame):
-                    yield ids, (time, accel, row)
-                row += len(frame)
-        except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError, pa.ArrowInvalid, OSError) as error:
-            found = " ".join(str(error).split())[:200]
-            self.problems.append(Problem(where, "a table with a header", found, "export the file again"))
+                (time, to_s), (accel, to_mps2) = columns
+                for frame, rows in table.blocks([*(["id"] if with_id else []), time, accel]):
+                    if any((blank := _blank(frame)).tolist()):
+                        frame, rows = frame[~blank], rows[~blank]
+                    if not len(frame):
+                        continue
+                    empty = False
+                    ids = pd.Categorical(frame["id"] if with_id else np.zeros(len(frame), dtype=np.int8))
+                    nameless = (ids.codes < 0) | np.isin(ids.codes, np.flatnonzero(ids.categories == ""))
+                    if nameless.any():
+                        row, advice = int(rows[nameless.argmax()]), "name the run that the row belongs to"
+                        self.problems.append(Problem(where, "an id in each row", "an empty cell", advice, "id", row))
+                        self._unreadable = True
+                        return
+                    time_s = to_s * not_a_number(frame[time], time, where, rows, self.problems, _LARGEST_S / to_s)
+                    accel_mps2 = to_mps2 * not_a_number(
+                        frame[accel], accel, where, rows, self.problems, _LARGEST_MPS2 / to_mps2
+                    )
+                    yield ids, Signal(time_s, accel_mps2, rows)
+        except DataError as error:
+            self.problems.extend(error.problems)
             self._unreadable |= with_id
             return
-        if row == 2:
+        if empty:
             self.problems.append(Problem(where, "a header and rows", "an empty table", "add the samples"))
             self._unreadable |= with_id
 
-    def _columns(self, frame: pd.DataFrame, where: str, *, with_id: bool) -> list[tuple[str, float]] | None:
+    def _columns(
+        self, names: Sequence[str], where: str, *, with_id: bool
+    ) -> tuple[tuple[str, float], tuple[str, float]] | None:
         """Find time and acceleration with their factors to SI; None, and problems, if the table lacks a column."""
-        found = [
-            find_column(frame.columns, "time", TIME, where, self.problems),
-            find_column(frame.columns, "acceleration", ACCELERATION, where, self.problems),
-        ]
-        if with_id and "id" not in frame.columns:
-            shown = f"the columns {', '.join(map(str, frame.columns))}"
+        time = find_column(names, "time", TIME, where, self.problems)
+        accel = find_column(names, "acceleration", ACCELERATION, where, self.problems)
+        if with_id and "id" not in names:
+            shown = f"the columns {listed(names)}"
             self.problems.append(Problem(where, "a column id", shown, "name the run of each row in it"))
             return None
-        columns = [column for column in found if column is not None]
-        return columns if len(columns) == 2 else None
+        return None if time is None or accel is None else (time, accel)
 
     def _on_grid(self, signal: Signal, where: str) -> FloatArray | None:
         """Bring a signal to the study grid, or say why that is impossible."""
-        time, accel, first_row = signal
+        time, accel = signal.time_s, signal.accel_mps2
         if not (np.isfinite(time).all() and np.isfinite(accel).all()):
             return None  # reported cell by cell already
-        trouble = _time_trouble(time, where, first_row) or _cover_trouble(time, where)
+        trouble = time_trouble(signal, where) or cover_trouble(time, where)
         if trouble is not None:
             self.problems.append(trouble)
             return None
@@ -185,23 +224,21 @@ class PulseSource:
             except DataError as error:
                 self.problems.extend(Problem(where, p.expected, p.found, p.advice) for p in error.problems)
                 return None
-        early = _ends_early(time)
+        early = ends_early(time)
         if early:
             self.warnings.append(
-                f"{where}: the record ends at {time[-1] / MS:.4g} ms; it goes on with no acceleration."
+                f"{where}: the record ends at {time[-1] / MS:.4g} ms; it goes on with no acceleration, which nobody "
+                f"measured: ratings over windows beyond {time[-1] / MS:.4g} ms mean nothing for it."
             )
         return np.interp(GRID_S, time, accel, right=0.0 if early else None)
 
-    def _report_missing(self, missing: list[str]) -> None:
-        for run_id in missing[:20]:
-            expected = f"a pulse for {run_id}"
-            found = f"none in {self.source}/ or {self.source}_pulses"
+    def _report_missing(self, missing: Sequence[str]) -> None:
+        found = f"none in {self.source}/ or {self.source}_pulses"
+        for run_id in missing:
+            expected = f"a pulse for {printable(run_id, 60)}"
             self.problems.append(
                 Problem(f"{self.source}.csv", expected, found, "add its pulse or remove its row", "id")
             )
-        if len(missing) > 20:
-            found = f"{len(missing) - 20} more without one"
-            self.problems.append(Problem(f"{self.source}.csv", "a pulse for each row", found, "add them", "id"))
 
 
 def read_pulse(path: Path) -> Pulse:
@@ -212,81 +249,29 @@ def read_pulse(path: Path) -> Pulse:
     DataError
         With every problem of the file.
     """
-    if not path.is_file():
+    if not path.exists():
         raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
     source = PulseSource(path.parent, "", None)
-    parts = [signal for _, signal in source._batches(path, str(path), with_id=False)]
+    parts: list[Signal] = []
+    for _, part in source._batches(path, str(path), with_id=False):
+        parts.append(part)
+        if source._too_long(parts, str(path)):
+            break
     if not source.problems:
-        time, accel, first_row = _joined(parts)
-        trouble = _time_trouble(time, str(path), first_row)
+        signal = joined(parts)
+        trouble = time_trouble(signal, str(path))
         if trouble is None:
-            return Pulse(time, accel)
+            return Pulse(signal.time_s, signal.accel_mps2)
         source.problems.append(trouble)
-    raise DataError(source.problems)
+    raise DataError(shortened(source.problems))
 
 
-def _frames(path: Path) -> Iterator[pd.DataFrame]:
-    if path.suffix == ".parquet":
-        with pq.ParquetFile(path) as file:
-            names = [
-                name for name in file.schema_arrow.names if name == "id" or name.startswith(("time", "acceleration"))
-            ]
-            text_id = "id" in names and not pa.types.is_dictionary(file.schema_arrow.field("id").type)
-        with pq.ParquetFile(path, read_dictionary=["id"] if text_id else None) as file:
-            for batch in file.iter_batches(batch_size=_BATCH_ROWS, columns=names):
-                yield batch.to_pandas()
-        return
-    with pd.read_csv(
-        path,
-        chunksize=_BATCH_ROWS,
-        dtype={"id": str},
-        keep_default_na=False,
-        encoding="utf-8-sig",
-        skipinitialspace=True,
-        low_memory=False,
-    ) as chunks:
-        for frame in chunks:
-            frame.columns = frame.columns.str.strip()
-            yield frame
+def _opened(path: Path, where: str) -> AbstractContextManager[CsvTable | ParquetTable]:
+    return (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, where)
 
 
-def _joined(parts: list[Signal]) -> Signal:
-    if len(parts) == 1:
-        return parts[0]
-    return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), parts[0][2]
-
-
-def _time_trouble(time: FloatArray, where: str, first_row: int) -> Problem | None:
-    """Say what makes the time of a record unfit, if anything."""
-    if time.size < 2:
-        return Problem(where, "at least two samples", f"{time.size}", "export the whole record", "time")
-    steps = np.diff(time)
-    if steps.min() <= 0:
-        row = first_row + int(np.argmax(steps <= 0)) + 1
-        found = f"{time[row - first_row] / MS:.6g} ms after {time[row - first_row - 1] / MS:.6g} ms"
-        return Problem(where, "time that increases from row to row", found, "sort the rows by time", "time", row)
-    step = np.median(steps)
-    off = np.abs(steps - step)
-    if off.max() > _UNEVEN * step:
-        row = first_row + int(off.argmax()) + 1
-        found = f"a step of {steps[row - first_row - 1] / MS:.4g} ms among steps of {step / MS:.4g} ms"
-        return Problem(where, "evenly sampled time", found, "resample the record", "time", row)
-    if step > _SLOWEST_S * (1 + _UNEVEN):
-        found = f"{1 / step:.0f} Hz"
-        return Problem(where, "at least 1000 samples a second", found, "export at a higher rate", "time")
-    return None
-
-
-def _ends_early(time: FloatArray) -> bool:
-    """Tell whether an even record leaves the end of the study grid open."""
-    return bool(time[-1] < GRID_S[-1] - (time[-1] - time[0]) / (time.size - 1))
-
-
-def _cover_trouble(time: FloatArray, where: str) -> Problem | None:
-    """Say what part of the study grid a record misses, if too much."""
-    step = time[1] - time[0]
-    if time[0] <= step and time[-1] >= _SHORTEST_S - step:
-        return None
-    found = f"{time[0] / MS:.4g} to {time[-1] / MS:.4g} ms"
-    advice = "export the whole record, with time zero at first contact"
-    return Problem(where, "a record from 0 to at least 60 ms (100 ms is best)", found, advice, "time")
+def _blank(frame: pd.DataFrame) -> npt.NDArray[np.bool_]:
+    """Lines with nothing in any of the columns, such as those that spreadsheets leave at the end."""
+    if not all(isinstance(kind, pd.StringDtype) for kind in frame.dtypes):
+        return np.zeros(len(frame), dtype=bool)
+    return np.asarray((frame == "").all(axis=1))

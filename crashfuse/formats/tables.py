@@ -1,26 +1,37 @@
 """Condition tables: ``tests.csv`` and ``cae.csv``, one row a test or run."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, printable, shortened
+from crashfuse.formats.archive import name_trouble
+from crashfuse.formats.csv_text import read_rows
 from crashfuse.pulse import Condition, FloatArray
 from crashfuse.units import MASS, SPEED
 
 _QUANTITIES: dict[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
-_MOST_PROBLEMS = 20  # of one kind in one file: the rest is counted, not listed
+_LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg: no vehicle, so another unit
+_MOST_PROBLEMS = 20  # of one kind in one column: the rest is counted, not listed
+_LONGEST_FACTOR = 200
+_FORMULA = ("=", "+", "-", "@")
+
+RowNumbers = npt.NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True, slots=True)
 class ConditionTable:
-    """The rows of a condition table; row ``i`` of the file's data is at index ``i``."""
+    """The rows of a condition table, each with its number in the file, where the header is row 1."""
 
     ids: tuple[str, ...]
     conditions: tuple[Condition, ...]
+    rows: tuple[int, ...]
 
 
 def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
@@ -43,62 +54,78 @@ def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Prob
     frame = _read_text(path, problems)
     if frame is None:
         return None
-    columns = {
-        name: find_column(frame.columns, name, units, path.name, problems) for name, units in _QUANTITIES.items()
-    }
-    if "id" not in frame.columns:
-        problems.append(
-            Problem(path.name, "a column id", f"the columns {_listed(frame.columns)}", "name each row in a column id")
-        )
+    names = list(map(str, frame.columns))
+    columns = {name: find_column(names, name, units, path.name, problems) for name, units in _QUANTITIES.items()}
+    if "id" not in names:
+        found, advice = f"the columns {listed(names)}", "name each row in a column id"
+        problems.append(Problem(path.name, "a column id", found, advice))
     if len(problems) > before:
         return None
-    ids = frame["id"].str.strip()
-    _check_ids(ids, path.name, problems)
+    frame["id"] = frame["id"].str.strip()
+    _check_ids(frame["id"], path.name, problems)
     values = {}
-    for name, found in columns.items():
-        assert found is not None  # noqa: S101 - find_column has reported it otherwise
-        column, factor = found
-        smallest_allowed = standstill_allowed and name == "speed"
-        values[name] = factor * _numbers(frame[column], column, path.name, smallest_allowed, problems)
+    for name, pair in columns.items():
+        assert pair is not None  # noqa: S101 - find_column has reported it otherwise
+        column, factor = pair
+        numbers = not_a_number(
+            frame[column], column, path.name, frame.index.to_numpy(), problems, _LARGEST[name] / factor
+        )
+        _check_sign(numbers, frame[column], path.name, standstill_allowed and name == "speed", problems)
+        values[name] = factor * numbers
+    used = {"id", *(column for column, _ in filter(None, columns.values()))}
+    extra = [name for name in names if name not in used]
+    _check_factors(frame[extra], path.name, problems)
     if len(problems) > before:
         return None
-    used = {"id", *(column for column, _ in filter(None, columns.values()))}
-    extra = [str(column) for column in frame.columns if column not in used]
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=str).tolist()]
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
     conditions = tuple(Condition(float(v), float(front), float(rear), fac) for v, front, rear, fac in rows)
-    return ConditionTable(tuple(ids), conditions)
+    return ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index))
 
 
 def find_column(
-    columns: "pd.Index[str]", quantity: str, units: Mapping[str, float], where: str, problems: list[Problem]
+    columns: Sequence[str], quantity: str, units: Mapping[str, float], where: str, problems: list[Problem]
 ) -> tuple[str, float] | None:
     """Find the one column of a quantity and its factor to SI by its ending; a problem is appended otherwise."""
     wanted = {f"{quantity}_{unit}": factor for unit, factor in units.items()}
-    found = [str(column) for column in columns if column in wanted]
+    found = [column for column in columns if column in wanted]
     if len(found) == 1:
         return found[0], wanted[found[0]]
     expected = f"one column {' or '.join(wanted)}"
     if found:
-        problems.append(Problem(where, expected, _listed(found), "keep one of them"))
+        problems.append(Problem(where, expected, listed(found), "keep one of them"))
         return None
-    alike = [str(column) for column in columns if str(column).startswith(quantity)]
-    shown = _listed(alike) if alike else f"the columns {_listed(columns)}"
+    alike = [column for column in columns if column.startswith(quantity)]
+    shown = listed(alike) if alike else f"the columns {listed(columns)}"
     problems.append(Problem(where, expected, shown, "let the column's name end in its unit"))
     return None
 
 
-def not_a_number(cells: pd.Series, column: str, where: str, first_row: int, problems: list[Problem]) -> FloatArray:
-    """Convert text cells to float64, appending a problem for each cell that is no finite number."""
-    numbers: FloatArray = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=np.float64)
-    bad = np.flatnonzero(~np.isfinite(numbers))
+def not_a_number(
+    cells: pd.Series, column: str, where: str, rows: RowNumbers, problems: list[Problem], largest: float
+) -> FloatArray:
+    """Convert cells to float64; each that is no number up to the largest that makes sense is a problem, and NaN."""
+    numbers = _as_numbers(cells)
+    bad = np.flatnonzero(~(np.abs(numbers) <= largest))
     for index in bad[:_MOST_PROBLEMS]:
         cell = cells.iloc[index]
         text = "" if pd.isna(cell) else str(cell).strip()
-        found = repr(text) if text else "an empty cell"
-        problems.append(Problem(where, "a number", found, "correct the cell", column, int(index) + first_row))
+        found = repr(printable(text, 60)) if text else "an empty cell"
+        expected = f"a number up to {largest:.3g}" if np.isfinite(numbers[index]) else "a number"
+        problems.append(Problem(where, expected, found, "correct the cell", column, int(rows[index])))
     _count_rest(bad.size, "cells that are no number", where, column, problems)
+    numbers[bad] = np.nan
     return numbers
+
+
+def _as_numbers(cells: pd.Series) -> FloatArray:
+    if isinstance(cells.dtype, pd.CategoricalDtype):  # text in Parquet
+        values = _as_numbers(pd.Series(cells.cat.categories))
+        by_code: FloatArray = np.append(values, np.nan)[cells.cat.codes]
+        return by_code
+    if pd.api.types.is_bool_dtype(cells.dtype):
+        return np.full(len(cells), np.nan)
+    return np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
 
 
 def read_candidates(path: Path) -> tuple[Condition, ...]:
@@ -112,48 +139,83 @@ def read_candidates(path: Path) -> tuple[Condition, ...]:
     problems: list[Problem] = []
     table = read_conditions(path, standstill_allowed=False, problems=problems)
     if table is None or problems:
-        raise DataError(problems)
+        raise DataError(shortened(problems))
     return table.conditions
 
 
 def _read_text(path: Path, problems: list[Problem]) -> pd.DataFrame | None:
-    if not path.is_file():
-        problems.append(Problem(path.name, "this file", "no such file", "add it to the campaign folder"))
+    """All cells as text, indexed by their row in the file; None, and a problem, if it is no such table."""
+    if not path.exists():
+        problems.append(Problem(path.name, "this file", "no such file", "add it"))
         return None
     try:
-        frame = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig", skipinitialspace=True)
-    except pd.errors.EmptyDataError:
-        frame = pd.DataFrame()
-    except (pd.errors.ParserError, UnicodeDecodeError) as error:
-        found = " ".join(str(error).split())
-        problems.append(Problem(path.name, "a comma-separated table in UTF-8", found, "export it again as CSV"))
+        names, rows, numbers = read_rows(path, path.name)
+    except DataError as error:
+        problems.extend(error.problems)
         return None
-    if frame.empty:
+    if not rows:
         problems.append(Problem(path.name, "a header and at least one row", "an empty table", "add the rows"))
         return None
-    frame.columns = frame.columns.str.strip()
-    return frame
+    twice = [name for name, count in Counter(names).items() if name and count > 1]
+    if twice:
+        problems.append(Problem(path.name, "each column once", f"{listed(twice)} twice", "keep one of them"))
+        return None
+    kept = [at for at, name in enumerate(names) if name]
+    cells = pd.DataFrame([[row[at] for at in kept] for row in rows], columns=[names[at] for at in kept], index=numbers)
+    return cells.astype(str)
 
 
 def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> None:
-    for index in np.flatnonzero(ids.str.contains(r"[/\\:\x00]|^\.*$", regex=True))[:_MOST_PROBLEMS]:
-        found = repr(ids.iloc[index])
-        problems.append(Problem(where, "an id that can name a file", found, "rename it", "id", int(index) + 2))
-    repeated = np.flatnonzero(ids.duplicated())
-    for index in repeated[:_MOST_PROBLEMS]:
-        found = f"{ids.iloc[index]!r} a second time"
-        problems.append(Problem(where, "each id once", found, "rename or remove the row", "id", int(index) + 2))
-    _count_rest(repeated.size, "repeated ids", where, "id", problems)
+    seen: set[str] = set()
+    count = 0
+    for row, run_id in ids.items():
+        trouble = _id_trouble(run_id)
+        if trouble is None and run_id in seen:
+            trouble = ("each id once", f"{printable(run_id, 60)!r} a second time", "rename or remove the row")
+        if trouble is not None:
+            count += 1
+            if count <= _MOST_PROBLEMS:
+                problems.append(Problem(where, *trouble, "id", row))
+        seen.add(run_id)
+    _count_rest(count, "ids that are not fit", where, "id", problems)
 
 
-def _numbers(cells: pd.Series, column: str, where: str, zero_allowed: bool, problems: list[Problem]) -> FloatArray:
-    numbers = not_a_number(cells, column, where, 2, problems)
+def _id_trouble(run_id: str) -> tuple[str, str, str] | None:
+    """What is expected, found and advised where an id could not name a file, or a spreadsheet would compute it."""
+    if not run_id:
+        return "an id in each row", "an empty cell", "name the test or run"
+    found = repr(printable(run_id, 60))
+    unsafe = ("", "a slash", "") if "/" in run_id else name_trouble(run_id)
+    if unsafe is not None:
+        return "an id that can name a file", f"{found}, {unsafe[1]}", "rename it"
+    if run_id.startswith(_FORMULA):
+        return "an id that no spreadsheet takes for a formula", found, "let it begin with a letter or a digit"
+    return None
+
+
+def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> None:
+    """Refuse text that would not be shown as it is: control characters, formulas, pages of it."""
+    expected = f"plain text of at most {_LONGEST_FACTOR} characters, no formula"
+    for column in cells.columns:
+        texts = [(1, column), *cells[column].items()]
+        bad = [
+            (row, text)
+            for row, text in texts
+            if len(text) > _LONGEST_FACTOR or printable(text) != text or text.startswith(("=", "@"))
+        ]
+        shown = printable(column, 60)
+        for row, text in bad[:_MOST_PROBLEMS]:
+            problems.append(Problem(where, expected, repr(printable(text, 60)), "correct the cell", shown, row))
+        _count_rest(len(bad), "cells that are no such text", where, shown, problems)
+
+
+def _check_sign(numbers: FloatArray, cells: pd.Series, where: str, zero_allowed: bool, problems: list[Problem]) -> None:
     low = np.flatnonzero((numbers < 0) if zero_allowed else (numbers <= 0))
     for index in low[:_MOST_PROBLEMS]:
         expected = "0 or above" if zero_allowed else "a number above 0"
-        problems.append(Problem(where, expected, cells.iloc[index], "correct the cell", column, int(index) + 2))
-    _count_rest(low.size, "numbers that are too low", where, column, problems)
-    return numbers
+        found, row = cells.iloc[index], int(cells.index[index])
+        problems.append(Problem(where, expected, found, "correct the cell", str(cells.name), row))
+    _count_rest(low.size, "numbers that are too low", where, str(cells.name), problems)
 
 
 def _count_rest(count: int, what: str, where: str, column: str, problems: list[Problem]) -> None:
@@ -162,6 +224,7 @@ def _count_rest(count: int, what: str, where: str, column: str, problems: list[P
         problems.append(Problem(where, "none", found, "correct them too", column))
 
 
-def _listed(names: object) -> str:
-    shown = [str(name) for name in names]  # type: ignore[attr-defined]
+def listed(names: Iterable[str]) -> str:
+    """Name some columns, a dozen at most."""
+    shown = [printable(name, 40) for name in names]
     return ", ".join(shown[:12]) + (f" and {len(shown) - 12} more" if len(shown) > 12 else "")

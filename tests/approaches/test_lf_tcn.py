@@ -124,3 +124,17 @@ def test_predicting_before_fitting_is_an_error(campaign: Campaign) -> None:
     with pytest.raises(NotFittedError, match=r"call fit\(campaign\) first"):
         LfTcn(SMALL).predict(campaign.tests[0].condition)
     assert LfTcn(SMALL).state == {}
+
+
+def test_of_a_large_library_evenly_spaced_runs_are_learned_from(campaign: Campaign) -> None:
+    """Of 24 runs five: the first, the last, and three between; any other may be anything."""
+    config = TcnConfig(members=1, channels=4, epochs=1, min_steps=3, max_runs=5)
+    used = {0, 5, 11, 17, 23}
+    accel = campaign.cae.accel_mps2.copy()
+    accel[[i for i in range(len(accel)) if i not in used]] *= 3
+    other = replace(campaign, cae=replace(campaign.cae, accel_mps2=accel))
+    first, second = (LfTcn(config).fit(c).learned().arrays for c in (campaign, other))
+    assert all(np.array_equal(first[name], second[name]) for name in first)
+    accel[23] *= 3
+    third = LfTcn(config).fit(replace(campaign, cae=replace(campaign.cae, accel_mps2=accel))).learned().arrays
+    assert any(not np.array_equal(first[name], third[name]) for name in first)

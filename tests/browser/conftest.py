@@ -1,4 +1,4 @@
-"""A server of its own and a real browser for each test."""
+"""A server of its own and people in front of a real browser."""
 
 import os
 import shutil
@@ -7,16 +7,24 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
+from urllib.parse import quote_plus
 
 import pytest
 from selenium import webdriver
+from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.chrome.webdriver import WebDriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.ui import WebDriverWait
 
 ROOT = Path(__file__).resolve().parents[2]
+SOON = 60.0  # s, where other things run too
 _FLAGS = (
     "--headless",
     "--no-sandbox",
@@ -29,11 +37,13 @@ _FLAGS = (
     "--disable-dev-shm-usage",
     "--window-size=1440,1000",
 )
+MAIN, LINK = '[data-testid="stMain"]', '[data-testid="stSidebarNavLink"]'
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Server:
-    """A dashboard that no session has used yet."""
+    """A dashboard."""
 
     address: str
     log_file: Path
@@ -44,17 +54,97 @@ class Server:
         return self.log_file.read_text(encoding="utf-8")
 
 
-@pytest.fixture
-def server(tmp_path: Path) -> Iterator[Server]:
-    """The dashboard as ``streamlit run app.py`` starts it, with an empty cache."""
+@dataclass(frozen=True)
+class User:
+    """Someone in front of the browser; every step waits until it can be taken."""
+
+    browser: WebDriver
+    downloads: Path
+
+    def wait(self, found: Callable[[], T], missing: str = "", timeout_s: float = SOON) -> T:
+        """Wait until something is found; returns it."""
+        waiting = WebDriverWait(
+            self.browser, timeout_s, poll_frequency=0.1, ignored_exceptions=[StaleElementReferenceException]
+        )
+        return waiting.until(lambda _: found(), missing)
+
+    def open(self, server: Server, page: str, **view: str) -> None:
+        """Open a page by its link."""
+        query = "&".join(f"{name}={quote_plus(value)}" for name, value in view.items())
+        self.browser.get(f"{server.address}/{page}?{query}")
+
+    def all(self, css: str) -> list[WebElement]:
+        """All elements of this kind that can be seen."""
+        return [element for element in self.browser.find_elements(By.CSS_SELECTOR, css) if element.is_displayed()]
+
+    def find(self, css: str, words: str = "") -> WebElement:
+        """Wait for an element of this kind with these words."""
+        return self.wait(
+            lambda: next((e for e in self.all(css) if words in e.text), None), f"There is no {css} with {words!r}."
+        )
+
+    def sees(self, words: str, css: str = MAIN, timeout_s: float = SOON) -> str:
+        """Wait until an element of this kind (the page's main part) shows these words; returns all that it shows."""
+        return self.wait(
+            lambda: next((e.text for e in self.all(css) if words in e.text), ""),
+            f"{css} never showed {words!r}.",
+            timeout_s,
+        )
+
+    def press(self, label: str, css: str = "button") -> None:
+        """Click the first element of this kind with this label."""
+
+        def pressed() -> bool:
+            for element in self.all(css):
+                if label in element.text and element.is_enabled():
+                    self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)  # type: ignore[no-untyped-call]
+                    element.click()
+                    return True
+            return False
+
+        self.wait(pressed, f"There is no {label!r} to click.")
+
+    def go(self, page: str) -> None:
+        """Turn to a page by the link in the sidebar."""
+        self.press(page, LINK)
+
+    def choose_approaches(self, *labels: str) -> None:
+        """On Train, choose these approaches of all."""
+        for label in {"CAE", "LF TCN", "Time domain", "Displacement domain", "Fused"} - set(labels):
+            self.press(label, '[data-testid="stButtonGroup"] button')
+            self.wait(
+                lambda label=label: any(  # type: ignore[misc]
+                    label in e.text and e.get_attribute("aria-pressed") == "false"
+                    for e in self.all('[data-testid="stButtonGroup"] button')
+                )
+            )
+
+    def prefers(self, theme: str) -> None:
+        """Let the system behind the browser prefer the light or the dark theme."""
+        feature = {"name": "prefers-color-scheme", "value": theme}
+        self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+
+    def downloads_file(self, name: str) -> str:
+        """Press the button of a file; returns what is in it once it has arrived."""
+        self.press(name, '[data-testid="stDownloadButton"] button')
+        file = self.downloads / name
+        self.wait(file.is_file, f"{name} never arrived.")  # under another name until it is whole
+        return file.read_text(encoding="utf-8")
+
+
+@contextmanager
+def serve(folder: Path, campaign: Path | None = None) -> Iterator[Server]:
+    """Run the dashboard as ``streamlit run app.py`` does, with an empty cache."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     command = [sys.executable, "-m", "streamlit", "run", "app.py"]
     command += ["--server.port", str(port), "--server.headless", "true"]
-    environment = {**os.environ, "CRASHFUSE_CACHE": str(tmp_path / "cache")}
+    environment = {**os.environ, "CRASHFUSE_CACHE": str(folder / "cache")}
     environment.pop("CRASHFUSE_CAMPAIGN", None)
-    started = Server(f"http://127.0.0.1:{port}", tmp_path / "server.log")
+    if campaign is not None:
+        environment["CRASHFUSE_CAMPAIGN"] = str(campaign)
+    started = Server(f"http://127.0.0.1:{port}", folder / "server.log")
     with started.log_file.open("wb") as log:
         process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=log, stderr=subprocess.STDOUT)
         try:
@@ -68,10 +158,11 @@ def server(tmp_path: Path) -> Iterator[Server]:
                 process.kill()
                 process.wait()
             sys.stdout.write(started.log)  # shown if the test fails
+    assert "Traceback" not in started.log
 
 
 def _wait_until_up(server: Server, process: "subprocess.Popen[bytes]") -> None:
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + SOON
     while time.monotonic() < deadline and process.poll() is None:
         try:
             # the health check starts no session: the server stays cold
@@ -83,8 +174,22 @@ def _wait_until_up(server: Server, process: "subprocess.Popen[bytes]") -> None:
 
 
 @pytest.fixture
-def browser(tmp_path: Path) -> Iterator[WebDriver]:
-    """Chromium with a fresh profile, which notes every request it makes."""
+def server(tmp_path: Path) -> Iterator[Server]:
+    """A dashboard that no session has used yet, with no campaign open."""
+    with serve(tmp_path) as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def small_server(campaign_on_disk: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """One dashboard for all tests of a module, with the small campaign open."""
+    with serve(tmp_path_factory.mktemp("server"), campaign_on_disk) as started:
+        yield started
+
+
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WebDriver]:
+    """One Chromium for all tests, with a fresh profile, which notes every request it makes."""
     programs = [shutil.which(name) for name in ("chromium", "chromedriver")]
     if None in programs:
         reason = "chromium and chromedriver are not installed (Debian: apt-get install chromium chromium-driver)"
@@ -94,10 +199,26 @@ def browser(tmp_path: Path) -> Iterator[WebDriver]:
     options = webdriver.ChromeOptions()
     options.binary_location = str(programs[0])
     options.set_capability("goog:loggingPrefs", {"performance": "ALL"})
-    for flag in (*_FLAGS, f"--user-data-dir={tmp_path / 'profile'}"):
+    for flag in (*_FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
         options.add_argument(flag)
     driver = webdriver.Chrome(options=options, service=Service(str(programs[1])))
     try:
         yield driver
     finally:
         driver.quit()
+
+
+@pytest.fixture
+def user(chromium: WebDriver, tmp_path: Path) -> Iterator[User]:
+    """Someone with an empty page before them, in the light theme."""
+    folder = tmp_path / "downloads"
+    chromium.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(folder)})
+    someone = User(chromium, folder)
+    someone.prefers("light")
+    chromium.get_log("performance")  # type: ignore[no-untyped-call] # what came before is not theirs
+    yield someone
+    for tab in chromium.window_handles[1:]:
+        chromium.switch_to.window(tab)
+        chromium.close()
+    chromium.switch_to.window(chromium.window_handles[0])
+    chromium.get("about:blank")

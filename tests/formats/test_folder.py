@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign import Campaign
@@ -61,12 +63,33 @@ def _categorical_ids(folder: Path) -> None:
     frame.assign(id=frame["id"].astype("category")).to_parquet(folder / "cae_pulses.parquet", row_group_size=777)
 
 
+def _ids_as_index(folder: Path) -> None:
+    pd.read_parquet(folder / "cae_pulses.parquet").set_index("id").to_parquet(folder / "cae_pulses.parquet")
+
+
+def _numbers_as_text(folder: Path) -> None:
+    frame = pd.read_parquet(folder / "cae_pulses.parquet")
+    frame.assign(time_ms=frame["time_ms"].map(repr)).to_parquet(folder / "cae_pulses.parquet", index=False)
+
+
+def _as_a_spreadsheet_leaves_it(folder: Path) -> None:
+    for path in (folder / "tests.csv", folder / "tests" / "T1.csv"):
+        lines = path.read_text().replace(",", ", ").split("\n")
+        path.write_text("\ufeff" + "\r\n".join([*(f"{line}," if line else line for line in lines), ",,", ",,", ""]))
+
+
 def _small_batches(folder: Path) -> None:
     frame = pd.read_parquet(folder / "cae_pulses.parquet")
     frame.to_parquet(folder / "cae_pulses.parquet", row_group_size=1000)
 
 
-@pytest.mark.parametrize("rewrite", [_cae_as_csv, _cae_as_files, _tests_as_table, _categorical_ids, _small_batches])
+@pytest.mark.parametrize(
+    "rewrite",
+    [
+        *(_cae_as_csv, _cae_as_files, _tests_as_table, _categorical_ids, _ids_as_index, _numbers_as_text),
+        *(_as_a_spreadsheet_leaves_it, _small_batches),
+    ],
+)
 def test_every_form_of_the_folder_gives_the_same_campaign(
     campaign_folder: Path, rewrite: Callable[[Path], None]
 ) -> None:
@@ -79,7 +102,10 @@ def test_every_form_of_the_folder_gives_the_same_campaign(
 def test_runs_cut_by_a_batch_are_joined(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A batch that ends within a run changes nothing."""
     before = load_campaign(campaign_folder)
-    monkeypatch.setattr("crashfuse.formats.pulses._BATCH_ROWS", 700)
+    monkeypatch.setattr("crashfuse.formats.parquet._BATCH_ROWS", 700)
+    assert_same(load_campaign(campaign_folder), before)
+    _cae_as_csv(campaign_folder)
+    monkeypatch.setattr("crashfuse.formats.csv_text._BLOCK", 9999)
     assert_same(load_campaign(campaign_folder), before)
 
 
@@ -165,7 +191,7 @@ def test_pulses_without_a_row_are_left_out_with_a_warning(campaign_folder: Path)
     shutil.copy(campaign_folder / "tests" / "T1.csv", campaign_folder / "tests" / "T9.csv")
     loaded = load_campaign(campaign_folder)
     assert loaded.test_ids == ("T1", "T2", "T3", "T4")
-    assert loaded.warnings == ("1 pulses of tests have no row in tests.csv and are left out.",)
+    assert loaded.warnings == ("tests: pulses without a row in tests.csv are left out, namely T9.",)
 
 
 def _edit(name: str, change: Callable[[pd.DataFrame], pd.DataFrame | None]) -> Callable[[Path], None]:
@@ -189,7 +215,7 @@ def _set(name: str, row: int, column: str, value: object) -> Callable[[Path], No
 BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     "no tests table": (
         lambda f: (f / "tests.csv").unlink(),
-        "tests.csv: expected this file, found no such file; add it to the campaign folder.",
+        "tests.csv: expected this file, found no such file; add it.",
     ),
     "missing column": (
         _edit("tests.csv", lambda t: t.drop(columns="rear_weight_lb")),
@@ -216,6 +242,10 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda f: (f / "cae_pulses.parquet").unlink(),
         "cae: expected the pulses either in cae_pulses.parquet (or .csv) or in cae/<id>.csv, found neither;",
     ),
+    "a pulse twice": (
+        lambda f: pd.read_csv(f / "tests" / "T2.csv").to_parquet(f / "tests" / "T2.parquet"),
+        "tests/: expected one pulse for T2, found T2.csv and T2.parquet; keep one of them.",
+    ),
     "pulses twice": (
         lambda f: (f / "cae").mkdir(),
         "found cae_pulses.parquet and cae/; keep one form.",
@@ -226,7 +256,73 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "id that leaves the folder": (
         _set("tests.csv", 0, "id", "../T1"),
-        "tests.csv, column id, row 2: expected an id that can name a file, found '../T1';",
+        "tests.csv, column id, row 2: expected an id that can name a file, found '../T1', a slash; rename it.",
+    ),
+    "id that Windows cannot keep": (
+        _set("tests.csv", 0, "id", "con"),
+        "tests.csv, column id, row 2: expected an id that can name a file, found 'con', a name that Windows keeps",
+    ),
+    "id that is a formula": (
+        _set("cae.csv", 3, "id", "=1+1"),
+        "cae.csv, column id, row 5: expected an id that no spreadsheet takes for a formula, found '=1+1';",
+    ),
+    "factor that a terminal obeys": (
+        _set("tests.csv", 0, "drive", "\x1b[2J"),
+        "tests.csv, column drive, row 2: expected plain text of at most 200 characters, no formula, found '\\\\x1b[2J'",
+    ),
+    "column twice": (
+        lambda f: (f / "tests.csv").write_text("id,speed_mph,id\nT1,20,T1\n"),
+        "tests.csv: expected each column once, found id twice; keep one of them.",
+    ),
+    "decimal commas": (
+        lambda f: (f / "tests" / "T1.csv").write_text("time_ms,acceleration_g\n0,0\n0,08,-1,5\n"),
+        "tests/T1.csv, row 3: expected 2 cells as in the header, found 4 in the line '0,08,-1,5'; write decimal points",
+    ),
+    "semicolons": (
+        lambda f: (f / "tests.csv").write_text("id;speed_mph\nT1;20\n"),
+        "tests.csv: expected commas between the columns, found semicolons; export it with commas, or bring it in with",
+    ),
+    "UTF-16": (
+        lambda f: (f / "tests" / "T1.csv").write_text("time_ms,acceleration_g\n0,0\n", encoding="utf-16"),
+        "tests/T1.csv: expected text in UTF-8, found bytes that are none (Latin-1, UTF-16, or no text at all);",
+    ),
+    "true and false": (
+        _edit("tests/T1.csv", lambda t: t.assign(acceleration_g=True)),
+        "tests/T1.csv, column acceleration_g, row 2: expected a number, found 'True'; correct the cell.",
+    ),
+    "beyond any vehicle": (
+        _set("tests/T1.csv", 9, "acceleration_g", "-1e300"),
+        "tests/T1.csv, column acceleration_g, row 11: expected a number up to 1.02e+05, found '-1e+300'; correct the",
+    ),
+    "a weight in grams": (
+        _edit("tests.csv", lambda t: t.assign(front_weight_lb=t.front_weight_lb * 1000)),
+        "tests.csv, column front_weight_lb, row 3: expected a number up to 2.2e+05, found",
+    ),
+    "a nested column": (
+        lambda f: pq.write_table(
+            pa.table({"id": ["C00"], "time_ms": [[1.0]], "acceleration_g": [0.0]}), f / "cae_pulses.parquet"
+        ),
+        "cae_pulses.parquet, column time_ms: expected numbers, found values of type list<element: double>; export it",
+    ),
+    "half a Parquet file": (
+        lambda f: (f / "cae_pulses.parquet").write_bytes((f / "cae_pulses.parquet").read_bytes()[:-50]),
+        "cae_pulses.parquet: expected a sound Parquet file, found a damaged or another one (",
+    ),
+    "a folder instead of a table": (
+        lambda f: ((f / "tests.csv").unlink(), (f / "tests.csv").mkdir()),
+        "tests.csv: expected a file, found a folder; put the file itself there.",
+    ),
+    "a folder instead of settings": (
+        lambda f: (f / "campaign.toml").mkdir(),
+        "campaign.toml: expected a file, found a folder; put the file itself there.",
+    ),
+    "a name that is none": (
+        lambda f: (f / "campaign.toml").write_text("name = [1]"),
+        "campaign.toml, column name: expected text of at most 200 characters, found a value of type list;",
+    ),
+    "an endless record": (
+        lambda f: (f / "tests" / "T1.csv").write_text("time_ms,acceleration_g\n" + "0,0\n" * 2_000_001),
+        "tests/T1.csv, column time, row 2: expected at most 2000000 samples a record, found",
     ),
     "text in a number": (
         _set("tests.csv", 1, "speed_mph", "fast"),
@@ -281,11 +377,11 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "empty file": (
         lambda f: (f / "tests" / "T1.csv").write_text(""),
-        "tests/T1.csv: expected a table with a header, found No columns to parse from file;",
+        "tests/T1.csv: expected a table with a header, found an empty one;",
     ),
     "no Parquet": (
         lambda f: (f / "cae_pulses.parquet").write_text("id,time_ms\n"),
-        "cae_pulses.parquet: expected a table with a header, found",
+        "cae_pulses.parquet: expected a sound Parquet file, found a damaged or another one (",
     ),
     "test at standstill": (
         _set("tests.csv", 0, "speed_mph", 0),
@@ -375,3 +471,57 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     """The path is the message."""
     with pytest.raises(DataError, match=r"nowhere: expected a campaign folder, found no such folder; check the path\."):
         load_campaign(tmp_path / "nowhere")
+
+
+def test_a_table_sorted_by_time_is_one_problem(campaign_folder: Path) -> None:
+    """Not one a row, nor one a run for its lone samples."""
+    path = campaign_folder / "cae_pulses.parquet"
+    pd.read_parquet(path).sort_values("time_ms", kind="stable").to_parquet(path, index=False)
+    with pytest.raises(DataError) as raised:
+        load_campaign(campaign_folder)
+    assert [str(problem) for problem in raised.value.problems] == [
+        "cae_pulses.parquet, column id, row 26: expected the rows of one id together, found rows of C00 in two places; "
+        "sort the file by id, then by time."
+    ]
+
+
+@pytest.mark.parametrize(("name", "what"), [("tests.csv", "speed_mph"), ("cae.csv", "id")])
+def test_a_fault_of_every_run_is_shown_twenty_times_and_counted(campaign_folder: Path, name: str, what: str) -> None:
+    """ΔV that does not fit, pulses that are missing: what is not listed is counted."""
+    many = 30
+    rows = [f"X{i},{80 if what == 'speed_mph' else 20},2000,1500" for i in range(many)]
+    (campaign_folder / name).write_text("\n".join(["id,speed_mph,front_weight_lb,rear_weight_lb", *rows]))
+    if name == "tests.csv":
+        for i in range(many):
+            shutil.copy(campaign_folder / "tests" / "T2.csv", campaign_folder / "tests" / f"X{i}.csv")
+    with pytest.raises(DataError) as raised:
+        load_campaign(campaign_folder)
+    assert len(raised.value.problems) == 21
+    assert f"found {many - 20} more like these; correct them too." in str(raised.value.problems[-1])
+
+
+@pytest.mark.parametrize(("factor", "advice"), [(KPH / MPH, "mph under a name"), (MPH / KPH, "km/h under a name")])
+def test_a_speed_in_the_other_unit_is_warned_of_where_its_change_of_velocity_is_possible(
+    campaign_folder: Path, factor: float, advice: str
+) -> None:
+    """One test rebounds so much, or so little, that ΔV over v0 passes; beside CAE runs at its speed it stands out."""
+    path = campaign_folder / "tests" / "T3.csv"
+    pulse = pd.read_csv(path)
+    rebound = 1.35 if factor > 1 else 0.95  # over v0; every pulse of this campaign has 1.1
+    pulse["acceleration_g"] *= rebound / 1.1
+    pulse.to_csv(path, index=False)
+    assert load_campaign(campaign_folder).warnings == ()
+    _edit("tests.csv", lambda t: t.assign(speed_mph=t.speed_mph.where(t.id != "T3", t.speed_mph * factor)))(
+        campaign_folder
+    )
+    (warning,) = load_campaign(campaign_folder).warnings
+    assert warning.startswith("tests.csv, T3: over its impact speed its change of velocity is ")
+    assert advice in warning
+
+
+def test_names_from_the_settings_are_one_harmless_line(campaign_folder: Path) -> None:
+    """What a terminal would obey is shown, not done."""
+    (campaign_folder / "campaign.toml").write_text('name = "\\u001b[31mred\\u202e"\nnotice = "two\\nlines"\n')
+    loaded = load_campaign(campaign_folder)
+    assert loaded.name == "\\x1b[31mred\\u202e"
+    assert loaded.notice == "two lines"

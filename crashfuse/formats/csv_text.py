@@ -1,0 +1,225 @@
+"""Comma-separated text from strangers: UTF-8, as wide as its header, and never more in memory than a block of it."""
+
+import csv
+import io
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Self, TextIO
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from crashfuse.errors import DataError, Problem, printable
+
+_BLOCK = 4 << 20  # characters
+_LONGEST_LINE = 100_000
+_MOST_COLUMNS = 500
+_LARGEST_TABLE, _MOST_LINES = 32 << 20, 500_000  # characters and lines of a condition table
+_AGAIN = "export it again as comma-separated text in UTF-8"
+
+
+class CsvTable:
+    """A CSV file as tables of whole lines.
+
+    Parameters
+    ----------
+    stream : text file
+    where : str
+        What messages call it.
+
+    Attributes
+    ----------
+    names : list of str
+        The header, stripped of spaces.
+    """
+
+    def __init__(self, stream: TextIO, where: str) -> None:
+        self._stream, self._where = stream, where
+        self._width, self.names = self._header()
+
+    @classmethod
+    @contextmanager
+    def opened(cls, path: Path, where: str) -> Iterator[Self]:
+        """Open a file.
+
+        Raises
+        ------
+        DataError
+            If it is empty, no text in UTF-8, not comma-separated, or cannot be read; blocks may raise it too.
+        """
+        with text_from(path, where) as stream:
+            yield cls(stream, where)
+
+    def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
+        """Yield these columns and the row number of each line, the header being row 1.
+
+        A column is numeric where all its cells in the block are, ids are always text; empty cells are empty texts.
+
+        Raises
+        ------
+        DataError
+            If a line has more cells than the header.
+        """
+        at = [self.names.index(name) for name in columns]
+        row, rest = 2, ""
+        while text := self._stream.read(_BLOCK):
+            _refuse_nul(text, self._where)
+            lines, newline, rest = (rest + text).rpartition("\n")
+            if len(rest) > _LONGEST_LINE:
+                raise DataError(Problem(self._where, "lines of a table", "one without an end", _AGAIN, row=row))
+            if lines:
+                frame = self._parsed(lines + newline, row)
+                yield frame[at].set_axis(columns, axis=1), row + np.arange(len(frame))
+                row += len(frame)
+            elif newline:
+                row += 1
+        if rest:
+            frame = self._parsed(rest, row)
+            yield frame[at].set_axis(columns, axis=1), row + np.arange(len(frame))
+
+    def _header(self) -> tuple[int, list[str]]:
+        line = self._stream.readline(_LONGEST_LINE)
+        _refuse_nul(line, self._where)
+        cells = _cells(line)
+        names = header_names(cells, self._where)
+        if names.count("id") > 1:
+            raise DataError(Problem(self._where, "one column id", f"{names.count('id')} of them", "keep one of them"))
+        return len(cells), names
+
+    def _parsed(self, text: str, row: int) -> pd.DataFrame:
+        texts: dict[int, type] = {self.names.index("id"): str} if "id" in self.names else {}
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            try:
+                frame = pd.read_csv(
+                    io.StringIO(text),
+                    header=None,
+                    names=range(self._width),
+                    index_col=False,
+                    dtype=texts,
+                    keep_default_na=False,
+                    skip_blank_lines=False,
+                    skipinitialspace=True,
+                    low_memory=False,
+                )
+            except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError):
+                frame = pd.DataFrame()
+        if len(frame) != text.count("\n") + (not text.endswith("\n")):
+            raise DataError(self._ragged(text, row))
+        return frame
+
+    def _ragged(self, text: str, row: int) -> Problem:
+        """Name the line that has more cells than the header, or a cell that does not end in it."""
+        for number, line in enumerate(text.split("\n"), start=row):
+            if line.count('"') % 2:
+                found = f"one alone in {printable(line, 60)!r}"
+                return Problem(self._where, "quotation marks in pairs on each line", found, _AGAIN, row=number)
+            if len(cells := _cells(line)) > self._width:
+                return too_wide(self._where, self._width, cells, number)
+        return Problem(self._where, "a comma-separated table", "lines that cannot be told apart", _AGAIN, row=row)
+
+
+def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[int]]:
+    """Read a small table whole: its header, its rows filled up to the header's width, and the number of each row.
+
+    Rows without anything in them are passed over.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read, is larger than 32 MiB or half a million lines, or a row has more cells than the header.
+    """
+    with text_from(path, where) as stream:
+        text = stream.read(_LARGEST_TABLE + 1)
+    if len(text) > _LARGEST_TABLE:
+        raise DataError(Problem(where, "a table of at most 32 MiB", "more", "leave out columns that are not needed"))
+    _refuse_nul(text, where)
+    reader = csv.reader(io.StringIO(text), skipinitialspace=True, strict=True)
+    rows: list[list[str]] = []
+    numbers: list[int] = []
+    number = 1
+    try:
+        names = header_names(next(reader, []), where)
+        for number, cells in enumerate(reader, start=2):
+            if number > _MOST_LINES:
+                raise DataError(Problem(where, f"at most {_MOST_LINES} lines", "more", "leave out runs"))
+            if any(map(str.strip, cells)):
+                if any(map(str.strip, cells[len(names) :])):
+                    raise DataError(too_wide(where, len(names), cells, number))
+                rows.append([*cells[: len(names)], *[""] * (len(names) - len(cells))])
+                numbers.append(number)
+    except csv.Error as error:
+        expected = "cells of a comma-separated table"
+        raise DataError(Problem(where, expected, str(error), _AGAIN, row=number + 1)) from None
+    return names, rows, numbers
+
+
+def header_names(cells: Sequence[str], where: str) -> list[str]:
+    """Names of the columns.
+
+    Raises
+    ------
+    DataError
+        If there are none, too many, or something else than commas is between them.
+    """
+    names = [cell.strip() for cell in cells]
+    while names and not names[-1]:
+        names.pop()  # a comma at the end of each line
+    if not names:
+        raise DataError(Problem(where, "a table with a header", "an empty one", "export it again, with its rows"))
+    if len(names) > _MOST_COLUMNS:
+        raise DataError(Problem(where, f"at most {_MOST_COLUMNS} columns", f"{len(names)}", "leave out the others"))
+    for between, called in ((";", "semicolons"), ("\t", "tabs")):
+        if len(names) == 1 and between in names[0]:
+            advice = "export it with commas, or bring it in with crashfuse import"
+            raise DataError(Problem(where, "commas between the columns", called, advice))
+    return names
+
+
+@contextmanager
+def text_from(path: Path, where: str) -> Iterator[TextIO]:
+    """Open a file as text in UTF-8; what the system or the encoding says against it becomes a DataError."""
+    require_file(path, where)
+    try:
+        with path.open(encoding="utf-8-sig") as stream:
+            yield stream
+    except UnicodeDecodeError:
+        found = "bytes that are none (Latin-1, UTF-16, or no text at all)"
+        raise DataError(Problem(where, "text in UTF-8", found, _AGAIN)) from None
+    except OSError as error:
+        raise DataError(unreadable(where, error)) from None
+
+
+def require_file(path: Path, where: str) -> None:
+    """Raise a DataError if there is something else than a file, such as a folder, or a pipe that never ends."""
+    if not path.is_file():
+        found = "a folder" if path.is_dir() else "a link to nothing, a pipe or a device"
+        raise DataError(Problem(where, "a file", found, "put the file itself there"))
+
+
+def unreadable(where: str, error: OSError) -> Problem:
+    """What the system says against a file."""
+    found = (error.strerror or type(error).__name__).lower()
+    return Problem(where, "a file that can be read", found, "check what it is and who may read it")
+
+
+def too_wide(where: str, width: int, cells: Sequence[str], row: int) -> Problem:
+    """A line with more cells than the header has."""
+    found = f"{len(cells)} in the line {printable(','.join(cells), 60)!r}"
+    advice = "write decimal points, not commas, and put text with commas between quotes"
+    return Problem(where, f"{width} cells as in the header", found, advice, row=row)
+
+
+def _refuse_nul(text: str, where: str) -> None:
+    if "\0" in text:
+        raise DataError(Problem(where, "text in UTF-8", "NUL characters (UTF-16, or no text at all)", _AGAIN))
+
+
+def _cells(line: str) -> list[str]:
+    try:
+        return next(csv.reader([line], skipinitialspace=True), [])
+    except csv.Error:
+        return line.split(",")

@@ -1,0 +1,118 @@
+"""Foreign files into a campaign: read, settle, add.
+
+>>> from crashfuse.importing import Choices, import_source
+>>> import_source(Path("v10146"), Path("camry"))                                  # doctest: +SKIP
+>>> import_source(Path("v10146"), Path("camry"), Choices(channels=("93", "94")))  # doctest: +SKIP
+"""
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.formats.archive import refuse
+from crashfuse.formats.writer import Addition, add_to_campaign
+from crashfuse.importing.choices import Choices, Role
+from crashfuse.importing.settle import Settled, settle
+from crashfuse.importing.sources import Format, each_record, format_of, read_records
+from crashfuse.importing.tables import ColumnChoice
+from crashfuse.units import MS
+
+__all__ = [
+    "Choices",
+    "ColumnChoice",
+    "Format",
+    "Role",
+    "Settled",
+    "format_of",
+    "import_source",
+    "read_records",
+    "settle",
+]
+
+
+def import_source(
+    source: Path,
+    out: Path,
+    choices: Choices = Choices(),
+    *,
+    role: Role = "tests",
+    fmt: Format | None = None,
+    record_id: str | None = None,
+    columns: Sequence[ColumnChoice] = (),
+    conditions: Path | None = None,
+) -> tuple[Settled, ...]:
+    """Add everything in a source to a campaign, or begin one with it: all of it or, if anything is wrong, nothing.
+
+    Parameters
+    ----------
+    source : Path
+        A file, a folder of one test or of several, or a zip.
+    out : Path
+        The campaign folder. If its ``campaign.toml`` sets ``channel_filter_class``, records go in raw and whole, to be
+        filtered with the others when the campaign is read; else they are filtered here.
+    choices : Choices
+        What is not to be left to be detected; it holds for every record of the source.
+    role : {"tests", "cae"}
+    fmt : Format, optional
+        By default what the names in the source say.
+    record_id : str, optional
+        Id for the one record in the source; columns of a table are then channels of one record.
+    columns, conditions
+        See :func:`read_records`.
+
+    Returns
+    -------
+    tuple of Settled
+        What was added, each with the steps that led to it; ``campaign.toml`` tells them, too.
+
+    Raises
+    ------
+    DataError
+        With every problem of every record; the campaign is as it was.
+    UsageError
+        If a choice does not exist.
+    """
+    together = record_id is not None or bool(choices.channels)
+    raw = _filters_itself(out, choices)
+    settled: list[Settled] = []
+    problems: list[Problem] = []
+    for record in each_record(source, problems, fmt, columns=columns, together=together, conditions=conditions):
+        if record_id is not None and settled:
+            raise UsageError(f"One id is not enough: {source.name} holds several records.")
+        try:
+            record = record if record_id is None else replace(record, id=record_id)
+            settled.append(settle(record, choices, role=role, raw=raw))
+        except DataError as error:
+            problems.extend(error.problems)
+    refuse(problems, source.name)
+    add_to_campaign(out, role, [Addition(one.id, one.condition, one.pulse, _told(one)) for one in settled])
+    return tuple(settled)
+
+
+def _filters_itself(folder: Path, choices: Choices) -> bool:
+    """Whether the campaign filters all its records when it is read."""
+    path = folder / "campaign.toml"
+    try:
+        settings = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DataError(Problem(path.name, "a TOML file in UTF-8", str(error), "correct the file first")) from None
+    own = settings.get("channel_filter_class", "none")
+    if own != "none" and choices.channel_filter_class not in (None, own):
+        raise UsageError(f"The campaign filters every record with CFC {own}; leave the class to it.")
+    return bool(own != "none")
+
+
+def _told(settled: Settled) -> dict[str, str | float | Sequence[str]]:
+    """What campaign.toml says of a record."""
+    cfc = settled.channel_filter_class
+    return {
+        "source": settled.source,
+        "channels": settled.channels,
+        "unit": settled.unit,
+        "braking": settled.braking,
+        "time_zero_ms": settled.time_zero_s / MS,
+        "channel_filter_class": "none" if cfc is None else cfc,
+        "steps": settled.steps,
+    }

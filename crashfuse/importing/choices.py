@@ -1,0 +1,38 @@
+"""What a user decides about an import."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from crashfuse.formats.record import PartialCondition
+
+Role = Literal["tests", "cae"]
+"""What a record becomes in the campaign."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """What a user decides instead of leaving it to be detected; None and empty leave it.
+
+    Parameters
+    ----------
+    channels : tuple of str
+        Names of the channels to average.
+    unit : str, optional
+        Of the acceleration, a key of :data:`crashfuse.formats.record.ACCELERATION_UNITS`.
+    braking : {"negative", "positive"}, optional
+        How the file counts braking.
+    time_zero_s : float, optional
+        Time of first contact in the file's own time.
+    channel_filter_class : float or "none", optional
+    condition : PartialCondition
+    front_share : float, optional
+        Share of the mass on the front axle, for files that know only the whole.
+    """
+
+    channels: tuple[str, ...] = ()
+    unit: str | None = None
+    braking: Literal["negative", "positive"] | None = None
+    time_zero_s: float | None = None
+    channel_filter_class: float | Literal["none"] | None = None
+    condition: PartialCondition = field(default_factory=PartialCondition)
+    front_share: float | None = None

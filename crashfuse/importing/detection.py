@@ -1,0 +1,150 @@
+"""What can be told from a record itself: unit and sign from the impact speed, time zero, whether it was filtered."""
+
+import numpy as np
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.filters import cfc_filter
+from crashfuse.formats.record import ACCELERATION_UNITS, Record, RecordedChannel
+from crashfuse.importing.choices import Choices, Role
+from crashfuse.pulse import FloatArray, kinematics
+from crashfuse.units import KPH, MPH, MS, G
+
+_DEFAULT_CFC = 60.0
+_CFC60_HZ = 110.0  # a low pass at or below it leaves nothing for CFC 60 (100 Hz) to take
+_FASTEST_PREFILTERED_HZ, _BAND_HZ, _HIGH_SHARE = 4000.0, 250.0, 5e-3  # measured: CFC 60 2e-5…6e-5, CFC 180 2e-2
+_AROUND_PEAK_S = 0.15
+STOPS = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}  # ΔV over v0, as the check of a campaign has it
+CREEP_MPS = 1.0  # below it noise decides the change of velocity
+_ONSET_MPS2, _CALM_MPS2, _ONSET_S = 0.5 * G, 0.05 * G, 1e-3
+_AT_ONCE_S, _SUSPICIOUS_S = 5e-3, 10e-3
+
+
+def unit_and_sign(
+    record: Record,
+    channels: tuple[RecordedChannel, ...],
+    time_s: FloatArray,
+    values: FloatArray,
+    speed_mps: float,
+    choices: Choices,
+    role: Role,
+    steps: list[str],
+) -> tuple[str, str]:
+    """Decide what the numbers are in and how they count braking, both held against the impact speed."""
+    gain = delta_v(time_s, values)
+    low, high = STOPS[role]
+    moving = speed_mps > CREEP_MPS
+    fitting = [
+        name for name, factor in ACCELERATION_UNITS.items() if low <= abs(gain) * factor / max(speed_mps, 1e-9) <= high
+    ]
+    label = choices.unit or channels[0].unit
+    if label is None:
+        if len(fitting) != 1 or not moving:
+            expected, advice = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})", "give its unit"
+            raise DataError(Problem(record.source, expected, "a unit that neither file nor speed tells", advice))
+        label = fitting[0]
+        steps.append(f"Unit {label}: the file names none, this one gives the change of velocity that the speed asks.")
+    elif choices.unit:
+        steps.append(f"Unit {label}, given by the user.")
+    else:
+        steps.append(f"Unit {label}, from the file.")
+    change = gain * ACCELERATION_UNITS[label]
+    if moving and label not in fitting:
+        advice = f"check the unit: {fitting[0]} would fit" if fitting else "check speed, unit, channels and time zero"
+        expected = f"a pulse that takes off about the impact speed of {speed_text(speed_mps)}"
+        raise DataError(Problem(record.source, expected, f"a change of {speed_text(change)} in {label}", advice))
+    found = "negative" if gain <= 0 or not moving else "positive"
+    braking = choices.braking or found
+    if moving and braking != found:
+        expected = f"braking counted {braking}, as chosen"
+        raise DataError(
+            Problem(record.source, expected, f"a change of {speed_text(change)}", "leave the sign to the record")
+        )
+    turned = "kept" if braking == "negative" else "turned, so that braking is negative"
+    steps.append(f"Sign {turned}: the file's change of velocity is {speed_text(change)}.")
+    return label, braking
+
+
+def time_zero(
+    record: Record, time_s: FloatArray, accel: FloatArray, choices: Choices, role: Role, steps: list[str]
+) -> float:
+    """First contact in the file's own time."""
+    start, end = float(time_s[0]), float(time_s[-1])
+    onset = _onset(time_s, accel)
+    began = "never passes 0.5 g" if onset is None else f"begins at {onset / MS:.4g} ms"
+    if choices.time_zero_s is not None:
+        zero, why = float(choices.time_zero_s), "given by the user"
+    elif record.own_time_zero:
+        zero, why = 0.0, record.own_time_zero
+    elif start < -MS:
+        zero, why = 0.0, f"the file's time begins before 0, at {start / MS:.4g} ms"
+    elif role == "cae" or onset is None or onset - start < _AT_ONCE_S:
+        zero, why = start, "the record begins at contact"
+    else:
+        zero, why = onset, "braking begins there"
+    if not start - step_of(time_s) <= zero <= end:
+        found = f"a record from {start / MS:.4g} to {end / MS:.4g} ms"
+        expected = f"time zero at {zero / MS:.4g} ms ({why})"
+        raise DataError(Problem(record.source, expected, found, "give the time of first contact"))
+    steps.append(f"Time zero at {zero / MS:.4g} ms of the file: {why}; braking {began}.")
+    if onset is not None and abs(onset - zero) > _SUSPICIOUS_S and role == "tests":
+        steps.append("Careful: braking begins far from time zero; check the time of first contact.")
+    return zero
+
+
+def _onset(time_s: FloatArray, accel: FloatArray) -> float | None:
+    """When the braking begins that passes 0.5 g and stays above it for 1 ms, at CFC 60.
+
+    A bumper is soft: on a barrier test at 57 km/h this comes 2 ms after the switch on the bumper has closed.
+    """
+    step = step_of(time_s)
+    smooth = cfc_filter(accel, cfc=60, dt_s=step) if step <= 1 / 600 and time_s[-1] - time_s[0] > 0.02 else accel
+    above = -smooth > _ONSET_MPS2
+    run = max(round(_ONSET_S / step), 1)
+    stays = np.convolve(above, np.ones(run), "valid") > run - 0.5
+    if not stays.any():
+        return None
+    passed = int(np.argmax(stays))
+    calm = np.flatnonzero(-smooth[:passed] <= _CALM_MPS2)
+    return float(time_s[calm[-1] if calm.size else 0])
+
+
+def filter_class(
+    channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray, choices: Choices, steps: list[str]
+) -> float | None:
+    """Choose the class to filter with; None for no filter."""
+    chosen, rate = choices.channel_filter_class, 1 / step_of(time_s)
+    cutoffs = [channel.cutoff_hz for channel in channels]
+    if chosen == "none":
+        steps.append("Not filtered, as chosen by the user.")
+        return None
+    if chosen is not None:
+        return float(chosen)
+    if all(cutoff is not None and cutoff <= _CFC60_HZ for cutoff in cutoffs):
+        steps.append(f"Not filtered: the file says that it has gone through {cutoffs[0]:g} Hz already.")
+        return None
+    if rate < _FASTEST_PREFILTERED_HZ * (1 - 1e-6):
+        steps.append(f"Not filtered: recorded at {rate:.0f} Hz, so it has been filtered before.")
+        return None
+    power = np.abs(np.fft.rfft(accel - accel.mean())) ** 2
+    share = power[np.fft.rfftfreq(accel.size, 1 / rate) > _BAND_HZ].sum() / max(power.sum(), 1e-300)
+    if share < _HIGH_SHARE:
+        steps.append(f"Not filtered: {100 * share:.2g} % of its power lies above {_BAND_HZ:g} Hz, as after CFC 60.")
+        return None
+    return _DEFAULT_CFC
+
+
+def delta_v(time_s: FloatArray, values: FloatArray) -> float:
+    """The biggest change of velocity around the peak, in the values' own unit times seconds; signed."""
+    near = np.abs(time_s - time_s[np.abs(values).argmax()]) <= _AROUND_PEAK_S
+    velocity = kinematics(values[near], 0.0, step_of(time_s)).velocity_mps
+    return float(velocity[np.abs(velocity).argmax()])
+
+
+def step_of(time_s: FloatArray) -> float:
+    """Step of an even clock."""
+    return float((time_s[-1] - time_s[0]) / (time_s.size - 1))
+
+
+def speed_text(speed_mps: float) -> str:
+    """Return a speed in km/h and mph."""
+    return f"{speed_mps / KPH:.1f} km/h ({speed_mps / MPH:.1f} mph)"

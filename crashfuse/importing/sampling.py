@@ -1,0 +1,87 @@
+"""One even clock for the channels of a record."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.formats.record import RecordedChannel
+from crashfuse.pulse import FloatArray
+from crashfuse.units import MS
+
+_UNEVEN = 0.02  # of a step: what rounding the times to a few digits can do
+_GAP = 3.0  # steps
+_FEWEST = 20
+
+
+def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, str]:
+    """Return a channel on an even clock, and a sentence where that took more than rounding.
+
+    Samples without a value at either end are cut; amid the record they are refused.
+
+    Parameters
+    ----------
+    channel : RecordedChannel
+    where : str
+        What messages call its file.
+
+    Returns
+    -------
+    time_s, values : ndarray, shape (n,)
+    step : str
+
+    Raises
+    ------
+    DataError
+        If time does not increase, has gaps, or values are missing.
+    """
+    place = f"{where}, {channel.name}"
+    time, values = np.asarray(channel.time_s, dtype=np.float64), np.asarray(channel.values, dtype=np.float64)
+    known = np.flatnonzero(np.isfinite(values))
+    if time.shape != values.shape or known.size < _FEWEST:
+        raise DataError(Problem(place, f"at least {_FEWEST} samples", f"{known.size}", "export the whole record"))
+    inside = slice(known[0], known[-1] + 1)
+    time, values = time[inside], values[inside]
+    if not (np.isfinite(values).all() and np.isfinite(time).all()):
+        raise DataError(Problem(place, "a number in each sample", "samples without one", "mend the record"))
+    steps = np.diff(time)
+    if steps.min() <= 0:
+        row = int(np.argmax(steps <= 0)) + 1
+        found = f"{time[row] / MS:.6g} ms after {time[row - 1] / MS:.6g} ms"
+        raise DataError(Problem(place, "time that increases from sample to sample", found, "sort the record by time"))
+    step = float(np.median(steps))
+    if steps.max() > _GAP * step:
+        found = f"a step of {steps.max() / MS:.4g} ms among steps of {step / MS:.4g} ms"
+        raise DataError(Problem(place, "evenly sampled time", found, "export the record without gaps"))
+    clock = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
+    if clock.size == time.size and np.abs(steps - step).max() <= _UNEVEN * step:
+        return clock, values, ""
+    told = f"{channel.name} was sampled unevenly and is interpolated to {1 / step:.0f} Hz."
+    return clock, np.interp(clock, time, values), told
+
+
+def on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
+    """Return the time that channels share and their values.
+
+    Returns
+    -------
+    time_s : ndarray, shape (n,)
+        As long as the shortest.
+    values : ndarray, shape (n_channels, n)
+
+    Raises
+    ------
+    DataError
+        If one is unfit, or they are not sampled alike.
+    """
+    evens = [even(channel, where) for channel in channels]
+    steps.extend(told for *_, told in evens if told)
+    first = evens[0][0]
+    tolerance = _UNEVEN * (first[1] - first[0])
+    size = min(time.size for time, *_ in evens)
+    for channel, (time, *_) in zip(channels, evens, strict=True):
+        if abs(time[0] - first[0]) > tolerance or abs(time[size - 1] - first[size - 1]) > tolerance:
+            found = f"{channel.name} on a clock of its own"
+            raise DataError(Problem(where, "channels sampled alike to average", found, "choose some of them"))
+    steps.append(f"Recorded at {(first.size - 1) / (first[-1] - first[0]):.6g} Hz from {first[0] / MS:.6g} ms.")
+    return first[:size], np.array([values[:size] for _, values, _ in evens])

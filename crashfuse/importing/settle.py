@@ -1,0 +1,185 @@
+"""From a record to a pulse of the campaign: channels, unit, sign, time zero, filter; each step told, each overruled.
+
+The order matters: what is found of unit and sign needs the impact speed, the filter needs the whole record with what
+was recorded before contact, and only then is the record cut to the crash.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.filters import cfc_filter
+from crashfuse.formats.record import ACCELERATION_UNITS, Record, RecordedChannel
+from crashfuse.importing.choices import Choices, Role
+from crashfuse.importing.condition import complete_condition
+from crashfuse.importing.detection import (
+    CREEP_MPS,
+    STOPS,
+    delta_v,
+    filter_class,
+    speed_text,
+    step_of,
+    time_zero,
+    unit_and_sign,
+)
+from crashfuse.importing.sampling import even, on_one_clock
+from crashfuse.pulse import DT_S, GRID_S, Condition, FloatArray, Pulse, kinematics
+from crashfuse.units import MS
+
+_SHORTEST_S, _LONGEST_S = 60e-3, 0.2
+_SLOWEST_S = 1.02e-3
+_MOVING = 0.05
+_DISSENT = 0.2  # of the median ΔV
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Settled:
+    """A record as it goes into a campaign.
+
+    Parameters
+    ----------
+    id, source : str
+    condition : Condition
+    pulse : Pulse
+        Braking negative, m/s², 0 at first contact; filtered and cut, or whole and raw if the campaign's own
+        ``channel_filter_class`` is to filter it.
+    channels : tuple of str
+    unit : str
+        That the file's numbers are in.
+    braking : str
+        How the file counts it.
+    time_zero_s : float
+        First contact in the file's own time.
+    channel_filter_class : float or None
+        What the record was filtered with here; None if it was not.
+    steps : tuple of str
+        Everything that was found and done, in its order.
+    """
+
+    id: str
+    source: str
+    condition: Condition
+    pulse: Pulse
+    channels: tuple[str, ...]
+    unit: str
+    braking: str
+    time_zero_s: float
+    channel_filter_class: float | None
+    steps: tuple[str, ...]
+
+
+def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests", raw: bool = False) -> Settled:
+    """Turn a record into a pulse of the campaign.
+
+    Parameters
+    ----------
+    record : Record
+    choices : Choices
+    role : {"tests", "cae"}
+        A CAE run begins at contact unless its time says otherwise, and may stop early or late.
+    raw : bool
+        Leave filter and cut to the campaign's own ``channel_filter_class``.
+
+    Raises
+    ------
+    DataError
+        If something needed is neither in the record nor in the choices, or the pulse contradicts the speed.
+    UsageError
+        If a choice does not exist.
+    """
+    steps = list(record.steps)
+    condition = complete_condition(record, choices.condition, choices.front_share, steps, standstill=role == "cae")
+    channels = _channels(record, choices, steps)
+    time_s, values = _average(record, channels, choices, steps)
+    unit, braking = unit_and_sign(record, channels, time_s, values, condition.speed_mps, choices, role, steps)
+    accel = values * ACCELERATION_UNITS[unit] * (1 if braking == "negative" else -1)
+    zero_s = time_zero(record, time_s, accel, choices, role, steps)
+    cfc = None if raw else filter_class(channels, time_s, accel, choices, steps)
+    if cfc is not None:
+        accel = _filtered(record, accel, cfc, step_of(time_s), steps)
+    pulse = _cut(time_s - zero_s, accel, raw=raw, filtered=cfc is not None)
+    _check(record, pulse, condition, role, steps)
+    names = tuple(channel.name for channel in channels)
+    return Settled(record.id, record.source, condition, pulse, names, unit, braking, zero_s, cfc, tuple(steps))
+
+
+def _channels(record: Record, choices: Choices, steps: list[str]) -> tuple[RecordedChannel, ...]:
+    chosen = record.chosen(choices.channels)
+    if not chosen:
+        have = ", ".join(f"{channel.name} ({channel.label})" for channel in record.channels[:12])
+        expected = "a channel that is known to be the vehicle's pulse"
+        raise DataError(Problem(record.source, expected, have, "choose one or several of them to be averaged"))
+    if choices.channels:
+        steps.append(f"Channels chosen by the user: {', '.join(choices.channels)}.")
+    elif len(chosen) > 2:
+        gains = np.array([delta_v(*even(channel, record.source)[:2]) for channel in chosen])
+        middle = np.median(gains)
+        odd = np.abs(gains - middle) > _DISSENT * np.abs(middle)
+        if odd.any() and not odd.all():
+            names = ", ".join(channel.name for channel, off in zip(chosen, odd, strict=True) if off)
+            steps.append(f"Left out for a change of velocity unlike the others': {names}.")
+            chosen = tuple(channel for channel, off in zip(chosen, odd, strict=True) if not off)
+    return chosen
+
+
+def _average(
+    record: Record, channels: tuple[RecordedChannel, ...], choices: Choices, steps: list[str]
+) -> tuple[FloatArray, FloatArray]:
+    """The mean of the channels, in the unit of the first."""
+    if choices.unit is not None and choices.unit not in ACCELERATION_UNITS:
+        raise UsageError(f"There is no unit {choices.unit!r} of acceleration; take {', '.join(ACCELERATION_UNITS)}.")
+    if choices.unit is None and len({channel.unit for channel in channels}) > 1:
+        found = ", ".join(f"{channel.name} in {channel.unit or 'an unknown one'}" for channel in channels)
+        raise DataError(Problem(record.source, "channels of one unit to average", found, "choose some of them"))
+    time_s, values = on_one_clock(channels, record.source, steps)
+    if len(channels) > 1:
+        steps.append(f"{len(channels)} channels averaged.")
+    return time_s, values.mean(axis=0)
+
+
+def _filtered(record: Record, accel: FloatArray, cfc: float, step_s: float, steps: list[str]) -> FloatArray:
+    try:
+        filtered = cfc_filter(accel, cfc=cfc, dt_s=step_s)
+    except DataError as error:
+        raise DataError([replace(problem, where=record.source) for problem in error.problems]) from None
+    steps.append(f"Filtered with CFC {cfc:g}, the whole record, before it was cut.")
+    return filtered
+
+
+def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) -> Pulse:
+    """From contact to 200 ms at the record's own rate, a filtered one at no more than 12.5 kHz; raw: all of it."""
+    if raw:
+        return Pulse(time_s, accel)
+    step = max(step_of(time_s), DT_S) if filtered else step_of(time_s)
+    last = min(time_s[-1], _LONGEST_S)
+    grid = step * np.arange(max(int(np.floor(last / step + 1e-6)) + 1, 2))
+    return Pulse(grid, np.interp(grid, time_s, accel))
+
+
+def _check(record: Record, pulse: Pulse, condition: Condition, role: Role, steps: list[str]) -> None:
+    """Refuse what a campaign would refuse: too short, too slow, or still moving at its end."""
+    end = float(pulse.time_s[-1])
+    if pulse.dt_s > _SLOWEST_S:
+        found = f"{1 / pulse.dt_s:.0f} Hz"
+        raise DataError(Problem(record.source, "at least 1000 samples a second", found, "export at a higher rate"))
+    if end < _SHORTEST_S - pulse.dt_s:
+        expected, found = "a record of at least 60 ms from contact (100 ms is best)", f"{end / MS:.4g} ms"
+        raise DataError(Problem(record.source, expected, found, "export the whole record, or check time zero"))
+    after = (pulse.time_s >= 0) & (pulse.time_s <= _LONGEST_S)
+    motion = kinematics(pulse.accel_mps2[after], condition.speed_mps, pulse.dt_s)
+    at_end = float(motion.velocity_mps[min(after.sum() - 1, round(GRID_S[-1] / pulse.dt_s))])
+    low, high = STOPS[role]
+    taken = (condition.speed_mps - motion.velocity_mps.min()) / max(condition.speed_mps, 1e-9)
+    if condition.speed_mps > CREEP_MPS and not low <= taken <= high:
+        expected = f"a pulse that takes off about the impact speed of {speed_text(condition.speed_mps)} from contact on"
+        found = f"{100 * taken:.0f} % of it"
+        raise DataError(Problem(record.source, expected, found, "check time zero, unit and channels"))
+    if end < GRID_S[-1] - pulse.dt_s:
+        if at_end > _MOVING * condition.speed_mps:
+            found = f"{speed_text(at_end)} at its end, {end / MS:.4g} ms"
+            expected = "a record that lasts until the vehicle has stopped, or 100 ms"
+            raise DataError(Problem(record.source, expected, found, "export a longer record"))
+        steps.append(f"The record ends {end / MS:.4g} ms after contact.")
+    stop = "not within 100 ms" if np.isnan(motion.t0_s) else f"at {motion.t0_s / MS:.1f} ms"
+    steps.append(f"The vehicle stops {stop}, after {motion.displacement_m.max() / MS:.0f} mm.")

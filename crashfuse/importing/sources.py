@@ -1,0 +1,169 @@
+"""Which format a source has, and the records in it."""
+
+import importlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from pathlib import Path, PurePath
+from typing import Literal, get_args
+
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.formats.archive import refuse, zip_members
+from crashfuse.formats.isomme_record import isomme_record
+from crashfuse.formats.nhtsa import read_nhtsa
+from crashfuse.formats.record import Record
+from crashfuse.formats.sheets import EXCEL_ENDINGS, TEXT_ENDINGS
+from crashfuse.importing.tables import ColumnChoice, read_tables
+
+Format = Literal["csv", "nhtsa", "isomme", "lsdyna", "tdms"]
+
+_MOST_FILES = 100_000  # looked at in a folder
+_ONE_A_FILE = ("nhtsa", "isomme")  # a header file each
+_TABLES = (*TEXT_ENDINGS, *EXCEL_ENDINGS, ".xls")
+
+
+def _lazily(module: str, function: str) -> Callable[[Path], tuple[Record, ...]]:
+    """A reader whose package is an extra, imported when it is asked for."""
+
+    def read(path: Path) -> tuple[Record, ...]:
+        found = getattr(importlib.import_module(module), function)(path)
+        return (found,) if isinstance(found, Record) else tuple(found)
+
+    return read
+
+
+_READERS: Mapping[str, Callable[[Path], tuple[Record, ...]]] = {
+    "nhtsa": lambda path: (read_nhtsa(path),),
+    "isomme": lambda path: (isomme_record(path),),
+    "lsdyna": _lazily("crashfuse.formats.lsdyna", "read_lsdyna"),
+    "tdms": _lazily("crashfuse.formats.tdms", "read_tdms"),
+}
+
+
+def format_of(source: Path) -> Format:
+    """Tell the format of a file, folder or zip by the names in it.
+
+    Raises
+    ------
+    DataError
+        If there is nothing there, or nothing of a known format.
+    """
+    if not source.exists():
+        raise DataError(Problem(str(source), "a file or folder to import", "nothing there", "check the path"))
+    names: Iterable[PurePath] = [source]
+    if source.is_dir():
+        names = islice(source.rglob("*"), _MOST_FILES)
+    elif source.suffix.lower() == ".zip":
+        with source.open("rb") as stream:
+            names = [member.path for member in zip_members(stream, source.name)]
+    found = {_format_of_name(name) for name in names}
+    for fmt in (*_READERS, "csv"):  # tables lie beside the files of every format
+        if fmt in found and not (fmt == "csv" and source.suffix.lower() == ".zip"):
+            return fmt  # type: ignore[return-value]
+    expected = "NHTSA (.EV5), ISO-MME (.mme), LS-DYNA (binout, nodout), TDMS or tables (.csv, .xlsx …)"
+    found_there = "tables in a zip" if "csv" in found else "none of these"
+    raise DataError(Problem(source.name, expected, found_there, "unpack it, or choose another source"))
+
+
+def read_records(
+    source: Path,
+    fmt: Format | None = None,
+    *,
+    columns: Sequence[ColumnChoice] = (),
+    together: bool = False,
+    conditions: Path | None = None,
+) -> tuple[Record, ...]:
+    """Read all records of a source.
+
+    Parameters
+    ----------
+    source : Path
+        A file, a folder (of one test or run, or of several), or a zip.
+    fmt : Format, optional
+        By default what :func:`format_of` finds.
+    columns : sequence of ColumnChoice
+        For tables: what columns are, in every table that has them; the rest is as proposed.
+    together : bool
+        For tables: columns of one file are channels of one record.
+    conditions : Path, optional
+        A table with the conditions of the records by id; its headers may be foreign, too.
+
+    Raises
+    ------
+    DataError
+        With every problem of every test.
+    UsageError
+        If a column is mapped that is not there.
+    """
+    problems: list[Problem] = []
+    each = each_record(source, problems, fmt, columns=columns, together=together, conditions=conditions)
+    records = tuple(each)
+    refuse(problems, source.name)
+    return records
+
+
+def each_record(
+    source: Path,
+    problems: list[Problem],
+    fmt: Format | None = None,
+    *,
+    columns: Sequence[ColumnChoice] = (),
+    together: bool = False,
+    conditions: Path | None = None,
+) -> Iterator[Record]:
+    """Read the records of a source one after the other, as :func:`read_records` does; what is wrong is appended."""
+    fmt = fmt or format_of(source)
+    if fmt not in get_args(Format):
+        raise UsageError(f"There is no format {fmt!r}; there are {', '.join(get_args(Format))}.")
+    if fmt != "csv" and columns and conditions is None:
+        raise UsageError("Only tables have columns to map.")
+    extra = [] if conditions is None else [conditions]
+    if fmt == "csv":
+        paths = [source] if source.is_file() else _files(source, _is_table)
+        if not paths:
+            raise DataError(Problem(str(source), f"tables ({', '.join(_TABLES)})", "none", "check the path"))
+        tables = read_tables([*paths, *extra], columns, together=together)
+        if not tables.records:
+            found = "; ".join(tables.neither) or "conditions alone"
+            expected = "a column of time and one of acceleration"
+            raise DataError(Problem(source.name, expected, found, "map the columns (COLUMN=ROLE:UNIT)"))
+    else:
+        tables = read_tables(extra, columns, together=False)
+    ids: list[str] = []
+    for record in tables.records if fmt == "csv" else _of_homes(source, fmt, problems):
+        ids.append(record.id)
+        yield tables.given_to(record)
+    tables.check_ids(ids)
+
+
+def _of_homes(source: Path, fmt: str, problems: list[Problem]) -> Iterator[Record]:
+    for home in _homes(source, fmt):
+        try:
+            yield from _READERS[fmt](home)
+        except DataError as error:
+            problems.extend(error.problems)
+
+
+def _homes(source: Path, fmt: str) -> list[Path]:
+    """What to read, one path a test; the readers of the other formats take folders of many by themselves."""
+    tests = _files(source, lambda path: _format_of_name(path) == fmt) if fmt in _ONE_A_FILE else []
+    return tests if len(tests) > 1 else [source]
+
+
+def _files(folder: Path, wanted: Callable[[Path], bool]) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    return sorted(path for path in islice(folder.rglob("*"), _MOST_FILES) if wanted(path) and path.is_file())
+
+
+def _is_table(path: Path) -> bool:
+    return path.suffix.lower() in _TABLES
+
+
+def _format_of_name(path: PurePath) -> str | None:
+    name, ending = path.name.lower(), path.suffix.lower()
+    by_ending = {".ev5": "nhtsa", ".mme": "isomme", ".tdms": "tdms"}
+    if ending in by_ending:
+        return by_ending[ending]
+    if name.startswith(("binout", "nodout")):
+        return "lsdyna"
+    return "csv" if ending in _TABLES else None

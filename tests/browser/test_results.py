@@ -1,0 +1,88 @@
+"""Results in a real browser: figures that are switched and clicked, files that arrive, answers at once."""
+
+import csv
+import io
+from typing import TYPE_CHECKING
+
+import pytest
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+if TYPE_CHECKING:
+    from tests.browser.conftest import Server, User
+
+FIGURE = ".js-plotly-plot"
+
+
+@pytest.fixture
+def engineer(small_server: "Server", user: "User") -> "User":
+    """Someone who has the small campaign open, and has chosen two quick approaches."""
+    user.open(small_server, "train")
+    user.choose_approaches("CAE", "Displacement domain")
+    return user
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    """A CSV file's rows by column."""
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User") -> None:
+    """Corridors, residuals; scores and pulses as CSV; a report from its first to its last line."""
+    engineer.go("Compare")
+    engineer.press("Predict test T1")
+    engineer.sees("Velocity (km/h)", FIGURE)
+    assert "Corridor of the rating" not in engineer.find(FIGURE).text
+    engineer.press("Corridors of the rating", "label")
+    engineer.sees("Corridor of the rating, inner", FIGURE)
+    engineer.press("Residuals")
+    engineer.sees("Prediction − test", FIGURE)
+    engineer.press("Motion")
+    engineer.sees("Corridor of the rating, inner", FIGURE)  # the choice has held
+    scores = rows(engineer.downloads_file("scores.csv"))
+    assert {(row["held_out"], row["approach"]) for row in scores} == {("T1", "cae"), ("T1", "displacement_domain")}
+    shown = engineer.sees("Corridor", '[data-testid="stTable"]')
+    assert all(f"{float(row['overall']):.3f} {row['grade']}" in shown for row in scores)
+    assert len(rows(engineer.downloads_file("pulses.csv"))) == 2 * 1250
+    report = engineer.downloads_file("report.html")
+    assert report.startswith("<!DOCTYPE html>")
+    assert report.rstrip().endswith("</html>")
+    assert "Test T1" in report
+
+
+def test_a_click_on_a_cell_of_the_study_opens_its_test_on_compare(engineer: "User") -> None:
+    """Anywhere in the cell, not only on the words; the frame then holds that test out."""
+    engineer.go("Study")
+    engineer.press("Leave out each of 4 tests")
+    engineer.sees("Test T3", FIGURE)
+    figure = engineer.find(FIGURE, "Test T3")
+    engineer.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", figure)  # type: ignore[no-untyped-call]
+    ground = figure.find_element(By.CSS_SELECTOR, ".nsewdrag").rect  # 5 rows: the tests, and their mean
+    x, y = (round(ground[side] * share) for side, share in (("width", 0.65), ("height", 2.3 / 5)))
+    half = round(ground["width"] / 2), round(ground["height"] / 2)
+    area = figure.find_element(By.CSS_SELECTOR, ".nsewdrag")
+    ActionChains(engineer.browser).move_to_element_with_offset(area, x - half[0], y - half[1]).pause(0.5).click().perform()
+    engineer.sees("Test T3: 26.0 mph")
+    assert "held_out=T3" in engineer.browser.current_url
+
+
+def test_predict_answers_another_speed_at_once(engineer: "User") -> None:
+    """Number field and slider follow each other, and the figure follows both; sweep and next test lie in tabs."""
+    engineer.go("Predict")
+    engineer.press("Predict")
+    engineer.sees("Pulse metrics")
+    field = engineer.find('input[aria-label="Impact speed (mph)"]')
+    field.send_keys(Keys.CONTROL, "a")
+    field.send_keys("31.5", Keys.ENTER)
+    engineer.sees("31.5 mph (50.7 km/h)")
+    slider = engineer.find('[data-testid="stSlider"] [role="slider"]')
+    engineer.wait(lambda: slider.get_attribute("aria-valuenow") == "31.5")
+    slider.send_keys(Keys.ARROW_LEFT)
+    engineer.sees("31.4 mph (50.5 km/h)")
+    engineer.wait(lambda: field.get_attribute("value") == "31.4")
+    engineer.press("Over speed", '[role="tab"]')
+    engineer.press("Predict over speed")
+    engineer.sees("Impact speed", FIGURE)
+    engineer.press("Next test", '[role="tab"]')
+    engineer.sees("The best 5")

@@ -1,0 +1,225 @@
+"""From record to pulse: what is found is true, what a user says overrules it, and every step is told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.errors import DataError, UsageError
+from crashfuse.filters import cfc_filter
+from crashfuse.formats.record import PartialCondition, RecordedChannel
+from crashfuse.importing import Choices, Settled, settle
+from crashfuse.pulse import Kinematics
+from crashfuse.units import MS, G
+from tests.importing.crashes import (
+    CONDITION,
+    CRUSH_M,
+    PEAK_MPS2,
+    SPEED_MPS,
+    STOP_S,
+    channel,
+    clock,
+    half_sine_g,
+    record,
+    ringing_g,
+)
+
+
+def motion(settled: Settled) -> Kinematics:
+    """Kinematics of a settled record."""
+    return settled.pulse.kinematics(settled.condition.speed_mps)
+
+
+@pytest.mark.parametrize(
+    ("scale", "unit", "found"),
+    [
+        (1.0, "g", ("g", "negative")),
+        (-1.0, "g", ("g", "positive")),
+        (G, "m/s²", ("m/s²", "negative")),
+        (1e3 * G, "mm/s²", ("mm/s²", "negative")),
+        (1e-3 * G, "mm/ms²", ("mm/ms²", "negative")),
+        (1.0, None, ("g", "negative")),
+        (-G, None, ("m/s²", "positive")),
+        (1e3 * G, None, ("mm/s²", "negative")),
+    ],
+)
+def test_unit_and_sign_are_found(scale: float, unit: str | None, found: tuple[str, str]) -> None:
+    """Whatever the numbers are in and however they count braking, the pulse is the same, in closed form."""
+    settled = settle(record(channel(scale=scale, unit=unit)))
+    assert (settled.unit, settled.braking) == found
+    assert settled.pulse.time_s[0] == 0
+    assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
+    assert motion(settled).t0_s == pytest.approx(STOP_S, abs=1e-5)
+    assert motion(settled).displacement_m.max() == pytest.approx(CRUSH_M, rel=1e-3)
+    assert any(f"Unit {found[0]}" in step for step in settled.steps)
+
+
+def test_a_unit_that_contradicts_the_speed_is_refused_until_the_user_says_so() -> None:
+    """Numbers in m/s² under a label g are caught by the change of velocity; the right unit is named."""
+    mislabelled = record(channel(scale=G, unit="g"))
+    with pytest.raises(DataError, match="check the unit: m/s² would fit"):
+        settle(mislabelled)
+    settled = settle(mislabelled, Choices(unit="m/s²"))
+    assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
+    with pytest.raises(UsageError, match="no unit 'furlong'"):
+        settle(mislabelled, Choices(unit="furlong"))
+    with pytest.raises(DataError, match="braking counted positive, as chosen"):
+        settle(record(channel()), Choices(braking="positive"))
+
+
+def test_time_zero_is_the_files_own_where_it_has_one() -> None:
+    """A record that begins before 0 has contact at 0; a format may say so, and a user overrules both."""
+    assert settle(record(channel())).time_zero_s == 0.0
+    own = replace(record(channel(start_s=0.0)), own_time_zero="by definition")
+    assert settle(own).time_zero_s == 0.0
+    assert settle(record(channel()), Choices(time_zero_s=1 * MS)).time_zero_s == 1 * MS
+
+
+@pytest.mark.parametrize("lead_s", [0.0, 0.002, 0.03, 0.5])
+def test_time_zero_is_found_by_its_onset_where_a_test_began_recording_early(lead_s: float) -> None:
+    """A test whose clock runs from 0 is moved to where braking begins, to 1.5 ms; a short lead is left as it is."""
+    time_s = clock(0.0, 0.3 + lead_s)
+    late = RecordedChannel("X", "X", time_s, half_sine_g(time_s - lead_s), "g")
+    settled = settle(record(late))
+    assert settled.time_zero_s == pytest.approx(lead_s if lead_s > 0.01 else 0.0, abs=1.5 * MS)
+    assert any("Time zero at" in step for step in settled.steps)
+
+
+def test_a_time_zero_far_from_the_onset_is_pointed_out() -> None:
+    """What the user or file says is taken, but a contact 20 ms before any braking is told as suspicious."""
+    settled = settle(record(channel()), Choices(time_zero_s=-0.02))
+    assert any(step.startswith("Careful: braking begins far") for step in settled.steps)
+    with pytest.raises(DataError, match="time zero at 500 ms"):
+        settle(record(channel()), Choices(time_zero_s=0.5))
+
+
+def test_a_raw_record_is_filtered_whole_before_it_is_cut() -> None:
+    """The ringing goes; the result is CFC 60 of the whole record, cut, not CFC 60 of the cut."""
+    time_s = clock()
+    raw = half_sine_g(time_s) + ringing_g(time_s)
+    settled = settle(record(RecordedChannel("X", "X", time_s, raw, "g", 2800.0)))
+    expected = cfc_filter(raw, cfc=60, dt_s=1e-4)[np.searchsorted(time_s, -1e-9) :] * G
+    assert settled.channel_filter_class == 60
+    np.testing.assert_allclose(settled.pulse.accel_mps2[:1000], expected[:1000], atol=1e-6)
+    assert motion(settled).t0_s == pytest.approx(STOP_S, abs=1e-4)
+    assert any("Filtered with CFC 60, the whole record" in step for step in settled.steps)
+
+
+def test_what_is_filtered_already_is_not_filtered_again() -> None:
+    """By what the file says, by its rate, or by its spectrum; a user may ask for another class or none."""
+    time_s = clock()
+    raw = half_sine_g(time_s) + ringing_g(time_s)
+    said = RecordedChannel("X", "X", time_s, raw, "g", 100.0)
+    assert settle(record(said)).channel_filter_class is None
+    smooth = RecordedChannel("X", "X", time_s, cfc_filter(raw, cfc=60, dt_s=1e-4), "g")
+    assert settle(record(smooth)).channel_filter_class is None
+    assert settle(record(channel(rate_hz=2000))).channel_filter_class is None
+    noisy = record(RecordedChannel("X", "X", time_s, raw, "g"))
+    assert settle(noisy).channel_filter_class == 60
+    assert settle(noisy, Choices(channel_filter_class=180)).channel_filter_class == 180
+    unfiltered = settle(noisy, Choices(channel_filter_class="none"))
+    assert unfiltered.channel_filter_class is None
+    np.testing.assert_allclose(unfiltered.pulse.accel_mps2[:100] / G, raw[500:600], atol=1e-6)
+
+
+def test_a_campaign_that_filters_gets_the_record_whole() -> None:
+    """Raw, the pulse keeps what was before contact, so that the campaign's own filter has it."""
+    settled = settle(record(channel()), raw=True)
+    assert settled.pulse.time_s[0] == pytest.approx(-0.05)
+    assert settled.pulse.time_s[-1] == pytest.approx(0.3)
+    assert settled.channel_filter_class is None
+
+
+def test_channels_are_averaged_chosen_or_left_out() -> None:
+    """Left and right are averaged; one that saw another crash is left out of three; the user chooses others."""
+    left, right, dead = channel("L", 1.05), channel("R", 0.95), channel("D", 0.1)
+    both = settle(record(left, right))
+    assert both.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
+    without = settle(record(left, right, dead))
+    assert without.channels == ("L", "R")
+    assert any("unlike the others': D" in step for step in without.steps)
+    assert settle(record(left, right), Choices(channels=("R",))).pulse.accel_mps2.min() == pytest.approx(
+        -0.95 * PEAK_MPS2, rel=1e-3
+    )
+    with pytest.raises(UsageError, match=r"no channel Q in T1.test; it has L \(Sensor L\), R"):
+        settle(record(left, right), Choices(channels=("Q",)))
+    with pytest.raises(DataError, match="channels sampled alike"):
+        settle(record(left, channel("R", rate_hz=5000)))
+    with pytest.raises(DataError, match="channels of one unit"):
+        settle(record(left, channel("R", G, "m/s²")))
+    with pytest.raises(DataError, match="known to be the vehicle's pulse"):
+        settle(replace(record(left), proposed=()))
+
+
+def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
+    """Jitter of a tenth of a step is interpolated and told; a gap or a step back is refused."""
+    time_s = clock()
+    jitter = time_s + np.random.default_rng(0).uniform(-1e-5, 1e-5, time_s.size)
+    settled = settle(record(RecordedChannel("X", "X", jitter, half_sine_g(jitter), "g")))
+    assert any("sampled unevenly" in step for step in settled.steps)
+    assert motion(settled).t0_s == pytest.approx(STOP_S, abs=3e-5)
+    holed = np.delete(time_s, slice(600, 650))
+    with pytest.raises(DataError, match=r"a step of 5\.1 ms among steps of 0\.1 ms"):
+        settle(record(RecordedChannel("X", "X", holed, half_sine_g(holed), "g")))
+    with pytest.raises(DataError, match="time that increases"):
+        settle(record(RecordedChannel("X", "X", time_s[::-1], half_sine_g(time_s), "g")))
+
+
+def test_missing_samples_are_cut_at_the_ends_and_refused_amid() -> None:
+    """A record padded with nothing is used where it has something; a hole in the crash is no pulse."""
+    time_s, values = clock(), half_sine_g(clock())
+    padded = values.copy()
+    padded[:10] = padded[-50:] = np.nan
+    assert motion(settle(record(RecordedChannel("X", "X", time_s, padded, "g")))).t0_s == pytest.approx(
+        STOP_S, abs=1e-5
+    )
+    holed = values.copy()
+    holed[700] = np.nan
+    with pytest.raises(DataError, match="samples without one"):
+        settle(record(RecordedChannel("X", "X", time_s, holed, "g")))
+
+
+@pytest.mark.parametrize(
+    ("end_s", "rate_hz", "message"),
+    [
+        (0.05, 10_000, "at least 60 ms from contact"),
+        (0.06, 10_000, "the vehicle has stopped, or 100 ms"),
+        (0.3, 500, "at least 1000 samples a second"),
+    ],
+)
+def test_a_record_that_no_campaign_would_take_is_refused(end_s: float, rate_hz: float, message: str) -> None:
+    """Too short, still moving at its end, or too slow: said before anything is written."""
+    with pytest.raises(DataError, match=message):
+        settle(record(channel(end_s=end_s, rate_hz=rate_hz)), role="cae")
+
+
+def test_a_condition_is_completed_by_the_user() -> None:
+    """Mass and share of the front axle give its weights; a new mass keeps the share; what lacks is named."""
+    one = channel()
+    bare = record(one, condition=PartialCondition())
+    with pytest.raises(DataError) as caught:
+        settle(bare)
+    assert [problem.expected for problem in caught.value.problems] == [
+        "the impact speed of T1",
+        "the front weight of T1",
+        "the rear weight of T1",
+    ]
+    given = Choices(condition=PartialCondition(SPEED_MPS, 1700.0), front_share=0.6)
+    weights = settle(bare, given).condition
+    assert (weights.front_weight_kg, weights.rear_weight_kg) == pytest.approx((1020.0, 680.0))
+    heavier = settle(record(one), Choices(condition=PartialCondition(mass_kg=3400.0))).condition
+    assert (heavier.front_weight_kg, heavier.rear_weight_kg) == pytest.approx((1900.0, 1500.0))
+    rest = settle(record(one, condition=replace(CONDITION, rear_weight_kg=None))).condition
+    assert rest.rear_weight_kg == pytest.approx(750.0)
+    with pytest.raises(UsageError, match="between 0 and 1"):
+        settle(record(one), Choices(front_share=56.0))
+    with pytest.raises(DataError, match="a speed and weights above 0"):
+        settle(record(one, condition=replace(CONDITION, front_weight_kg=-1.0)))
+
+
+def test_a_cae_run_at_standstill_is_taken() -> None:
+    """A library may start at 0 mph, where no change of velocity can tell anything."""
+    still = record(channel(scale=0.0), condition=replace(CONDITION, speed_mps=0.0))
+    assert settle(still, role="cae").condition.speed_mps == 0
+    with pytest.raises(DataError, match="a speed and weights above 0"):
+        settle(still)
