@@ -10,11 +10,12 @@ import platform
 import re
 import threading
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from importlib import metadata
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from crashfuse.cache import Cache, code_digest
 from crashfuse.campaign import Campaign
@@ -40,8 +41,47 @@ Files = Mapping[str, bytes]
 Done = tuple[list[R], Files]
 
 
+@contextmanager
+def connected(scheduler: str) -> Iterator["Cluster"]:
+    """Connect to the workers of a Dask scheduler.
+
+    Parameters
+    ----------
+    scheduler : str
+        Its address, ``tcp://host:port``.
+
+    Yields
+    ------
+    Cluster
+
+    Raises
+    ------
+    UsageError
+        If the address is none, or Dask is not installed.
+    CrashfuseError
+        If the cluster cannot be reached, has no worker, or one with other versions.
+    """
+    if not _ADDRESS.fullmatch(scheduler):
+        raise UsageError(f"The address of a Dask scheduler looks like tcp://192.0.2.1:8786, not {scheduler!r}.")
+    log = logging.getLogger("distributed")
+    level = log.level
+    log.setLevel(logging.CRITICAL)  # what matters is raised
+    try:
+        try:
+            client = distributed.Client(scheduler, timeout=_ANSWER_S, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise CrashfuseError(f"No Dask scheduler answers at {scheduler}.") from error
+        with closing(client):
+            cluster = Cluster(scheduler, client)
+            cluster.check()
+            yield cluster
+    finally:
+        log.setLevel(level)
+
+
+@dataclass(frozen=True, slots=True)
 class Cluster:
-    """The workers of a Dask scheduler, as a context.
+    """Workers of a Dask scheduler.
 
     The campaign and what the folds share is sent to each once. A worker keeps what it does in the cache of its own
     machine, and it comes back into the caller's. Its process computes one task at a time, whatever its threads.
@@ -49,38 +89,25 @@ class Cluster:
     Parameters
     ----------
     scheduler : str
-        Its address, ``tcp://host:port``.
-
-    Raises
-    ------
-    UsageError
-        If the address is none, or Dask is not installed.
-    CrashfuseError
-        On entry, if the cluster cannot be reached, has no worker, or one with other versions.
+    client : distributed.Client
     """
 
-    def __init__(self, scheduler: str) -> None:
-        if not _ADDRESS.fullmatch(scheduler):
-            raise UsageError(f"The address of a Dask scheduler looks like tcp://192.0.2.1:8786, not {scheduler!r}.")
-        self.scheduler = scheduler
+    scheduler: str
+    client: Any
 
-    def __enter__(self) -> Self:
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is raised
-        try:
-            self._client = distributed.Client(self.scheduler, timeout=_ANSWER_S, set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise CrashfuseError(f"No Dask scheduler answers at {self.scheduler}.") from error
-        try:
-            self._check_workers()
-        except BaseException:
-            self._client.close()
-            raise
-        return self
+    def check(self) -> None:
+        """Ask every worker for its versions: what another code computes is not what this one would.
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._client.close()
+        Raises
+        ------
+        CrashfuseError
+            If there is none, or one whose versions differ.
+        """
+        self._wait_for_workers()
+        for address, found in self.client.run(versions, on_error="return").items():
+            if isinstance(found, BaseException):
+                raise CrashfuseError(f"The Dask worker at {address} cannot run crashfuse: {found}.") from found
+            _compare(address, found, versions())
 
     def completed(
         self,
@@ -105,14 +132,7 @@ class Cluster:
         futures: dict[int, Any] = {}
         try:
             self._wait_for_workers()
-            (sent,) = self._client.scatter([shared], broadcast=True, hash=False)
-            before: dict[tuple[str, ...], list[Any]] = {}
-            for number, task in tasks:
-                earlier = before.setdefault(task.fold, [])
-                done = self._client.submit(_at_worker, work, sent, task, earlier, versions(), pure=False)
-                futures[number] = done
-                earlier.append(done)  # it is awaited, and best taken up where it was done
-            del before
+            futures = self._submit(work, shared, tasks)
             glanced = time.monotonic()
             while futures:
                 for number in [number for number, future in futures.items() if future.done()]:
@@ -134,26 +154,32 @@ class Cluster:
             for future in futures.values():
                 future.cancel()
 
+    def _submit(
+        self, work: Work[R], shared: tuple[Campaign, Files], tasks: Sequence[tuple[int, Task]]
+    ) -> dict[int, Any]:
+        """Send tasks to the cluster; each waits for the earlier ones of its fold, and is best done where they were."""
+        (sent,) = self.client.scatter([shared], broadcast=True, hash=False)
+        wanted = versions()
+        futures: dict[int, Any] = {}
+        folds: dict[tuple[str, ...], list[Any]] = {}
+        for number, task in tasks:
+            earlier = folds.setdefault(task.fold, [])
+            futures[number] = self.client.submit(_at_worker, work, sent, task, list(earlier), wanted, pure=False)
+            earlier.append(futures[number])
+        return futures
+
     def _check_connection(self) -> None:
         """Wait while the client looks for a scheduler that it has lost."""
-        while self._client.status == "connecting":
+        while self.client.status == "connecting":
             time.sleep(_GLANCE_S)
-        if self._client.status != "running":
+        if self.client.status != "running":
             raise CrashfuseError(f"The Dask scheduler at {self.scheduler} is gone. {RESUME}.")
 
     def _wait_for_workers(self) -> None:
         try:
-            self._client.wait_for_workers(1, timeout=_WORKER_S)
+            self.client.wait_for_workers(1, timeout=_WORKER_S)
         except TimeoutError as error:
             raise CrashfuseError(f"The Dask cluster at {self.scheduler} has no worker. {RESUME}.") from error
-
-    def _check_workers(self) -> None:
-        """Ask every worker for its versions: what another code computes is not what this one would."""
-        self._wait_for_workers()
-        for address, found in self._client.run(versions, on_error="return").items():
-            if isinstance(found, BaseException):
-                raise CrashfuseError(f"The Dask worker at {address} cannot run crashfuse: {found}.") from found
-            _compare(address, found, versions())
 
 
 def versions() -> dict[str, str]:

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 
 _UNFINISHED = re.compile(r"\.unfinished-(?P<host>.+)-(?P<process>\d+)-[0-9a-f]{32}")
-_HOST = re.sub(r"[^\w.]", "_", platform.node()) or "here"
+_HOST = re.sub(r"[^\w.-]", "_", platform.node()) or "here"
 _LONG_S = 3600.0  # no write takes that
 
 

@@ -107,7 +107,7 @@ def run_study(
         Processes for the folds; default one for each core. The numbers don't depend on it.
     scheduler : str, optional
         Address of a Dask scheduler (``tcp://host:port``), whose workers then compute the folds:
-        :class:`crashfuse.workers.Cluster`.
+        :class:`crashfuse.cluster.Cluster`.
 
     Raises
     ------

@@ -96,9 +96,9 @@ def workers_at(scheduler: str | None, processes: int | None) -> AbstractContextM
     """
     if scheduler is None:
         return nullcontext(Local(processes))
-    from crashfuse.cluster import Cluster  # takes a second, and an extra
+    from crashfuse.cluster import connected  # takes a second, and an extra
 
-    return Cluster(scheduler)
+    return connected(scheduler)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,48 +1,57 @@
-"""Take the README's screenshots of the dashboard on the sample campaign: ``python docs/screenshots.py``."""
+"""Take the README's screenshots of the dashboard on the sample campaign: ``python docs/screenshots.py``.
 
-import os
+Every page in the light theme, Compare in the dark one too. With an empty cache everything is computed first.
+"""
+
 import shutil
 import socket
 import subprocess
 import sys
 import tempfile
 import time
+import urllib.request
 from pathlib import Path
 
 from selenium import webdriver
 from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.chrome.webdriver import WebDriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 
 DOCS = Path(__file__).resolve().parent
+_VIEW = "campaign=sample&held_out=T09+%C2%B7+35.1+mph"
 _FLAGS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage", "--hide-scrollbars"),
 )
-_PAGES = {  # the height that shows a page, the button that begins what it shows, the words that end it
-    "data": (1500, None, "CAE model"),
-    "train": (1000, None, "Start"),
-    "compare": (1750, "Predict test", "Pulse metrics"),
-    "study": (1100, "Leave out each", "Rating of each test"),
-    "predict": (1700, "Predict", "Pulse metrics"),
+_SHOTS = {  # page, height that shows it, theme, button that begins what it shows, words that end it
+    "data": ("data", 1280, "light", None, "CAE model"),
+    "train": ("train", 760, "light", "Start", "are ready"),
+    "compare": ("compare", 1560, "light", "Predict test", "Pulse metrics"),
+    "study": ("study", 1180, "light", "Leave out each", "Every rating"),
+    "predict": ("predict", 1480, "light", "Predict", "Pulse metrics"),
+    "compare-dark": ("compare", 1560, "dark", None, "Pulse metrics"),
 }
+_LONGEST_S = 1200.0
 
 
 def main() -> None:
-    """Start a dashboard with an empty cache, visit each page, and save it as ``docs/<page>.png``."""
+    """Start a dashboard, visit each page, and save it as ``docs/<name>.png``."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    with tempfile.TemporaryDirectory() as scratch:
-        environment = {**os.environ, "CRASHFUSE_CACHE": f"{scratch}/cache", "STREAMLIT_SERVER_HEADLESS": "true"}
-        command = [sys.executable, "-m", "crashfuse", "app", "--port", str(port), "--campaign", "sample_data"]
-        with subprocess.Popen(command, cwd=DOCS.parent, env=environment, stdout=subprocess.DEVNULL) as server:
-            try:
-                time.sleep(5)
-                _visit(f"http://127.0.0.1:{port}", scratch)
-            finally:
-                server.terminate()
+        address = f"http://127.0.0.1:{probe.getsockname()[1]}"
+    command = [sys.executable, "-m", "streamlit", "run", "app.py", "--server.headless", "true"]
+    command += ["--server.port", address.rpartition(":")[2]]
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch,
+        subprocess.Popen(command, cwd=DOCS.parent, stdout=subprocess.DEVNULL) as server,
+    ):
+        try:
+            _wait_until_up(address)
+            _visit(address, scratch)
+        finally:
+            server.terminate()
 
 
 def _visit(address: str, scratch: str) -> None:
@@ -51,24 +60,48 @@ def _visit(address: str, scratch: str) -> None:
     for flag in (*_FLAGS, f"--user-data-dir={scratch}/profile"):
         options.add_argument(flag)
     browser = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
-    waiting = WebDriverWait(browser, 500, ignored_exceptions=[StaleElementReferenceException])
-    for page, (height, button, words) in _PAGES.items():
-        browser.set_window_size(1440, height)
-        browser.get(f"{address}/{page}?held_out=T09+%C2%B7+35.1+mph")
-        if button:
-            waiting.until(lambda b, label=button: _press(b, label))
-        waiting.until(lambda b, shown=words: shown in b.find_element(By.CSS_SELECTOR, '[data-testid="stMain"]').text)
-        time.sleep(4)  # figures fade in
-        browser.save_screenshot(str(DOCS / f"{page}.png"))
-    browser.quit()
+    try:
+        for name, (page, height, theme, button, words) in _SHOTS.items():
+            feature = {"name": "prefers-color-scheme", "value": theme}
+            browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+            size = {"width": 1440, "height": height, "deviceScaleFactor": 1, "mobile": False}
+            browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            browser.get(f"{address}/{page}?{_VIEW}")
+            _compute(browser, button, words)
+            time.sleep(4)  # figures fade in
+            browser.save_screenshot(str(DOCS / f"{name}.png"))
+            print(f"docs/{name}.png", flush=True)
+    finally:
+        browser.quit()
 
 
-def _press(browser: webdriver.Chrome, label: str) -> bool:
-    for button in browser.find_elements(By.CSS_SELECTOR, '[data-testid="stMain"] button'):
-        if label in button.text and button.is_enabled():
-            button.click()
+def _compute(browser: WebDriver, button: str | None, words: str) -> None:
+    """Press what begins the computation, if it has not been made before, and wait for its end."""
+    waiting = WebDriverWait(browser, _LONGEST_S, ignored_exceptions=[StaleElementReferenceException])
+    pressed = False
+
+    def shown(_: WebDriver) -> bool:
+        nonlocal pressed
+        if words in browser.find_element(By.CSS_SELECTOR, '[data-testid="stMain"]').text:
             return True
-    return False
+        for element in browser.find_elements(By.CSS_SELECTOR, '[data-testid="stMain"] button') if not pressed else ():
+            if button and button in element.text and element.is_enabled():
+                element.click()
+                pressed = True
+                break
+        return False
+
+    waiting.until(shown)
+
+
+def _wait_until_up(address: str) -> None:
+    for _ in range(600):
+        try:
+            with urllib.request.urlopen(f"{address}/_stcore/health", timeout=5):  # noqa: S310 - it is ours
+                return
+        except OSError:
+            time.sleep(0.1)
+    raise SystemExit("The server did not start.")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,8 @@
 """Compare: the held-out test against every prediction of it."""
 
+from typing import Any
+
+import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches import LABELS
@@ -28,8 +31,9 @@ view = frame.enter_with_campaign("Compare")
 test, campaign, config = view.held_out, view.campaign, chosen_config()
 st.subheader(f"Test {plain(test.id)}: {test.condition}")
 
+request = StudyRequest(campaign, (test.id,), config)
 study = result_of(
-    StudyRequest(campaign, (test.id,), config),
+    request,
     invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will learn from the other "
     f"{len(campaign.tests) - 1} tests and the CAE runs; the first time takes a minute or two, later ones less.",
     button=f"Predict test {test.id}",
@@ -60,28 +64,28 @@ shown = left.segmented_control(
 )  # fmt: skip
 if shown == "Motion":
     corridors = right.toggle("Corridors of the rating", key="corridors", persist_state="session", help=CORRIDORS_HELP)
-    figure = motion(
-        test.pulse,
-        predictions,
-        speed_mps=test.condition.speed_mps,
-        window_ms=view.window_ms,
-        unit=view.unit,
-        deceleration=view.deceleration,
-    )
-    if corridors:
-        add_corridors(figure, test.pulse, view.window_ms, unit=view.unit, deceleration=view.deceleration)
     alt = f"Acceleration, velocity and displacement over time: test {test.id} and every prediction of it"
 else:
-    figure = residuals(
-        test.pulse, predictions, window_ms=view.window_ms, unit=view.unit, deceleration=view.deceleration
-    )
+    corridors = False
     alt = f"Every prediction of test {test.id} minus what was measured, over time"
-evidence.show_figure(figure, alt=alt)
+
+
+def draw() -> go.Figure:
+    """The figure that was chosen."""
+    look: dict[str, Any] = {"window_ms": view.window_ms, "unit": view.unit, "deceleration": view.deceleration}
+    if shown == "Residuals":
+        return residuals(test.pulse, predictions, **look)
+    figure = motion(test.pulse, predictions, speed_mps=test.condition.speed_mps, **look)
+    return add_corridors(figure, test.pulse, **look) if corridors else figure
+
+
+about = (request.key, view.window_ms, view.unit, view.deceleration)
+evidence.show_kept_figure(draw, alt, shown, corridors, *about)
 if shown == "Residuals":
     st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
 
-network.show(view, fold)
-displacement.show(view, config, predictions)
+network.show(view, fold, about)
+displacement.show(view, config, predictions, about)
 
 st.subheader("Rating by approach and window")
 st.table(tables.ratings(fold.ratings, view.window_ms), border="horizontal")
@@ -96,7 +100,7 @@ st.caption("Shaded bands and brackets: the middle 95 % of what the model holds p
 evidence.show_notes(predictions)
 evidence.show_fits(fold.estimates)
 with st.container(horizontal=True):
-    evidence.download("scores.csv", scores_table(study))
-    evidence.download("pulses.csv", pulses_table((test.id, estimate) for estimate in fold.estimates))
-    evidence.download("metrics.csv", study_metrics(study))
+    evidence.download("scores.csv", lambda: scores_table(study))
+    evidence.download("pulses.csv", lambda: pulses_table((test.id, estimate) for estimate in fold.estimates))
+    evidence.download("metrics.csv", lambda: study_metrics(study))
     evidence.download_report(lambda: study_report(study))

@@ -10,7 +10,8 @@ from crashfuse.filters import cfc_filter
 from crashfuse.plots import pulses as plots
 from crashfuse.plots.canvas import accel_scale
 from crashfuse.plots.conditions import condition_space
-from crashfuse.ui import campaigns, evidence, frame, tables
+from crashfuse.ui import campaigns, evidence, frame, importing, tables
+from crashfuse.ui.foreign import Source, source_at
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
 from crashfuse.ui.uploads import open_uploads
@@ -21,11 +22,16 @@ CLASSES = (60, 180, 600)
 AS_READ = "As read"
 
 
-def attempt(open_it: Callable[[], str]) -> None:
-    """Open a campaign and turn to it, or keep what is wrong with it for the page to show."""
+def attempt(open_it: Callable[[], str | Source]) -> None:
+    """Open a campaign and turn to it, or begin to import; what is wrong is kept for the page to show."""
     st.session_state.pop(frame.REFUSED, None)
     try:
-        frame.choose_campaign(open_it())
+        opened = open_it()
+        if isinstance(opened, Source):
+            importing.begin(opened)
+        else:
+            importing.leave()
+            frame.choose_campaign(opened)
     except DataError as error:
         st.session_state[frame.REFUSED] = error.problems
 
@@ -34,7 +40,21 @@ def open_folder() -> None:
     """Open the folder that was typed in."""
     text = st.session_state["folder"].strip().strip('"')  # as file managers copy a path
     if text:
-        attempt(lambda: campaigns.open_folder(Path(text)))
+        attempt(lambda: campaign_or_source(Path(text)))
+
+
+def campaign_or_source(path: Path) -> str | Source:
+    """Put a campaign folder on the shelf; what is none, but can be imported, is a source."""
+    try:
+        return campaigns.open_folder(path)
+    except DataError:
+        if path.is_dir() and any((path / table).is_file() for table in ("tests.csv", "cae.csv")):
+            raise
+        try:
+            return source_at(path.expanduser())
+        except (DataError, OSError, RuntimeError, ValueError):
+            pass
+        raise
 
 
 def open_upload() -> None:
@@ -53,20 +73,23 @@ def doors() -> None:
             "A campaign folder on this computer",
             key="folder",
             placeholder="the folder that holds tests.csv and cae.csv",
-            help="On the computer that crashfuse runs on. Nothing is copied or sent anywhere.",
+            help="On the computer that crashfuse runs on. Nothing is copied or sent anywhere. Files and folders of "
+            "other formats are taken, too, to be imported.",
         )
         st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=open_folder)
     with upload.form("open upload", border=False):
         st.file_uploader(
-            "Or a zip of one, or its files together (CSV, Parquet)",
+            "Or a zip of one, its files together, or test and CAE files to import",
             accept_multiple_files=True,
             key=f"files {st.session_state.get(ROUND, 0)}",
-            help="They go to the computer that crashfuse runs on, no further, and are deleted when it ends. "
-            "Open what is larger than the limit as a folder.",
+            help="A campaign is CSV and Parquet. Imported are NHTSA, ISO-MME, LS-DYNA (binout, nodout), TDMS, and CSV or "
+            "Excel tables of any form; what they are taken for is shown first. Files go to the computer that crashfuse "
+            "runs on, no further, and are deleted when it ends. Open what is larger than the limit as a folder.",
         )
         st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=open_upload)
     if problems := st.session_state.get(frame.REFUSED):
         show_problems(problems)
+    importing.show_unfinished()
     with st.expander("What does a campaign folder look like?", icon=":material/help:"):
         st.code(
             "tests.csv            one row a test: id, speed_mph, front_weight_lb, rear_weight_lb\n"
@@ -172,6 +195,9 @@ def show_library(view: frame.View) -> None:
 
 
 view = frame.enter()
+if (source := importing.running()) is not None:
+    importing.show(source, view)
+    st.stop()
 if view is None:
     st.title("crashfuse")
     st.markdown(

@@ -1,6 +1,8 @@
 """Predict: the pulse at a condition that was never tested, over speed, and which test to run next."""
 
 import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
@@ -14,7 +16,7 @@ from crashfuse.recommendation import recommend_for
 from crashfuse.report import prediction_report
 from crashfuse.tables import metrics_table, pulses_table
 from crashfuse.ui import evidence, frame, planning, tables
-from crashfuse.ui.computation import FitRequest, chosen_config
+from crashfuse.ui.computation import FitRequest, answers, chosen_config
 from crashfuse.ui.panel import result_of
 from crashfuse.units import LB, MPH
 
@@ -79,7 +81,7 @@ fitted = result_of(
     "minute or two the first time; after that, every condition is answered at once.",
     button="Predict",
 )
-estimates = fitted.estimates(condition)
+estimates = answers(request.key, condition, fitted)
 predictions = {estimate.approach: estimate.prediction for estimate in estimates}
 
 evidence.show_recommendation(recommend_for(estimates, campaign, condition, view.window_ms).sentences)
@@ -93,25 +95,37 @@ shown = st.segmented_control(
     persist_state="session",
     label_visibility="collapsed",
 )
-speed, unit, deceleration = condition.speed_mps, view.unit, view.deceleration
-if shown == "Over time":
-    figure = motion(None, predictions, speed_mps=speed, unit=unit, deceleration=deceleration)
-elif shown == "Over displacement":
-    figure = over_displacement(None, predictions, speed_mps=speed, unit=unit, deceleration=deceleration)
-else:
-    figure = energy_over_crush(None, predictions, speed_mps=speed, mass_kg=condition.mass_kg)
-evidence.show_figure(figure, alt=f"Prediction by every approach at {condition}: {shown.lower()}")
+
+
+def draw() -> go.Figure:
+    """The figure that was chosen."""
+    speed, unit, deceleration = condition.speed_mps, view.unit, view.deceleration
+    if shown == "Over time":
+        return motion(None, predictions, speed_mps=speed, unit=unit, deceleration=deceleration)
+    if shown == "Over displacement":
+        return over_displacement(None, predictions, speed_mps=speed, unit=unit, deceleration=deceleration)
+    return energy_over_crush(None, predictions, speed_mps=speed, mass_kg=condition.mass_kg)
+
+
+alt = f"Prediction by every approach at {condition}: {shown.lower()}"
+evidence.show_kept_figure(draw, alt, shown, request.key, condition, view.unit, view.deceleration)
 
 st.subheader("Pulse metrics")
 columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
 st.table(tables.metrics(columns), border="horizontal")
 evidence.show_missing(columns)
 st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
-pulses = pulses_table(("", estimate) for estimate in estimates)
+
+
+def pulses() -> pd.DataFrame:
+    """Every approach's pulse."""
+    return pulses_table(("", estimate) for estimate in estimates)
+
+
 with st.container(horizontal=True):
     evidence.download("pulses.csv", pulses)
-    evidence.download("metrics.csv", metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates))
-    evidence.download_bytes("pulses.parquet", lambda: parquet_bytes(pulses))
+    evidence.download("metrics.csv", lambda: metrics_table(("", each.approach, each.metrics) for each in estimates))
+    evidence.download_bytes("pulses.parquet", lambda: parquet_bytes(pulses()))
     evidence.download_bytes("isomme.zip", lambda: planning.zipped(isomme_prediction(campaign, estimates)))
     evidence.download_report(lambda: prediction_report(campaign, estimates, config))
 evidence.show_notes(predictions)

@@ -17,7 +17,7 @@ import pytest
 from crashfuse import cli, cluster
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
-from crashfuse.cluster import Cluster
+from crashfuse.cluster import connected
 from crashfuse.config import StudyConfig
 from crashfuse.errors import Cancelled, CrashfuseError, UsageError
 from crashfuse.progress import SILENT, Progress, Watch
@@ -177,7 +177,7 @@ def _dask(folder: Path, role: str, *options: str) -> subprocess.Popen[bytes]:
 
 
 def _wait(what: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 240  # on a busy machine
     while not what():
         assert time.monotonic() < deadline
         time.sleep(0.05)
@@ -212,8 +212,9 @@ def test_a_cluster_gives_what_one_process_gives(campaign: Campaign, dask: Dask, 
             assert {**x.state, "seconds": 0} == {**y.state, "seconds": 0}
     files = {path.relative_to(tmp_path / "here") for path in (tmp_path / "here").rglob("*.bin")}
     assert files == {path.relative_to(tmp_path / "there") for path in (tmp_path / "there").rglob("*.bin")}
-    fits = [path.name for name in dask.workers for path in dask.cache(name).glob("fits/*.bin")]
-    assert len(fits) == len(set(fits)) == 4
+    # learned by two, they would differ in the seconds that took; where both have one, it was sent
+    fits = {(path.name, path.read_bytes()) for name in dask.workers for path in dask.cache(name).glob("fits/*.bin")}
+    assert len(fits) == 4
     emulators = [path.read_bytes() for name in dask.workers for path in dask.cache(name).glob("emulator/*.bin")]
     assert set(emulators) == {path.read_bytes() for path in (tmp_path / "there").glob("emulator/*.bin")}
     assert [p.done for p in seen if p.step == "Held-out predictions"][-1] == 4
@@ -234,7 +235,7 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_only_what_it_was_at(
     campaign: Campaign, dask: Dask, tmp_path: Path, deaths: Path
 ) -> None:
     """The other one takes its tasks up."""
-    with Cluster(dask.address) as workers:
+    with connected(dask.address) as workers:
         assert done_by(workers, fatal_once(deaths), campaign, tmp_path) == names_of(campaign)
     assert sum(process.poll() is None for process in dask.workers.values()) == 1
     dask.add("one again")
@@ -262,7 +263,7 @@ def test_a_cluster_without_workers_is_waited_for_in_vain(
             run_study(campaign, CONFIG, scheduler=alone.address)
         monkeypatch.setattr(cluster, "_WORKER_S", 30.0)
         alone.add("one")
-        with Cluster(alone.address) as workers:
+        with connected(alone.address) as workers:
             monkeypatch.setattr(cluster, "_WORKER_S", 0.5)
             with pytest.raises(CrashfuseError, match=r"has no worker.*--resume"):
                 done_by(workers, fatal_once(deaths), campaign, tmp_path / "cache")
@@ -275,7 +276,7 @@ def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, tmp_path: Path
     mortal = Dask.start(tmp_path)
     try:
         mortal.add("one")
-        with Cluster(mortal.address) as workers:
+        with connected(mortal.address) as workers:
 
             def names(campaign: Campaign, task: Task, cache: Cache, watch: Watch) -> list[str]:  # noqa: ARG001
                 return [task.approach]

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crashfuse.cli.output import require_output
+from crashfuse.cli.output import replacing, require_output
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files import written_together
 

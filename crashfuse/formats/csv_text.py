@@ -17,7 +17,7 @@ from crashfuse.errors import DataError, Problem, printable
 _BLOCK = 4 << 20  # characters
 _LONGEST_LINE = 100_000
 _MOST_COLUMNS = 500
-_LARGEST_TABLE, _MOST_LINES = 32 << 20, 500_000  # characters and lines of a condition table
+_LARGEST_TABLE, _MOST_LINES, _MOST_CELLS = 32 << 20, 500_000, 5_000_000  # a condition table; the first: characters
 _AGAIN = "export it again as comma-separated text in UTF-8"
 
 
@@ -130,13 +130,20 @@ def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[
     Raises
     ------
     DataError
-        If it cannot be read, is larger than 32 MiB or half a million lines, or a row has more cells than the header.
+        If it cannot be read, is larger than any library needs, or a row has more cells than the header.
     """
     with text_from(path, where) as stream:
         text = stream.read(_LARGEST_TABLE + 1)
     if len(text) > _LARGEST_TABLE:
         raise DataError(Problem(where, "a table of at most 32 MiB", "more", "leave out columns that are not needed"))
     _refuse_nul(text, where)
+    start = 0
+    while len(text) - start > _LONGEST_LINE:
+        end = text.rfind("\n", start, start + _LONGEST_LINE)
+        if end < 0:
+            row = text.count("\n", 0, start) + 1
+            raise DataError(Problem(where, "lines of a table", "one without an end", _AGAIN, row=row))
+        start = end + 1
     reader = csv.reader(io.StringIO(text), skipinitialspace=True, strict=True)
     rows: list[list[str]] = []
     numbers: list[int] = []
@@ -144,8 +151,9 @@ def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[
     try:
         names = header_names(next(reader, []), where)
         for number, cells in enumerate(reader, start=2):
-            if number > _MOST_LINES:
-                raise DataError(Problem(where, f"at most {_MOST_LINES} lines", "more", "leave out runs"))
+            if number > _MOST_LINES or number * len(names) > _MOST_CELLS:
+                expected = f"at most {_MOST_LINES} lines and {_MOST_CELLS} cells"
+                raise DataError(Problem(where, expected, "more", "leave out columns that are not needed, or runs"))
             if any(map(str.strip, cells)):
                 if any(map(str.strip, cells[len(names) :])):
                     raise DataError(too_wide(where, len(names), cells, number))

@@ -36,7 +36,7 @@ _LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # ends of runs in either unit
 _FASTEST_MPS = 100.0
 _ALIKE = 0.1  # of the median travel
 _ALIASED = 0.05  # of the velocity
-_DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine|occupant|driver|passenger)\b", re.I)
+_DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
 _PLACES = (
     (r"(?=.*\b(rear|rr|hinten)\b)(?=.*(cross|x-?member|floor|sill|seat|tunnel))", "at the rear, behind the crush"),
     (r"\b(c\.?o?\.?g|cent(er|re) of gravity|schwerpunkt)\b", "at the centre of gravity"),
@@ -93,15 +93,31 @@ def _is_of_the_format(path: PurePath) -> bool:
 
 def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
     """Files by run: those of one folder belong together, and of a file that was chosen only its shards."""
-    single = path.is_file() and path.suffix.lower() != ".zip"
-    home = path.stem if path.suffix.lower() == ".zip" else (path.parent if single else path).resolve().name
-    runs: defaultdict[str, list[Member]] = defaultdict(list)
+    zipped = path.suffix.lower() == ".zip"
+    single = path.is_file() and not zipped
+    family = _NODOUT if _NODOUT.fullmatch(path.name) else _BINOUT
+    by_folder: defaultdict[tuple[str, ...], list[Member]] = defaultdict(list)
     for member in members:
-        *folders, name = member.path.parts
-        family = _NODOUT if _NODOUT.fullmatch(path.name) else _BINOUT
-        if not single or (not folders and family.fullmatch(name)):
-            runs["-".join(folders) or home].append(member)
-    return dict(sorted(runs.items()))
+        *folder, name = member.path.parts
+        if not single or (not folder and family.fullmatch(name)):
+            by_folder[tuple(folder)].append(member)
+    home = path.stem if zipped else (path.parent if single else path).resolve().name
+    folders = sorted(by_folder)
+    ids = _ids(folders, home)
+    if len(set(ids)) < len(ids):
+        raise DataError(Problem(path.name, "a folder of its own name for each run", "the same twice", "rename one"))
+    return {run_id: by_folder[folder] for run_id, folder in zip(ids, folders, strict=True)}
+
+
+def _ids(folders: Sequence[tuple[str, ...]], home: str) -> list[str]:
+    """What tells runs apart: folders that all share, above or below, are no part of it."""
+    if len(folders) == 1:
+        return [folders[0][-1] if folders[0] else home]
+    short = list(folders)
+    for end, rest in ((0, slice(1, None)), (-1, slice(None, -1))):
+        while all(len(folder) > 1 for folder in short) and len({folder[end] for folder in short}) == 1:
+            short = [folder[rest] for folder in short]
+    return ["-".join(folder) or home for folder in short]
 
 
 def _histories(files: Sequence[Member], budget: Budget, most: int, *, zipped: bool) -> Histories:

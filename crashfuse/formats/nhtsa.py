@@ -33,12 +33,12 @@ _MOST_LINES = 20_000  # of a specification
 _MOST_SAMPLES = 1_000_000
 _LONGEST_S = 100 * MS
 _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
-_REAR_FLOOR = ("FLLR", "FLRR")
+_REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
 _REAR_WORDS = ("CROSSMEMBER", "CROSS MEMBER", "X-MEMBER", "FLOOR", "SILL", "SEAT")
 
 
 @dataclass(frozen=True, slots=True)
-class _Listed:
+class Sensor:
     """A line of INSTRUMENTATION."""
 
     vehicle: str
@@ -111,7 +111,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
             except DataError as error:
                 problems.extend(error.problems)
         refuse(problems, path.name)
-    proposed, why = _proposed(candidates, channels)
+    proposed, why = proposed_sensors(candidates, channels)
     condition, found = _condition(sections, candidates[0].vehicle, specification.where)
     test_id = _stem(specification).lstrip("vV")
     zero = "0 is first contact, by the format's definition"
@@ -146,12 +146,12 @@ def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
     return sections
 
 
-def _listed(fields: list[str], where: str) -> _Listed:
+def _listed(fields: list[str], where: str) -> Sensor:
     if len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6):
         expected, found = "20 fields a line of INSTRUMENTATION", f"{len(fields)} in {shown('|'.join(fields))!r}"
         raise DataError(Problem(where, expected, found, "download the specification again"))
     cutoff = _number(fields[8])
-    return _Listed(
+    return Sensor(
         vehicle=fields[0],
         number=int(fields[1]),
         sensor=fields[2].upper(),
@@ -166,7 +166,7 @@ def _listed(fields: list[str], where: str) -> _Listed:
     )
 
 
-def _channel(entry: _Listed, member: Member, budget: Budget) -> RecordedChannel:
+def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
     time_s, values = _samples(_text(member, budget), member.where)
     label = f"{shown(entry.comment)}{', redundant' if entry.redundant else ''}"
     return RecordedChannel(str(entry.number), label, time_s, values, _UNITS.get(entry.unit), entry.cutoff_hz)
@@ -186,7 +186,7 @@ def _samples(text: str, where: str) -> tuple[FloatArray, FloatArray]:
     return table[:, 0].copy(), table[:, 1].copy()
 
 
-def _proposed(entries: Sequence[_Listed], channels: Sequence[RecordedChannel]) -> tuple[tuple[str, ...], str]:
+def proposed_sensors(entries: Sequence[Sensor], channels: Sequence[RecordedChannel]) -> tuple[tuple[str, ...], str]:
     """Choose the channels to be averaged, and say why."""
     sound = [
         entry

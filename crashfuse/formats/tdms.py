@@ -15,7 +15,7 @@ import numpy as np
 from crashfuse.errors import DataError, Problem
 from crashfuse.formats.archive import Budget, Limits, Member, refuse, shown
 from crashfuse.formats.members import opened_members
-from crashfuse.formats.nhtsa import _Listed, _proposed
+from crashfuse.formats.nhtsa import Sensor, proposed_sensors
 from crashfuse.formats.record import PartialCondition, Record, RecordedChannel
 from crashfuse.formats.spelling import UNITS, unit_named
 from crashfuse.formats.tdms_file import TdmsChannel, TdmsFile, parse_tdms
@@ -120,15 +120,15 @@ def _nhtsa_record(file: TdmsFile, told: Sequence[tuple[TdmsChannel, _Told]], mem
         except DataError as error:
             problems.extend(error.problems)
     refuse(problems, where)
-    proposed, why = _proposed([sensor for *_, sensor in candidates], channels)
+    proposed, why = proposed_sensors([sensor for *_, sensor in candidates], channels)
     condition, steps = _condition(candidates[0][1], where)
     zero = "0 is first contact, by the format's definition"
     return Record(member.path.stem.lstrip("vV"), where, condition, tuple(channels), proposed, (*steps, why), zero)
 
 
-def _sensor(place: int, said: _Told) -> _Listed:
+def _sensor(place: int, said: _Told) -> Sensor:
     """Put a channel's properties in the form of a line of the ASCII specification."""
-    return _Listed(
+    return Sensor(
         vehicle=_text(said, "veh_vehno") or "1",
         number=int(_number(said, "inst_curno")) or place,
         sensor=_text(said, "inst_sentyp").upper(),

@@ -93,9 +93,20 @@ def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[
     if len(uploads) > 1:
         raise DataError(Problem("upload", expected, f"a zip among {len(uploads)} files", "zip all of it together"))
     name, content = uploads[0]
+    return members_of_zip(name, content, limits), name
+
+
+def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
+    """List the files of a zip in memory as :func:`zip_members` does.
+
+    Raises
+    ------
+    DataError
+        As there.
+    """
     if (found := content.count(_ENTRY)) > limits.members:  # before a directory of millions is read
         raise too_many(name, found, limits)
-    return zip_members(io.BytesIO(content), name, limits), name
+    return zip_members(io.BytesIO(content), name, limits)
 
 
 def _root(members: Sequence[Member], name: str) -> PurePosixPath:

@@ -25,8 +25,10 @@ __all__ = [
     "Format",
     "Role",
     "Settled",
+    "add_settled",
     "format_of",
     "import_source",
+    "own_filter_class",
     "read_records",
     "settle",
 ]
@@ -75,7 +77,10 @@ def import_source(
         If a choice does not exist.
     """
     together = record_id is not None or bool(choices.channels)
-    raw = _filters_itself(out, choices)
+    own = own_filter_class(out)
+    if own is not None and choices.channel_filter_class not in (None, own):
+        raise UsageError(f"The campaign filters every record with CFC {own:g}; leave the class to it.")
+    raw = own is not None
     settled: list[Settled] = []
     problems: list[Problem] = []
     for record in each_record(source, problems, fmt, columns=columns, together=together, conditions=conditions):
@@ -87,21 +92,45 @@ def import_source(
         except DataError as error:
             problems.extend(error.problems)
     refuse(problems, source.name)
-    add_to_campaign(out, role, [Addition(one.id, one.condition, one.pulse, _told(one)) for one in settled])
+    add_settled(out, settled, role=role)
     return tuple(settled)
 
 
-def _filters_itself(folder: Path, choices: Choices) -> bool:
-    """Whether the campaign filters all its records when it is read."""
+def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") -> None:
+    """Add settled records to a campaign, or begin one with them: all of them or, if anything is wrong, none.
+
+    Parameters
+    ----------
+    out : Path
+        The campaign folder; for one that filters its records itself (:func:`own_filter_class`) they are settled raw.
+    settled : sequence of Settled
+    role : {"tests", "cae"}
+
+    Raises
+    ------
+    DataError
+        If an id is there already or cannot name a file; the campaign is as it was.
+    OSError
+        If it cannot be written.
+    """
+    add_to_campaign(out, role, [Addition(one.id, one.condition, one.pulse, _told(one)) for one in settled])
+
+
+def own_filter_class(folder: Path) -> float | None:
+    """The class with which a campaign filters all its records when it is read; None if it does not.
+
+    Raises
+    ------
+    DataError
+        If its ``campaign.toml`` is unsound.
+    """
     path = folder / "campaign.toml"
     try:
         settings = tomllib.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DataError(Problem(path.name, "a TOML file in UTF-8", str(error), "correct the file first")) from None
     own = settings.get("channel_filter_class", "none")
-    if own != "none" and choices.channel_filter_class not in (None, own):
-        raise UsageError(f"The campaign filters every record with CFC {own}; leave the class to it.")
-    return bool(own != "none")
+    return None if own == "none" else own
 
 
 def _told(settled: Settled) -> dict[str, str | float | Sequence[str]]:

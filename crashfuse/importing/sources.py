@@ -55,13 +55,25 @@ def format_of(source: Path) -> Format:
     elif source.suffix.lower() == ".zip":
         with source.open("rb") as stream:
             names = [member.path for member in zip_members(stream, source.name)]
-    found = {_format_of_name(name) for name in names}
-    for fmt in (*_READERS, "csv"):  # tables lie beside the files of every format
-        if fmt in found and not (fmt == "csv" and source.suffix.lower() == ".zip"):
-            return fmt  # type: ignore[return-value]
-    expected = "NHTSA (.EV5), ISO-MME (.mme), LS-DYNA (binout, nodout), TDMS or tables (.csv, .xlsx …)"
-    found_there = "tables in a zip" if "csv" in found else "none of these"
-    raise DataError(Problem(source.name, expected, found_there, "unpack it, or choose another source"))
+    fmt = format_named(names)
+    if fmt is None or (fmt == "csv" and source.suffix.lower() == ".zip"):
+        expected = "NHTSA (.EV5), ISO-MME (.mme), LS-DYNA (binout, nodout), TDMS or tables (.csv, .xlsx …)"
+        found = "tables in a zip" if fmt == "csv" else "none of these"
+        raise DataError(Problem(source.name, expected, found, "unpack it, or choose another source"))
+    return fmt
+
+
+def format_named(paths: Iterable[PurePath]) -> Format | None:
+    """Tell the format of files by their names; None if there is none of a known one."""
+    found = {_format_of_name(path) for path in paths}
+    formats: tuple[Format, ...] = (
+        "nhtsa",
+        "isomme",
+        "lsdyna",
+        "tdms",
+        "csv",
+    )  # tables lie beside those of every format
+    return next((fmt for fmt in formats if fmt in found), None)
 
 
 def read_records(
@@ -118,21 +130,27 @@ def each_record(
         raise UsageError("Only tables have columns to map.")
     extra = [] if conditions is None else [conditions]
     if fmt == "csv":
-        paths = [source] if source.is_file() else _files(source, _is_table)
+        paths = tables_of(source)
         if not paths:
             raise DataError(Problem(str(source), f"tables ({', '.join(_TABLES)})", "none", "check the path"))
-        tables = read_tables([*paths, *extra], columns, together=together)
-        if not tables.records:
+        tables = read_tables([*paths, *extra], columns, problems, together=together)
+        if not tables.records and not problems:
             found = "; ".join(tables.neither) or "conditions alone"
             expected = "a column of time and one of acceleration"
             raise DataError(Problem(source.name, expected, found, "map the columns (COLUMN=ROLE:UNIT)"))
     else:
-        tables = read_tables(extra, columns, together=False)
-    ids: list[str] = []
+        tables = read_tables(extra, columns, problems, together=False)
+    whole, ids = not problems, list[str]()
     for record in tables.records if fmt == "csv" else _of_homes(source, fmt, problems):
         ids.append(record.id)
         yield tables.given_to(record)
-    tables.check_ids(ids)
+    if whole:  # else ids of what could not be read may lack
+        tables.check_ids(ids)
+
+
+def tables_of(source: Path) -> list[Path]:
+    """The tables in a source."""
+    return [source] if source.is_file() else _files(source, _is_table)
 
 
 def _of_homes(source: Path, fmt: str, problems: list[Problem]) -> Iterator[Record]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.formats.archive import refuse, shown
+from crashfuse.formats.archive import shown
 from crashfuse.formats.foreign import apply_conditions, apply_mapping
 from crashfuse.formats.mapping import ColumnRole, propose
 from crashfuse.formats.record import PartialCondition, Record
@@ -82,7 +82,9 @@ class TableSet:
         return {run_id.casefold(): condition for run_id, condition in self.conditions.items()}
 
 
-def read_tables(paths: Sequence[Path], columns: Sequence[ColumnChoice], *, together: bool) -> TableSet:
+def read_tables(
+    paths: Sequence[Path], columns: Sequence[ColumnChoice], problems: list[Problem], *, together: bool
+) -> TableSet:
     """Read tables, each taken for what its columns say.
 
     Parameters
@@ -90,20 +92,19 @@ def read_tables(paths: Sequence[Path], columns: Sequence[ColumnChoice], *, toget
     paths : sequence of Path
     columns : sequence of ColumnChoice
         Overrule the proposal in every table that has such a column.
+    problems : list of Problem
+        What is wrong with each table is appended.
     together : bool
         Columns of one table are channels of one record.
 
     Raises
     ------
-    DataError
-        With every problem of every table.
     UsageError
         If no table has a column that is mapped.
     """
     records: list[Record] = []
     conditions: dict[str, PartialCondition] = {}
     neither: list[str] = []
-    problems: list[Problem] = []
     there: set[str] = set()
     for path in paths:
         try:
@@ -112,9 +113,8 @@ def read_tables(paths: Sequence[Path], columns: Sequence[ColumnChoice], *, toget
                 _sort_in(sheet, path, columns, together, records, conditions, neither)
         except DataError as error:
             problems.extend(error.problems)
-    refuse(problems, "tables")
     absent = [choice.column for choice in columns if choice.column not in there]
-    if absent:
+    if absent and not problems:
         raise UsageError(f"There is no column {_listed(absent)}; there are {_listed(sorted(there))}.")
     return TableSet(tuple(records), conditions, tuple(neither))
 

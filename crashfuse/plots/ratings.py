@@ -38,7 +38,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
         text=text,
         texttemplate="%{text}",
         textfont={"color": "#000000"},
-        hovertemplate="%{y}, %{x}: %{z:.3f}<extra></extra>",
+        hoverinfo="skip",
         colorscale=_grade_scale(),
         zmin=0,
         zmax=1,
@@ -47,17 +47,18 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
         showscale=False,
     )
     names = [LABELS[name].replace(" domain", "<br>domain") for name in approaches]
-    figure.add_scatter(  # cells of a heat map can't be clicked, marks can
-        x=names * len(tests),
-        y=[row for row in rows[:-1] for _ in approaches],
-        customdata=[test for test in tests for _ in approaches],
+    figure.add_scatter(  # cells of a heat map can't be clicked, marks can; those of the mean stand for no test
+        x=names * len(rows),
+        y=[row for row in rows for _ in approaches],
+        customdata=[test for test in (*tests, "") for _ in approaches],
         mode="markers",
-        marker={"symbol": "square", "size": 26, "opacity": 0},
-        hoverinfo="skip",
+        marker={"size": 26, "opacity": 0},
+        hoverinfo="none",
         showlegend=False,
     )
     figure.update_layout(
         hovermode="closest",
+        hoverdistance=-1,  # wherever in a cell, its own mark is the nearest
         dragmode=False,
         margin={"t": 52, "b": 8},
         modebar={"remove": ["zoom2d", "pan2d", "resetScale2d", "toImage"]},

@@ -77,6 +77,11 @@ def read(folder: Path) -> Campaign:
         raise _unreadable(folder, error) from error
 
 
+def is_sample(folder: Path) -> bool:
+    """Whether a folder is the sample's, or in it: nothing is ever added there."""
+    return bool({folder, *folder.parents} & {_SHIPPED.resolve(), (default_folder() / SAMPLE).resolve()})
+
+
 def _put(folder: Path, folders: dict[str, Path | None]) -> str:
     """Shelve a folder under its own name, numbered if another has it; returns the name."""
     for name, other in folders.items():

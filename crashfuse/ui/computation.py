@@ -144,6 +144,12 @@ class FitRequest:
         return fitted
 
 
+@st.cache_resource(max_entries=8, show_spinner=False)
+def answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - who was fitted
+    """What each approach expects at a condition, kept for a while: a page asks again whenever anything is clicked."""
+    return _fitted.estimates(condition)
+
+
 @dataclass(frozen=True)
 class SweepRequest:
     """Predict over impact speed with approaches that have learned from a campaign."""

@@ -1,6 +1,6 @@
 """The view over displacement on the page Compare: five figures, each computed when it is asked for."""
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 
 import numpy as np
 import streamlit as st
@@ -26,8 +26,11 @@ _BEYOND = 1.1  # times the CAE model's own crush: the held-out test, which may g
 
 
 @st.fragment
-def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction]) -> None:
-    """Show the held-out test, the CAE model and its correction over displacement; a choice says which figure."""
+def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction], about: Hashable) -> None:
+    """Show the held-out test, the CAE model and its correction over displacement; a choice says which figure.
+
+    ``about`` stands for predictions and view where figures are kept.
+    """
     test, condition = view.held_out, view.held_out.condition
     st.subheader("Over displacement")
     choices = [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK]
@@ -36,20 +39,26 @@ def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction])
         label_visibility="collapsed",
     )  # fmt: skip
     if choice == _CURVES:
-        evidence.show_figure(
-            plots.over_displacement(
+        evidence.show_kept_figure(
+            lambda: plots.over_displacement(
                 test.pulse, predictions, speed_mps=condition.speed_mps, unit=view.unit, deceleration=view.deceleration
             ),
-            alt=f"Acceleration over displacement: test {test.id} and every prediction of it, up to maximum crush",
+            f"Acceleration over displacement: test {test.id} and every prediction of it, up to maximum crush",
+            choice,
+            about,
         )
         st.caption(
             "Up to maximum crush (the marks, with their 95 % interval). Between a curve and zero lies the energy that "
             "was absorbed, ½ v0², the same for all: who brakes less must crush further."
         )
     elif choice == _ENERGY:
-        evidence.show_figure(
-            plots.energy_over_crush(test.pulse, predictions, speed_mps=condition.speed_mps, mass_kg=condition.mass_kg),
-            alt=f"Absorbed energy over crush: test {test.id} and every prediction of it",
+        evidence.show_kept_figure(
+            lambda: plots.energy_over_crush(
+                test.pulse, predictions, speed_mps=condition.speed_mps, mass_kg=condition.mass_kg
+            ),
+            f"Absorbed energy over crush: test {test.id} and every prediction of it",
+            choice,
+            about,
         )
         st.caption(
             "All of ½ m v0² at maximum crush. Where a curve is steep the vehicle brakes hard; one that ends further to "

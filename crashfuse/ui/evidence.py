@@ -1,6 +1,6 @@
 """What a page shows for its claims: figures, remarks of the approaches, and the numbers to take away."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -15,6 +15,7 @@ from crashfuse.plots.canvas import darkened
 from crashfuse.plots.palette import GRADE_COLOURS
 from crashfuse.ui.text import plain
 
+_KEPT_FIGURES = 200  # of up to half a megabyte
 _TOOLS = {
     "displaylogo": False,
     "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
@@ -25,6 +26,11 @@ _TOOLS = {
 def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:
     """Show a figure as it is, with the tools of use on a curve; ``alt`` tells those who can't see it what it shows."""
     st.plotly_chart(_in_theme(figure), alt=alt, key=key, theme=None, config=_TOOLS)
+
+
+def show_kept_figure(draw: Callable[[], go.Figure], alt: str, *about: Hashable) -> None:
+    """As :func:`show_figure`, but drawn once for all sessions; ``about`` is all that decides what is drawn."""
+    st.plotly_chart(_kept(about, st.context.theme.type == "dark", draw), alt=alt, theme=None, config=_TOOLS)
 
 
 def clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[str], None]) -> bool:
@@ -41,11 +47,17 @@ def clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[str], N
 
 
 def _points(event: Any) -> list[str]:  # noqa: ANN401 - Streamlit gives it two forms
-    return [str(point["customdata"]) for point in event["selection"]["points"] if "customdata" in point]
+    return [str(point["customdata"]) for point in event["selection"]["points"] if point.get("customdata")]
 
 
 def _in_theme(figure: go.Figure) -> go.Figure:
     return darkened(figure) if st.context.theme.type == "dark" else figure
+
+
+@st.cache_resource(max_entries=_KEPT_FIGURES, show_spinner=False)
+def _kept(about: tuple[Hashable, ...], dark: bool, _draw: Callable[[], go.Figure]) -> go.Figure:  # noqa: ARG001 - key
+    figure = _draw()
+    return darkened(figure) if dark else figure
 
 
 def show_grade(grade: str) -> None:
@@ -83,10 +95,12 @@ def show_missing(columns: Sequence[tuple[str, Sequence[Metric]]]) -> None:
         st.caption(plain(sentence))
 
 
-def download(name: str, table: pd.DataFrame) -> None:
-    """Button that saves a table as a CSV file of this name."""
-    text = table.to_csv(index=False).encode()
-    st.download_button(name, text, file_name=name, mime="text/csv", icon=":material/download:", on_click="ignore")
+def download(name: str, table: Callable[[], pd.DataFrame]) -> None:
+    """Button that saves a table as a CSV file of this name, made when it is asked for."""
+    st.download_button(
+        name, lambda: table().to_csv(index=False).encode(), file_name=name, mime="text/csv",
+        icon=":material/download:", on_click="ignore",
+    )  # fmt: skip
 
 
 def download_report(write: Callable[[], str], name: str = "report.html") -> None:

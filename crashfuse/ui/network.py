@@ -1,5 +1,6 @@
 """The networks on the page Compare: before and after they have seen tests, and how they learned."""
 
+from collections.abc import Hashable
 from typing import Any
 
 import streamlit as st
@@ -19,8 +20,11 @@ _TITLES = {
 
 
 @st.fragment
-def show(view: View, fold: Fold) -> None:
-    """Show what the tests made of the networks (Figs. 12 and 13), or how they learned; a choice says which."""
+def show(view: View, fold: Fold, about: Hashable) -> None:
+    """Show what the tests made of the networks (Figs. 12 and 13), or how they learned; a choice says which.
+
+    ``about`` stands for fold and view where figures are kept.
+    """
     states: dict[str, dict[str, Any]] = {
         estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _TITLES
     }
@@ -35,7 +39,7 @@ def show(view: View, fold: Fold) -> None:
     if choice == _BEFORE_AND_AFTER:
         for column, name in zip(columns, states, strict=False):
             with column:
-                _show_beside_the_cae(view, fold, name)
+                _show_beside_the_cae(view, fold, name, about)
         st.caption(
             "Left, the networks should repeat the CAE model; what is left between them and the test is what CAE alone "
             "cannot know. Right, what the other tests add to them."
@@ -66,19 +70,21 @@ def show(view: View, fold: Fold) -> None:
             _show_curve(network["tuning_curve"], "Step of the fine-tuning")
 
 
-def _show_beside_the_cae(view: View, fold: Fold, name: str) -> None:
+def _show_beside_the_cae(view: View, fold: Fold, name: str, about: Hashable) -> None:
     rating = fold.ratings[name][view.window_ms]
     st.markdown(f"**{_TITLES[name]}** · {LABELS[name]} {rating.overall:.3f}, {rating.grade.lower()}")
     shown = [estimate for estimate in fold.estimates if estimate.approach in ("cae", name)]
-    evidence.show_figure(
-        overlay(
+    evidence.show_kept_figure(
+        lambda: overlay(
             view.held_out.pulse,
             {estimate.approach: estimate.prediction for estimate in shown},
             window_ms=view.window_ms,
             unit=view.unit,
             deceleration=view.deceleration,
         ),
-        alt=f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}",
+        f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}",
+        name,
+        about,
     )
 
 

@@ -47,7 +47,7 @@ def show_sweep(view: View, request: FitRequest, fitted: Fitted, condition: Condi
     for sentence in missing_over_speed(sweeps, metric):
         st.caption(sentence)
     with st.container(horizontal=True):
-        evidence.download("sweep.csv", sweep_table(sweeps, view.campaign.tests))
+        evidence.download("sweep.csv", lambda: sweep_table(sweeps, view.campaign.tests))
         evidence.download_report(lambda: sweep_report(view.campaign, sweeps, request.config), "sweep.html")
 
 
@@ -89,7 +89,7 @@ def show_next_test(view: View, request: FitRequest, fitted: Fitted, factors: Map
     table = next_tests_table(ranked[:_BEST])
     st.table(table.rename(columns=str.capitalize).astype(str).style.hide(axis="index"), border="horizontal")
     with st.container(horizontal=True):
-        evidence.download("next_tests.csv", next_tests_table(ranked))
+        evidence.download("next_tests.csv", lambda: next_tests_table(ranked))
         evidence.download_report(lambda: next_test_report(campaign, over, ranked, request.config), "next_test.html")
 
 

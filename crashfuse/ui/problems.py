@@ -56,10 +56,14 @@ def _rows(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers))
 
 
-def show_problems(problems: Sequence[Problem]) -> None:
+def show_problems(
+    problems: Sequence[Problem],
+    what: str = "This campaign cannot be used",
+    result: str = "Nothing of it was opened.",
+) -> None:
     """Show everything that is wrong with the data, and offer it as a file for whoever has to mend them."""
     count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
-    st.error(f"**This campaign cannot be used: {count}.** Nothing of it was opened.", icon=":material/error:")
+    st.error(f"**{what}: {count}.** {result}", icon=":material/error:")
     table = short_table(problems)
     with st.container(border=True, height=420 if len(table) > 8 else "content"):
         st.table(table.head(_MOST_ROWS).map(plain).style.hide(axis="index"), border="horizontal")

@@ -1,18 +1,24 @@
-"""Campaigns that come through the browser: laid out in a folder of the server's own, which goes when it ends."""
+"""What comes through the browser, laid out in a folder of the server's own, which goes when it ends."""
 
 import atexit
 import hashlib
 import shutil
 import tempfile
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from pathlib import Path, PurePath
+from typing import Protocol, TypeVar
 
 import streamlit as st
 
 from crashfuse.errors import DataError, Problem
-from crashfuse.formats.upload import lay_out
+from crashfuse.formats.archive import DEFAULT_LIMITS
+from crashfuse.formats.upload import lay_out, members_of_zip
+from crashfuse.importing.sources import format_named
+from crashfuse.importing.unpacking import lay_out_source
 from crashfuse.ui import campaigns
+from crashfuse.ui.foreign import Source, source_at
+
+T = TypeVar("T")
 
 
 class Upload(Protocol):
@@ -24,8 +30,10 @@ class Upload(Protocol):
         """All that it holds."""
 
 
-def open_uploads(files: Sequence[Upload]) -> str:
+def open_uploads(files: Sequence[Upload]) -> str | Source:
     """Put what was uploaded on the shelf if it is a sound campaign; returns its name there.
+
+    Files of a foreign format are laid out to be imported instead.
 
     Raises
     ------
@@ -37,6 +45,8 @@ def open_uploads(files: Sequence[Upload]) -> str:
         advice = "choose the files, and open a larger campaign as a folder"
         raise DataError(Problem("upload", expected, "none", advice))
     uploads = [(file.name, file.getvalue()) for file in files]
+    if _are_foreign(uploads):
+        return _keep(lambda own: source_at(lay_out_source(uploads, own), scratch=own))
     digest = hashlib.sha256()
     for name, content in sorted(uploads):
         digest.update(f"{name}|{len(content)}|".encode())
@@ -44,15 +54,32 @@ def open_uploads(files: Sequence[Upload]) -> str:
     opened = _opened()
     key = digest.hexdigest()
     if key not in opened:
-        opened[key] = _open(uploads)
+        opened[key] = _keep(lambda own: campaigns.open_folder(lay_out(uploads, own)))
     return opened[key]
 
 
-def _open(uploads: Sequence[tuple[str, bytes]]) -> str:
+def is_scratch(folder: Path) -> bool:
+    """Whether a folder lies where nothing outlives the server."""
+    return _scratch().resolve() in folder.parents
+
+
+def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
+    """Whether no table of a campaign is among the files, but something that can be imported."""
+    names: list[PurePath] = []
+    for name, content in uploads:
+        zipped = name.lower().endswith(".zip")
+        names += (
+            [member.path for member in members_of_zip(name, content, DEFAULT_LIMITS)] if zipped else [PurePath(name)]
+        )
+    return not {"tests.csv", "cae.csv"} & {path.name for path in names} and format_named(names) is not None
+
+
+def _keep(lay_out_in: Callable[[Path], T]) -> T:
+    """Lay uploads out in a new folder, of which nothing stays if that fails."""
     try:
         own = Path(tempfile.mkdtemp(dir=_scratch()))
         try:
-            return campaigns.open_folder(lay_out(uploads, own))
+            return lay_out_in(own)
         except BaseException:
             shutil.rmtree(own, ignore_errors=True)
             raise

@@ -79,9 +79,7 @@ class User:
 
     def find(self, css: str, words: str = "") -> WebElement:
         """Wait for an element of this kind with these words."""
-        return self.wait(
-            lambda: next((e for e in self.all(css) if words in e.text), None), f"There is no {css} with {words!r}."
-        )
+        return self.wait(lambda: [e for e in self.all(css) if words in e.text], f"There is no {css} with {words!r}.")[0]
 
     def sees(self, words: str, css: str = MAIN, timeout_s: float = SOON) -> str:
         """Wait until an element of this kind (the page's main part) shows these words; returns all that it shows."""
@@ -97,7 +95,7 @@ class User:
         def pressed() -> bool:
             for element in self.all(css):
                 if label in element.text and element.is_enabled():
-                    self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)  # type: ignore[no-untyped-call]
+                    self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
                     element.click()
                     return True
             return False

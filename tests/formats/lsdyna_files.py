@@ -95,7 +95,7 @@ class Run:
     direction: int = 1
     nodes: Mapping[int, tuple[str, float]] = field(
         default_factory=lambda: {
-            1001: ("REAR CROSSMEMBER LEFT", 1.0),
+            1001: ("DRIVER SIDE REAR CROSSMEMBER", 1.0),
             1002: ("REAR CROSSMEMBER RIGHT", 1.0),
             2001: ("ENGINE TOP", 1.3),
             2002: ("DRIVER HEAD REAR SEAT", 0.9),

@@ -309,7 +309,7 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
         "cae_pulses.parquet: expected a sound Parquet file, found a damaged or another one (",
     ),
     "a folder instead of a table": (
-        lambda f: ((f / "tests.csv").unlink(), (f / "tests.csv").mkdir()),
+        lambda f: (f / "tests.csv").rename(f / "old.csv").with_name("tests.csv").mkdir(),
         "tests.csv: expected a file, found a folder; put the file itself there.",
     ),
     "a folder instead of settings": (

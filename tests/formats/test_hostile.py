@@ -477,7 +477,6 @@ def test_spoilt_pulses_and_candidates_are_read_or_refused_in_sentences(
                 assert_sentences(error)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows tells no peak of memory")
 def test_files_that_would_fill_the_memory_are_refused_early(tmp_path: Path) -> None:
     """Endless lines, cells and records: each is refused within 5 s and 1 GiB."""
     command = [sys.executable, str(Path(__file__).with_name("greedy_files.py")), str(tmp_path)]

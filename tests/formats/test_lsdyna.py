@@ -196,6 +196,29 @@ def test_a_folder_of_runs_becomes_a_library_with_conditions_from_a_table(tmp_pat
     assert campaign.tests[0].pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("folders", "ids"),
+    [
+        (["doe/run_1", "doe/run_2"], ["run_1", "run_2"]),
+        (["a/solve", "b/solve"], ["a", "b"]),
+        (["x/a/1", "x/b/1", "x/b/2"], ["a-1", "b-1", "b-2"]),
+        (["deep/down/run_9"], ["run_9"]),
+    ],
+)
+def test_runs_are_called_by_what_tells_their_folders_apart(tmp_path: Path, folders: list[str], ids: list[str]) -> None:
+    """Folders that all runs share are no part of their ids."""
+    for folder in folders:
+        saved(tmp_path / folder, binout=SHORT.binout())
+    assert [record.id for record in read_lsdyna(tmp_path)] == ids
+
+
+def test_two_runs_of_one_name_are_refused(tmp_path: Path) -> None:
+    """A run is never silently mixed with another."""
+    for folder in ("a-b/c", "a/b-c"):
+        saved(tmp_path / folder, binout=SHORT.binout())
+    assert "the same twice" in problem(tmp_path)
+
+
 def test_of_too_many_nodes_those_with_a_title_are_kept_first(tmp_path: Path) -> None:
     """Of 500 nodes 200 stay, the titled one among them, wherever it stands; in text as in binary."""
     nodes = dict.fromkeys(range(1, 500), ("", 1.0)) | {9999: ("REAR SILL LEFT", 1.0)}
@@ -243,11 +266,11 @@ def test_claims_beyond_the_file_cost_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("form", ["binout", "nodout"])
 def test_no_flipped_byte_brings_a_traceback(tmp_path: Path, form: str) -> None:
-    """300 files with flipped and lost bytes are read or refused with a DataError, in a moment each."""
+    """150 files with flipped and lost bytes are read or refused with a DataError, in a moment each."""
     sound = SHORT.binout() if form == "binout" else SHORT.nodout()
     chance = random.Random(0)  # noqa: S311 - no secret
     path = tmp_path / form
-    for _ in range(300):
+    for _ in range(150):
         broken = bytearray(sound)
         for _ in range(chance.randint(1, 20)):
             broken[chance.randrange(len(broken))] = chance.randrange(256)

@@ -1,0 +1,73 @@
+"""A source of foreign files that is being imported, and reading it once for all that is drawn of it."""
+
+import uuid
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import streamlit as st
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.formats.record import Record
+from crashfuse.importing import Choices, Format, Role, Settled, format_of
+from crashfuse.importing.draft import Reading, read_each, settle_each
+from crashfuse.importing.forms import TableForm, table_forms
+from crashfuse.importing.sources import tables_of
+
+_MOST_FILES = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Foreign files on the server's disk.
+
+    Parameters
+    ----------
+    path : Path
+    fmt : Format
+    key : str
+        Of this import: begins the keys of its widgets.
+    scratch : Path, optional
+        What to delete when the import is over; None for files of the user's own.
+    """
+
+    path: Path
+    fmt: Format
+    key: str
+    scratch: Path | None = None
+
+
+def source_at(path: Path, scratch: Path | None = None) -> Source:
+    """Begin an import of this file or folder.
+
+    Raises
+    ------
+    DataError
+        If there is nothing of a known format, or far too much.
+    """
+    if path.is_dir() and sum(1 for _ in islice(path.rglob("*"), _MOST_FILES + 1)) > _MOST_FILES:
+        advice = "name the folder of the tests or runs itself, or use crashfuse import"
+        raise DataError(Problem(str(path), f"at most {_MOST_FILES} files", "more", advice))
+    return Source(path, format_of(path), uuid.uuid4().hex[:8], scratch)
+
+
+@st.cache_resource(max_entries=4, show_spinner="Looking at the tables …")
+def forms_of(source: Source) -> tuple[TableForm, ...]:
+    """Tables in a source by their headers."""
+    return table_forms(tables_of(source.path))
+
+
+@st.cache_resource(max_entries=4, show_spinner="Reading …")
+def records_of(source: Source, reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]]:  # noqa: ARG001
+    """Records of a source, as :func:`read_each` has them; the source is part of the key, so each import reads anew."""
+    return read_each(reading)
+
+
+@st.cache_resource(max_entries=8, show_spinner="Settling …")
+def settled_of(
+    source: Source, reading: Reading, choices: Choices, role: Role, *, raw: bool = False
+) -> tuple[tuple[Settled, ...], tuple[Problem, ...]]:
+    """What comes of the records of a source, as :func:`settle_each` has it."""
+    records, problems = records_of(source, reading)
+    settled, refused = settle_each(records, choices, role=role, raw=raw)
+    return settled, (*problems, *refused)

@@ -1,0 +1,254 @@
+"""The fields of an import: what was found stands in them in grey, what is filled in overrules it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
+
+from crashfuse.errors import DataError
+from crashfuse.formats.mapping import QUANTITIES, ColumnRole
+from crashfuse.formats.record import ACCELERATION_UNITS, PartialCondition, Record
+from crashfuse.formats.spelling import UNITS
+from crashfuse.importing import Choices, ColumnChoice, Role, Settled, settle
+from crashfuse.importing.draft import Reading
+from crashfuse.importing.forms import TableForm
+from crashfuse.importing.sources import tables_of
+from crashfuse.ui.foreign import Source, forms_of
+from crashfuse.ui.text import plain
+from crashfuse.units import MS
+
+_OF_PULSES: dict[ColumnRole, str] = {"time": "Time", "acceleration": "Acceleration along X", "id": "Id"}
+_OF_CONDITIONS: dict[ColumnRole, str] = {
+    "id": "Id",
+    "speed": "Speed",
+    "front_weight": "Front weight",
+    "rear_weight": "Rear weight",
+    "mass": "Mass",
+    "front_share": "Front share",
+    "factor": "Other columns to keep",
+}
+_SEVERAL: tuple[ColumnRole, ...] = ("acceleration", "factor")
+_MOST_FORMS, _MOST_COLUMNS = 4, 30  # shown; the rest is read as proposed
+_CLASSES: dict[str, float | str] = {
+    **{f"CFC {cfc}": float(cfc) for cfc in (60, 180, 600, 1000)},
+    "Not filtered": "none",
+}
+_BRAKING = {"Braking negative": "negative", "Braking positive": "positive"}
+
+
+def reading_of(source: Source) -> Reading:
+    """Ask how a source is to be read: of tables what their columns are, else which table has the conditions."""
+    forms = forms_of(source)
+    if source.fmt == "csv":
+        columns = tuple(choice for form in forms[:_MOST_FORMS] for choice in _columns(form, source.key))
+        if len(forms) > _MOST_FORMS:
+            st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read as their headers say.")
+        together = False
+        if any(len(form.proposed.of("acceleration")) > 1 for form in forms):
+            together = "averaged" == st.radio(
+                "Accelerations in one table are",
+                ["each", "averaged"],
+                format_func={"each": "Each a record of its own", "averaged": "Sensors of one record"}.__getitem__,
+                key=f"{source.key} together",
+                persist_state="session",
+            )
+        return Reading(source.path, source.fmt, columns, together)
+    tables = {path.name: path for path in tables_of(source.path)} if source.path.is_dir() else {}
+    known = {name.partition(": ")[0] for form in forms if form.proposed.kind == "conditions" for name in form.names}
+    if not tables:
+        return Reading(source.path, source.fmt)
+    names = list(tables)
+    name = st.selectbox(
+        "Table of conditions, by id",
+        names,
+        index=names.index(next(iter(known))) if len(known) == 1 else None,
+        placeholder="none",
+        key=f"{source.key} conditions",
+        persist_state="session",
+    )
+    columns = ()
+    for form in forms:
+        if name is not None and name in {own.partition(": ")[0] for own in form.names}:
+            columns = _columns(form, source.key)
+    conditions: Path | None = tables.get(name) if name else None
+    return Reading(source.path, source.fmt, columns, conditions=conditions)
+
+
+def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
+    """Ask what the columns of tables with these headers are."""
+    key = f"{source_key} {hash(form.columns)}"
+    rest = f" and {len(form.names) - 1} more with the same columns" if len(form.names) > 1 else ""
+    with st.container(border=True):
+        st.markdown(f"**{plain(form.names[0])}**{rest}")
+        st.dataframe(form.head.iloc[:, :_MOST_COLUMNS], hide_index=True, height="content")
+        holds = st.segmented_control(
+            "It holds",
+            ["pulses", "conditions", "neither"],
+            default=form.proposed.kind,
+            required=True,
+            format_func=str.capitalize,
+            key=f"{key} holds",
+            persist_state="session",
+        )
+        if holds == "neither":
+            return form.nothing()
+        asked = _OF_PULSES if holds == "pulses" else _OF_CONDITIONS
+        picked: dict[ColumnRole, Sequence[str]] = {} if holds == "pulses" else {"time": (), "acceleration": ()}
+        units: dict[ColumnRole, str | None] = {}
+        for role, label in asked.items():
+            left, right = st.columns([5, 2])
+            picked[role] = _pick(left, form, role, label, key)
+            if role in QUANTITIES:
+                units[role] = right.selectbox(
+                    f"Unit of {label.lower()}",
+                    list(UNITS[QUANTITIES[role]]),
+                    index=None,
+                    placeholder=form.unit_of(picked[role]) or "?",
+                    key=f"{key} unit of {role}",
+                    persist_state="session",
+                    disabled=not picked[role],
+                )
+    return form.choices(picked, units)
+
+
+def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, key: str) -> Sequence[str]:
+    proposed = [use.column for use in form.proposed.of(role)]
+    key = f"{key} {role}"
+    if role in _SEVERAL:
+        return place.multiselect(
+            label, form.columns, default=proposed, key=key, placeholder="none", persist_state="session"
+        )
+    column = place.selectbox(
+        label,
+        form.columns,
+        index=form.columns.index(proposed[0]) if proposed else None,
+        placeholder="the table's name" if role == "id" and label in _OF_PULSES.values() else "none",
+        key=key,
+        persist_state="session",
+    )
+    return () if column is None else (column,)
+
+
+def choices_of(
+    source: Source, records: Sequence[Record], first: Record, role: Role, own_class: float | None
+) -> Choices:
+    """Ask for everything that is not to be left to be detected; it holds for all records.
+
+    Parameters
+    ----------
+    source : Source
+    records : sequence of Record
+    first : Record
+        The one that is looked at.
+    role : {"tests", "cae"}
+    own_class : float or None
+        With which the campaign filters its records itself.
+    """
+    channels = _channels(source, records, first)
+    condition, share = _condition(source, records)
+    found = _found(first, Choices(channels=channels, condition=condition, front_share=share), role)
+    left, right = st.columns(2)
+    unit = _field(left, "Unit", list(ACCELERATION_UNITS), found and found.unit, source)
+    braking = _field(right, "Sign", list(_BRAKING), found and f"Braking {found.braking}", source)
+    left, right = st.columns(2)
+    zero_ms = left.number_input(
+        "Time zero (ms)",
+        value=None,
+        placeholder="to be found" if found is None else f"{found.time_zero_s / MS:.4g}",
+        key=f"{source.key} time zero",
+        persist_state="session",
+        help="First contact, in the file's own time.",
+    )
+    if own_class is not None:
+        right.selectbox("Filter", [f"CFC {own_class:g}, by the campaign"], disabled=True, key=f"{source.key} own class")
+        cfc: float | str | None = own_class
+    else:
+        detected = found and (
+            "Not filtered" if found.channel_filter_class is None else f"CFC {found.channel_filter_class:g}"
+        )
+        name = _field(right, "Filter", list(_CLASSES), detected, source)
+        cfc = _CLASSES[name] if name else None
+    return Choices(
+        channels,
+        unit,
+        _BRAKING.get(braking or ""),  # type: ignore[arg-type]
+        None if zero_ms is None else zero_ms * MS,
+        cfc,  # type: ignore[arg-type]
+        condition,
+        share,
+    )
+
+
+def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple[str, ...]:
+    if all(len(record.channels) == 1 for record in records):
+        return ()
+    labels = {channel.name: channel.label for record in reversed(records) for channel in record.channels}
+    names = [channel.name for channel in first.channels] if first.channels else []
+    names += [name for name in labels if name not in names]
+    chosen = st.multiselect(
+        "Channels, averaged",
+        names,
+        default=records[0].proposed,
+        format_func=lambda name: name if labels[name] in ("", name) else f"{name} · {labels[name]}",
+        key=f"{source.key} channels {hash(frozenset(names))}",
+        persist_state="session",
+        help="All that could be the vehicle's pulse along X. Those that are proposed are filled in.",
+    )
+    return () if tuple(chosen) == records[0].proposed else tuple(chosen)
+
+
+def _condition(source: Source, records: Sequence[Record]) -> tuple[PartialCondition, float | None]:
+    conditions = [record.condition for record in records]
+    left, right = st.columns(2)
+    speed_in = left.selectbox("Speed in", list(UNITS["speed"]), key=f"{source.key} speed in", persist_state="session")
+    weight_in = right.selectbox("Weights in", ["kg", "lb"], key=f"{source.key} weights in", persist_state="session")
+    kph, kg = UNITS["speed"][speed_in], UNITS["mass"][weight_in]
+    left, right = st.columns(2)
+    speed = _number(left, f"Speed ({speed_in})", [one.speed_mps for one in conditions], kph, source)
+    mass = _number(right, f"Mass ({weight_in})", [one.mass_kg for one in conditions], kg, source)
+    front = _number(left, f"Front weight ({weight_in})", [one.front_weight_kg for one in conditions], kg, source)
+    rear = _number(right, f"Rear weight ({weight_in})", [one.rear_weight_kg for one in conditions], kg, source)
+    share = left.number_input(
+        "Front share (%)",
+        min_value=1.0,
+        max_value=99.0,
+        value=None,
+        placeholder="from the weights",
+        key=f"{source.key} front share",
+        persist_state="session",
+        help="Of the mass, on the front axle: for files that know no axle weights.",
+    )
+    return PartialCondition(speed, mass, front, rear), None if share is None else share / 100
+
+
+def _number(
+    place: DeltaGenerator, label: str, found: Sequence[float | None], unit: float, source: Source
+) -> float | None:
+    known = sorted(value / unit for value in found if value is not None)
+    grey = "not in the file"
+    if known:
+        grey = f"{known[0]:.5g}" if known[-1] - known[0] < 1e-6 * known[-1] else f"{known[0]:.4g}–{known[-1]:.4g}"
+    value = place.number_input(
+        label, min_value=0.0, value=None, placeholder=grey, key=f"{source.key} {label}", persist_state="session"
+    )
+    return None if value is None else value * unit
+
+
+def _field(place: DeltaGenerator, label: str, options: list[str], found: str | None, source: Source) -> str | None:
+    return place.selectbox(
+        label,
+        options,
+        index=None,
+        placeholder=found or "to be found",
+        key=f"{source.key} {label}",
+        persist_state="session",
+    )
+
+
+def _found(record: Record, choices: Choices, role: Role) -> Settled | None:
+    """What is detected of a record where nothing overrules it."""
+    try:
+        return settle(record, choices, role=role)
+    except DataError:
+        return None

@@ -1,0 +1,32 @@
+"""Docstrings are written for Sphinx's roles; here they become the links and equations of this site."""
+
+import re
+from typing import Any
+
+import griffe
+
+_ROLE = re.compile(r":(?:mod|class|func|meth|data|attr):`([~!]?)(?:([^`<]+) <)?([^`>]+)>?`")
+_MATH = re.compile(r"^( *)\.\. math::\n\n((?:\1 +.*\n|\n)+)", re.MULTILINE)
+_INLINE_MATH = re.compile(r":math:`([^`]+)`")
+_LITERAL_BLOCK = re.compile(r"::$", re.MULTILINE)
+
+
+class Roles(griffe.Extension):
+    """Rewrites each docstring before it is parsed."""
+
+    def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
+        """Rewrite the docstring of a module, class, function or attribute."""
+        if obj.docstring is not None:
+            obj.docstring.value = rewritten(obj.docstring.value)
+
+
+def rewritten(text: str) -> str:
+    """A docstring in Markdown."""
+    text = _MATH.sub(lambda found: f"{found[1]}$$\n{found[2].strip()}\n{found[1]}$$\n\n", text + "\n").rstrip()
+    text = _INLINE_MATH.sub(r"$\1$", text)
+    text = _ROLE.sub(lambda found: f"`{found[2] or _short(found[3], found[1])}`", text)
+    return _LITERAL_BLOCK.sub(":", text).replace("``", "`")
+
+
+def _short(target: str, tilde: str) -> str:
+    return target.rpartition(".")[2] if tilde == "~" else target.removeprefix("crashfuse.")
