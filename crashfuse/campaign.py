@@ -150,6 +150,17 @@ class Campaign:
         held_out = {self.test(test_id).id for test_id in test_ids}
         return replace(self, tests=tuple(test for test in self.tests if test.id not in held_out))
 
+    def evenly_over_speed(self, most: int) -> "Campaign":
+        """The campaign with at most so many tests: by their order in speed every so manieth, slowest and fastest too.
+
+        A campaign that has no more is the same one.
+        """
+        if len(self.tests) <= most:
+            return self
+        ordered = sorted(self.tests, key=lambda test: test.condition.speed_mps)
+        kept = {ordered[i].id for i in np.linspace(0, len(ordered) - 1, most).round().astype(int)}
+        return replace(self, tests=tuple(test for test in self.tests if test.id in kept))
+
     def speed_group(self, test_id: str) -> tuple[str, ...]:
         """Ids of the tests at about the speed of this one, itself included, in the order of the table.
 

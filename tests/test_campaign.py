@@ -89,3 +89,14 @@ def test_one_changed_sample_changes_the_fingerprint(campaign: Campaign) -> None:
 def test_name_and_notice_do_not_change_the_fingerprint(campaign: Campaign) -> None:
     """The fingerprint names the data."""
     assert replace(campaign, name="other", notice="x").fingerprint == campaign.fingerprint
+
+
+def test_many_tests_are_thinned_out_evenly_over_speed(campaign: Campaign) -> None:
+    """Of 40 tests at 1 to 40 mph four are kept, the slowest and the fastest too, in the order of the table."""
+    base = campaign.tests[0]
+    speeds = range(40, 0, -1)
+    tests = (replace(base, id=f"M{v}", condition=replace(base.condition, speed_mps=v * MPH)) for v in speeds)
+    many = replace(campaign, tests=tuple(tests))
+    assert many.evenly_over_speed(4).test_ids == ("M40", "M27", "M14", "M1")
+    assert many.evenly_over_speed(40) is many
+    assert many.evenly_over_speed(4).evenly_over_speed(4).test_ids == ("M40", "M27", "M14", "M1")

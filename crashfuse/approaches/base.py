@@ -47,6 +47,16 @@ class Prediction:
         return lower, upper
 
 
+MOST_TESTS = 30
+"""From how many tests the exact posteriors learn: their cost grows with the cube of the number."""
+
+
+def thinning_notes(campaign: Campaign) -> tuple[str, ...]:
+    """A sentence if a campaign has more tests than are learned from."""
+    n = len(campaign.tests)
+    return (f"Of {n} tests {MOST_TESTS} were learned from, evenly over speed.",) * (n > MOST_TESTS)
+
+
 class Approach(ABC):
     """One way to predict a pulse. Learned attributes end in an underscore; hyperparameters are a frozen config.
 

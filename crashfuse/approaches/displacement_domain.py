@@ -8,7 +8,7 @@ from typing import Literal, Self
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches.base import Approach, Prediction
+from crashfuse.approaches.base import MOST_TESTS, Approach, Prediction, thinning_notes
 from crashfuse.approaches.bias import BiasDraws, BiasPart, BiasPoints, bijective_projection, uniform_points
 from crashfuse.approaches.cae_view import FINER, CaeView
 from crashfuse.approaches.dynamics import integrate
@@ -128,6 +128,7 @@ class DisplacementDomain(Approach):
         """
         if not campaign.tests:
             raise UsageError("The displacement domain learns from tests; this campaign has none.")
+        campaign = self._seen(campaign)
         unloadings = self._begin(campaign, watch)
         start = time.perf_counter()
         with threadpool_limits(1):  # two contended threads cost many times the work of one
@@ -136,6 +137,14 @@ class DisplacementDomain(Approach):
             self.calibration_ = self._calibrate(campaign.tests, watch)
         self._seconds = time.perf_counter() - start
         return self
+
+    def _seen(self, campaign: Campaign) -> Campaign:
+        """What is learned from: more tests than that only where Table 4 asks for all."""
+        if self.config.bias == "table 4":
+            self._thinning: tuple[str, ...] = ()
+            return campaign
+        self._thinning = thinning_notes(campaign)
+        return campaign.evenly_over_speed(MOST_TESTS)
 
     def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> list[Unloading]:
         """Lay the tests beside the CAE model, as both ways to learn need it; returns how they bounced back."""
@@ -160,7 +169,7 @@ class DisplacementDomain(Approach):
 
     def restore(self, campaign: Campaign, learned: Learned) -> Self:
         """Take up hyperparameters, and condition on the tests again."""
-        unloadings = self._begin(campaign)
+        unloadings = self._begin(self._seen(campaign))
         with threadpool_limits(1):
             self.rebound_ = Rebound().restore(unloadings, learned.part("rebound"))
             self.bias_.restore(self.points_, learned.part("bias"))
@@ -204,7 +213,7 @@ class DisplacementDomain(Approach):
         with threadpool_limits(1):
             bias = self._sample(view, self.bias_, self.config.n_draws, rng)
             pulses = self._simulate(view, bias, self.rebound_, rng, self.calibration_.widening)
-        notes = (*self.model_.notes(condition), *self.bias_.notes)
+        notes = (*self.model_.notes(condition), *self._thinning, *self.bias_.notes)
         if isinstance(self.bias_, HierarchicalBias) and (unknown := self.bias_.unknown_factors(condition)):
             notes += (f"Of no known {' and '.join(unknown)}: the band allows for any, so it is wide.",)
         if len(self.points_) == 1:
@@ -268,7 +277,7 @@ class DisplacementDomain(Approach):
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
         """As the check of the band predicted them."""
         self._require("left_out_")
-        return self.left_out_.expected(campaign)
+        return self.left_out_.expected(campaign.evenly_over_speed(MOST_TESTS))
 
     def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
         """Take the bias that is expected at a condition apart; empty for Table 4, which is all of one piece.

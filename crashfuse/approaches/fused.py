@@ -5,7 +5,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from crashfuse.approaches.base import Approach, Prediction
+from crashfuse.approaches.base import MOST_TESTS, Approach, Prediction, thinning_notes
 from crashfuse.approaches.displacement_domain import DisplacementDomain
 from crashfuse.approaches.kept import fitted
 from crashfuse.approaches.learned import Learned
@@ -93,6 +93,7 @@ class Fused(Approach):
         Cancelled
             If the watch was told to stop.
         """
+        self._thinning, campaign = thinning_notes(campaign), campaign.evenly_over_speed(MOST_TESTS)
         time_domain, displacement_domain = self._parts()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
         self.displacement_domain_, _ = fitted(displacement_domain, campaign, self.cache, watch)
@@ -189,12 +190,13 @@ class Fused(Approach):
         voices = [_Voice(said.accel_mps2, said.draws_mps2) for said in (one, other) if said.draws_mps2 is not None]
         mixture = self._mix([*voices, _Voice(cae, cae_draws)], weights)
         draws = mixture.mean + self.calibration_.widening * (mixture.draws - mixture.mean)
-        notes = dict.fromkeys((self._reason(condition, weights), *one.notes, *other.notes))
+        notes = dict.fromkeys((self._reason(condition, weights), *self._thinning, *one.notes, *other.notes))
         return Prediction(condition, mixture.mean, draws, tuple(notes))
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
         """What both approaches expect of tests that they have not seen, mixed with the weights that were learned."""
         self._require("pool_")
+        campaign = campaign.evenly_over_speed(MOST_TESTS)
         one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
         expected = {}
         for number in self._judged():
@@ -225,6 +227,7 @@ class Fused(Approach):
 
     def restore(self, campaign: Campaign, learned: Learned) -> Self:
         """Take up both approaches and the weights."""
+        self._thinning, campaign = thinning_notes(campaign), campaign.evenly_over_speed(MOST_TESTS)
         time_domain, displacement_domain = self._parts()
         self.time_domain_ = time_domain.restore(campaign, learned.part("time"))
         self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"))

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.base import MOST_TESTS, Prediction, thinning_notes
 from crashfuse.approaches.descent import Checkpoint, load_weights, weights_of
 from crashfuse.approaches.increments import PENALTIES, Increments, Outlook
 from crashfuse.approaches.learned import Learned
@@ -63,6 +63,7 @@ class TimeDomain(TcnApproach):
         """
         if not campaign.tests:
             raise UsageError("The time domain learns from tests; this campaign has none.")
+        campaign = self._seen(campaign)
         accel = self._begin(campaign, self._lf().fit(campaign, watch))
         if self.config.tuning == "gradient":
             key = {"campaign": campaign.fingerprint, "config": self.config, "seed": self.seed, "device": self.hardware}
@@ -76,6 +77,14 @@ class TimeDomain(TcnApproach):
 
     def _lf(self) -> LfTcn:
         return LfTcn(self.config, seed=self.seed, device=self.device, cache=self.cache)
+
+    def _seen(self, campaign: Campaign) -> Campaign:
+        """What is learned from: more tests than that only by steps of Adam."""
+        if self.config.tuning == "gradient":
+            self._thinning: tuple[str, ...] = ()
+            return campaign
+        self._thinning = thinning_notes(campaign)
+        return campaign.evenly_over_speed(MOST_TESTS)
 
     def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
         """Start from the LF networks; returns the tests' pulses."""
@@ -110,7 +119,7 @@ class TimeDomain(TcnApproach):
 
     def restore(self, campaign: Campaign, learned: Learned) -> Self:
         """Take up networks and increments."""
-        self._begin(campaign, self._lf().restore(campaign, learned.part("lf")))
+        self._begin(self._seen(campaign), self._lf().restore(campaign, learned.part("lf")))
         if self.config.tuning == "gradient":
             self.losses_, self.network_ = learned.arrays["losses"], copy.deepcopy(self.network_)
             load_weights(self.network_, learned.part("network").arrays)
@@ -214,13 +223,13 @@ class TimeDomain(TcnApproach):
         with threadpool_limits(1):  # small matrices, and the same numbers whatever the machine has
             outlook = self._stopped(condition, expected, self.increments_.outlook(across, own), self._end_shares)
             pulses = self._pulses(condition, outlook, check.widening, check.late_widening or check.widening)
-        notes = lf.notes + stopping_notes(condition, pulses[0], lf.accel_mps2)
+        notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
         """As the check of the band predicted them; empty after fine-tuning by Adam."""
         self._require("network_")
-        return self.left_out_.expected(campaign) if hasattr(self, "left_out_") else {}
+        return self.left_out_.expected(campaign.evenly_over_speed(MOST_TESTS)) if hasattr(self, "left_out_") else {}
 
     @property
     def state(self) -> dict[str, object]:

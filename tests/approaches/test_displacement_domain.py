@@ -285,3 +285,19 @@ def test_the_band_after_the_stop_holds_tests_that_rebound_in_their_own_way() -> 
         after = test.pulse.kinematics(test.condition.speed_mps).t0_s < GRID_S
         assert np.abs((prediction.accel_mps2 - test.pulse.accel_mps2)[after]).max() < 60
     assert np.mean(inside) > 0.85
+
+
+def test_of_many_tests_as_many_are_learned_from_as_an_exact_posterior_bears(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is what the thinned campaign teaches, kept fits and tests left out included, and the prediction says so."""
+    monkeypatch.setattr("crashfuse.approaches.base.MOST_TESTS", 3)
+    monkeypatch.setattr("crashfuse.approaches.displacement_domain.MOST_TESTS", 3)
+    thinned, condition = campaign.evenly_over_speed(3), campaign.tests[1].condition
+    domain, expected = DisplacementDomain().fit(campaign), DisplacementDomain().fit(thinned)
+    one, other = domain.predict(condition), expected.predict(condition)
+    np.testing.assert_array_equal(one.accel_mps2, other.accel_mps2)
+    assert "Of 4 tests 3 were learned from, evenly over speed." in one.notes
+    again = DisplacementDomain().restore(campaign, domain.learned())
+    np.testing.assert_array_equal(again.predict(condition).accel_mps2, one.accel_mps2)
+    assert list(domain.left_out(campaign)) == list(thinned.test_ids)
