@@ -1,6 +1,7 @@
 """The campaign: the CAE runs and the tests of one vehicle, and the fingerprint that names their exact content."""
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,11 +20,22 @@ _AXES = (("speed", MPH, "mph"), ("front weight", LB, "lb"), ("rear weight", LB, 
 
 @dataclass(frozen=True, eq=False)
 class CrashTest:
-    """A physical test: its id, its condition and its pulse on the study grid."""
+    """A physical test.
+
+    Parameters
+    ----------
+    id : str
+    condition : Condition
+    pulse : Pulse
+        On the study grid.
+    recorded_s : float
+        Where its record ends; beyond that the pulse goes on with no acceleration, which nobody measured.
+    """
 
     id: str
     condition: Condition
     pulse: Pulse
+    recorded_s: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)

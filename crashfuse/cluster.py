@@ -3,6 +3,10 @@
 Dask sends Python objects and code by pickle, both ways: whoever can reach the scheduler, or any worker, can run code on
 all of them and on this machine. So this is for a cluster that you trust, in a network that you trust, and it is used
 where an address is given and nowhere else; the dashboard never does.
+
+Every machine needs the same versions of ``crashfuse[dask]`` and what it depends on; then ``dask scheduler`` on one, and
+``dask worker tcp://host:8786 --nworkers N --nthreads 1`` on each. A task that was begun is not interrupted by
+cancelling: its worker ends it and keeps what came out.
 """
 
 import logging

@@ -28,6 +28,7 @@ from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import DT_S, FloatArray
 from crashfuse.workers import Task, Workers, workers_at
 
+_SLOWEST_S = 1e-3  # step of the slowest record: its last sample stands for that long
 _STEPS = {"test": "Held-out predictions", "speed group": "Held-out speed groups"}
 
 
@@ -174,7 +175,7 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
     UsageError
         If a name, a window or the number of tests makes it so.
     DataError
-        If a held-out test does not vary over a window: it cannot be rated.
+        If a held-out test does not vary over a window, or its record ends before: it cannot be rated.
     """
     campaign.without(held_out)
     if len(campaign.tests) < 2:
@@ -190,7 +191,11 @@ def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str]
         if not 10 <= window <= 100:
             raise UsageError(f"A rating window of {window:g} ms is not possible; choose 10 to 100 ms.")
         for test_id in held_out or campaign.test_ids:
-            start = campaign.test(test_id).pulse.accel_mps2[: round(window / 1e3 / DT_S)]
+            test = campaign.test(test_id)
+            if window / 1e3 > test.recorded_s + _SLOWEST_S:
+                found, advice = f"{test.recorded_s * 1e3:.4g} ms", "rate a shorter window, or hold out other tests"
+                raise DataError(Problem(test_id, f"a record over 0–{window:g} ms", found, advice))
+            start = test.pulse.accel_mps2[: round(window / 1e3 / DT_S)]
             if np.ptp(start) == 0:
                 found = "no change at all"
                 advice = "check its time zero or rate a longer window"

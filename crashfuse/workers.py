@@ -1,7 +1,7 @@
 """Where the folds of a study are computed: in this process, in others beside it, or on a Dask cluster.
 
-The numbers are the same, to the bit on one kind of machine, and so is what becomes of the unlucky: a worker that dies
-costs what it was at, and the others, or a fresh one, take that up. Whatever was finished is in the cache.
+The numbers are the same, to the bit on one kind of machine. A worker that dies costs what was at work and no more:
+other workers, or fresh ones, take that up, and whatever was finished is in the cache.
 """
 
 import logging

@@ -1,7 +1,6 @@
 """Docstrings are written for Sphinx's roles; here they become the links and equations of this site."""
 
 import re
-from typing import Any
 
 import griffe
 
@@ -14,7 +13,7 @@ _LITERAL_BLOCK = re.compile(r"::$", re.MULTILINE)
 class Roles(griffe.Extension):
     """Rewrites each docstring before it is parsed."""
 
-    def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
+    def on_object(self, *, obj: griffe.Object, **_: object) -> None:
         """Rewrite the docstring of a module, class, function or attribute."""
         if obj.docstring is not None:
             obj.docstring.value = rewritten(obj.docstring.value)

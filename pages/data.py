@@ -11,7 +11,7 @@ from crashfuse.plots import pulses as plots
 from crashfuse.plots.canvas import accel_scale
 from crashfuse.plots.conditions import condition_space
 from crashfuse.ui import campaigns, evidence, frame, importing, tables
-from crashfuse.ui.foreign import Source, source_at
+from crashfuse.ui.foreign import Source, begin, leave, running, source_at
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
 from crashfuse.ui.uploads import open_uploads
@@ -28,9 +28,9 @@ def attempt(open_it: Callable[[], str | Source]) -> None:
     try:
         opened = open_it()
         if isinstance(opened, Source):
-            importing.begin(opened)
+            begin(opened)
         else:
-            importing.leave()
+            leave()
             frame.choose_campaign(opened)
     except DataError as error:
         st.session_state[frame.REFUSED] = error.problems
@@ -82,9 +82,10 @@ def doors() -> None:
             "Or a zip of one, its files together, or test and CAE files to import",
             accept_multiple_files=True,
             key=f"files {st.session_state.get(ROUND, 0)}",
-            help="A campaign is CSV and Parquet. Imported are NHTSA, ISO-MME, LS-DYNA (binout, nodout), TDMS, and CSV or "
-            "Excel tables of any form; what they are taken for is shown first. Files go to the computer that crashfuse "
-            "runs on, no further, and are deleted when it ends. Open what is larger than the limit as a folder.",
+            help="A campaign is CSV and Parquet. Imported are NHTSA, ISO-MME, LS-DYNA (binout, nodout), TDMS, and CSV "
+            "or Excel tables of any form; what they are taken for is shown first. Files go to the computer that "
+            "crashfuse runs on, no further, and are deleted when it ends. Open what is larger than the limit as a "
+            "folder.",
         )
         st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=open_upload)
     if problems := st.session_state.get(frame.REFUSED):
@@ -195,7 +196,7 @@ def show_library(view: frame.View) -> None:
 
 
 view = frame.enter()
-if (source := importing.running()) is not None:
+if (source := running()) is not None:
     importing.show(source, view)
     st.stop()
 if view is None:

@@ -13,8 +13,10 @@ from supply_chain.inventory import CUDA, PINS, ROOT
 
 HASHES = ROOT / "supply_chain" / "hashes.txt"
 
-_TORCH_FOR_CPU = ["sha256:6746dbcbeb526eb61330b76b41ff1b4eb848951103a892eeb080dfa2b264667b"]
-"""Of torch's own index, which the package index does not know: 2.13.0+cpu for Linux on x86-64, Python 3.11."""
+_ELSEWHERE = {
+    "torch==2.13.0": ("sha256:6746dbcbeb526eb61330b76b41ff1b4eb848951103a892eeb080dfa2b264667b",),
+}
+"""Files that the package index does not have: torch's build for CPUs, for Linux on x86-64 and Python 3.11."""
 
 _HEAD = """\
 # SHA-256 of every file of every pinned version, made by python -m supply_chain.hashes; for
@@ -42,10 +44,11 @@ def entries(text: str) -> dict[str, tuple[str, ...]]:
 
 def main() -> None:
     """Write the file."""
-    found = {name: hashes for name, hashes in entries(compiled()).items() if not name.startswith(CUDA)}
-    for name in found:
-        if name.startswith("torch=="):
-            found[name] += tuple(_TORCH_FOR_CPU)
+    found = {
+        requirement: hashes + _ELSEWHERE.get(requirement, ())
+        for requirement, hashes in entries(compiled()).items()
+        if not requirement.startswith(CUDA)
+    }
     lines = [" \\\n    ".join([name, *(f"--hash={each}" for each in hashes)]) for name, hashes in found.items()]
     HASHES.write_text(_HEAD + "\n".join(lines) + "\n", encoding="utf-8")
     print(f"{len(found)} distributions, {sum(map(len, found.values()))} files: {HASHES.name}")

@@ -22,7 +22,7 @@ from crashfuse.progress import Progress, Watch
 from crashfuse.pulse import GRID_S, Pulse
 from crashfuse.rating import rate_iso18571
 from crashfuse.recommendation import recommend_for
-from crashfuse.study import Study, run_study
+from crashfuse.study import Study, check_study, run_study
 
 CONFIG = StudyConfig(windows_ms=(20.0, 60.0))
 
@@ -277,3 +277,13 @@ def test_a_recommendation_for_a_test_does_not_know_its_pulse(campaign: Campaign,
     )
     assert first == second
     assert first.expected is not None
+
+
+def test_a_window_beyond_the_end_of_a_held_out_record_is_refused(campaign: Campaign) -> None:
+    """Nobody measured what it would be rated against; up to its end, and with other tests held out, it can be."""
+    tests = (replace(campaign.tests[0], recorded_s=0.0799), *campaign.tests[1:])
+    cut = replace(campaign, tests=tests)
+    for windows, held_out in (((80.0,), ("T1",)), ((100.0,), ("T2",))):
+        check_study(cut, StudyConfig(windows_ms=windows), held_out)
+    with pytest.raises(DataError, match=r"T1: expected a record over 0–90 ms, found 79\.9 ms; rate a shorter window"):
+        check_study(cut, StudyConfig(windows_ms=(60.0, 90.0)), ("T2", "T1"))

@@ -1,5 +1,6 @@
 """The campaign folder: settings, both condition tables, both sources of pulses, checked as a whole."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,7 @@ def load_campaign(folder: str | Path) -> Campaign:
     settings = read_settings(folder, problems, warnings)
     tables: dict[str, ConditionTable] = {}
     pulses: dict[str, FloatArray] = {}
+    ends_s: dict[str, float] = {}
     for source in ("tests", "cae"):
         table = read_conditions(folder / f"{source}.csv", standstill_allowed=source == "cae", problems=problems)
         if table is None:
@@ -52,6 +54,8 @@ def load_campaign(folder: str | Path) -> Campaign:
             check_physics(source, table, pulses[source], reader.problems)
             check_ends(source, table, pulses[source], reader)
             check_band(source, pulses[source], reader.warnings)
+        if source == "tests":
+            ends_s = reader.ends_s
         problems.extend(reader.problems)
         warnings.extend(_shortened(reader.warnings))
     _check_counts(tables, problems)
@@ -61,7 +65,10 @@ def load_campaign(folder: str | Path) -> Campaign:
     cae = CaeLibrary(tables["cae"].ids, tables["cae"].conditions, pulses["cae"].astype(np.float32, copy=False))
     cae.accel_mps2.flags.writeable = False
     tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
-    crash_tests = tuple(CrashTest(test_id, condition, Pulse(GRID_S, accel)) for test_id, condition, accel in tests)
+    crash_tests = tuple(
+        CrashTest(test_id, condition, Pulse(GRID_S, accel), ends_s.get(test_id, math.inf))
+        for test_id, condition, accel in tests
+    )
     cfc = settings.channel_filter_class or settings.filtered_with
     return Campaign(settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc)
 

@@ -17,8 +17,10 @@ from crashfuse.pulse import Condition, FloatArray
 from crashfuse.units import MASS, SPEED
 
 _QUANTITIES: dict[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
+_SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: no crash, no vehicle
 _LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg: no vehicle, so another unit
 _MOST_PROBLEMS = 20  # of one kind in one column: the rest is counted, not listed
+_MOST_CANDIDATES = 1000  # each is a prediction
 _LONGEST_FACTOR = 200
 _FORMULA = ("=", "+", "-", "@")
 
@@ -70,7 +72,8 @@ def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Prob
         numbers = not_a_number(
             frame[column], column, path.name, frame.index.to_numpy(), problems, _LARGEST[name] / factor
         )
-        _check_sign(numbers, frame[column], path.name, standstill_allowed and name == "speed", problems)
+        smallest = 0.0 if standstill_allowed and name == "speed" else _SMALLEST[name] / factor
+        _check_low(numbers, smallest, frame[column], path.name, problems)
         values[name] = factor * numbers
     used = {"id", *(column for column, _ in filter(None, columns.values()))}
     extra = [name for name in names if name not in used]
@@ -140,6 +143,9 @@ def read_candidates(path: Path) -> tuple[Condition, ...]:
     table = read_conditions(path, standstill_allowed=False, problems=problems)
     if table is None or problems:
         raise DataError(shortened(problems))
+    if (count := len(table.conditions)) > _MOST_CANDIDATES:
+        expected, advice = f"at most {_MOST_CANDIDATES} candidates", "leave out those that are like others"
+        raise DataError(Problem(path.name, expected, f"{count}", advice))
     return table.conditions
 
 
@@ -209,10 +215,10 @@ def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> 
         _count_rest(len(bad), "cells that are no such text", where, shown, problems)
 
 
-def _check_sign(numbers: FloatArray, cells: pd.Series, where: str, zero_allowed: bool, problems: list[Problem]) -> None:
-    low = np.flatnonzero((numbers < 0) if zero_allowed else (numbers <= 0))
+def _check_low(numbers: FloatArray, smallest: float, cells: pd.Series, where: str, problems: list[Problem]) -> None:
+    low = np.flatnonzero(numbers < smallest)
     for index in low[:_MOST_PROBLEMS]:
-        expected = "0 or above" if zero_allowed else "a number above 0"
+        expected = f"a number of at least {smallest:.3g}"
         found, row = cells.iloc[index], int(cells.index[index])
         problems.append(Problem(where, expected, found, "correct the cell", str(cells.name), row))
     _count_rest(low.size, "numbers that are too low", where, str(cells.name), problems)

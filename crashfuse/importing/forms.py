@@ -66,7 +66,7 @@ class TableForm:
 
     def nothing(self) -> tuple[ColumnChoice, ...]:
         """Every column ignored."""
-        return self.choices({role: () for role in get_args(ColumnRole)}, {})
+        return self.choices(dict.fromkeys(get_args(ColumnRole), ()), {})
 
 
 def table_forms(paths: Sequence[Path]) -> tuple[TableForm, ...]:

@@ -1,5 +1,6 @@
 """A source of foreign files that is being imported, and reading it once for all that is drawn of it."""
 
+import shutil
 import uuid
 from dataclasses import dataclass
 from itertools import islice
@@ -14,6 +15,8 @@ from crashfuse.importing.draft import Reading, read_each, settle_each
 from crashfuse.importing.forms import TableForm, table_forms
 from crashfuse.importing.sources import tables_of
 
+_SOURCE = "import"  # in the session, as the next two
+REFUSED, UNFINISHED = "import refused", "import unfinished"
 _MOST_FILES = 20_000
 
 
@@ -36,6 +39,11 @@ class Source:
     key: str
     scratch: Path | None = None
 
+    @property
+    def several(self) -> bool:
+        """Whether these are several uploads, which have no name in common."""
+        return self.scratch is not None and self.path.parent == self.scratch
+
 
 def source_at(path: Path, scratch: Path | None = None) -> Source:
     """Begin an import of this file or folder.
@@ -49,6 +57,27 @@ def source_at(path: Path, scratch: Path | None = None) -> Source:
         advice = "name the folder of the tests or runs itself, or use crashfuse import"
         raise DataError(Problem(str(path), f"at most {_MOST_FILES} files", "more", advice))
     return Source(path, format_of(path), uuid.uuid4().hex[:8], scratch)
+
+
+def begin(source: Source) -> None:
+    """Turn the page Data to the import of a source; to be called from a callback."""
+    leave()
+    st.session_state[_SOURCE] = source
+
+
+def leave() -> None:
+    """End the import, and delete what was laid out for it."""
+    source = running()
+    for key in (_SOURCE, REFUSED, UNFINISHED):
+        st.session_state.pop(key, None)
+    if source is not None and source.scratch is not None:
+        shutil.rmtree(source.scratch, ignore_errors=True)
+
+
+def running() -> Source | None:
+    """The source that is being imported in this session, if any."""
+    source: Source | None = st.session_state.get(_SOURCE)
+    return source
 
 
 @st.cache_resource(max_entries=4, show_spinner="Looking at the tables …")

@@ -18,9 +18,9 @@ from crashfuse.ui.foreign import Source, forms_of
 from crashfuse.ui.text import plain
 from crashfuse.units import MS
 
-_OF_PULSES: dict[ColumnRole, str] = {"time": "Time", "acceleration": "Acceleration along X", "id": "Id"}
+_OF_PULSES: dict[ColumnRole, str] = {"time": "Time", "acceleration": "Acceleration along X", "id": "Ids"}
 _OF_CONDITIONS: dict[ColumnRole, str] = {
-    "id": "Id",
+    "id": "Ids",
     "speed": "Speed",
     "front_weight": "Front weight",
     "rear_weight": "Rear weight",
@@ -45,14 +45,17 @@ def reading_of(source: Source) -> Reading:
         if len(forms) > _MOST_FORMS:
             st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read as their headers say.")
         together = False
-        if any(len(form.proposed.of("acceleration")) > 1 for form in forms):
-            together = "averaged" == st.radio(
+        role_of = {choice.column: choice.role for choice in columns}
+        pulses = [[role_of.get(use.column, use.role) for use in form.proposed.uses] for form in forms]
+        if any(roles.count("acceleration") > 1 for roles in pulses):
+            chosen = st.radio(
                 "Accelerations in one table are",
                 ["each", "averaged"],
                 format_func={"each": "Each a record of its own", "averaged": "Sensors of one record"}.__getitem__,
                 key=f"{source.key} together",
                 persist_state="session",
             )
+            together = chosen == "averaged"
         return Reading(source.path, source.fmt, columns, together)
     tables = {path.name: path for path in tables_of(source.path)} if source.path.is_dir() else {}
     known = {name.partition(": ")[0] for form in forms if form.proposed.kind == "conditions" for name in form.names}
@@ -97,17 +100,18 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
         picked: dict[ColumnRole, Sequence[str]] = {} if holds == "pulses" else {"time": (), "acceleration": ()}
         units: dict[ColumnRole, str | None] = {}
         for role, label in asked.items():
-            left, right = st.columns([5, 2])
+            left, right = st.columns([3, 1], vertical_alignment="bottom")
             picked[role] = _pick(left, form, role, label, key)
             if role in QUANTITIES:
                 units[role] = right.selectbox(
-                    f"Unit of {label.lower()}",
+                    f"Unit of {role.replace('_', ' ')}",
                     list(UNITS[QUANTITIES[role]]),
                     index=None,
                     placeholder=form.unit_of(picked[role]) or "?",
                     key=f"{key} unit of {role}",
                     persist_state="session",
                     disabled=not picked[role],
+                    label_visibility="collapsed",
                 )
     return form.choices(picked, units)
 
@@ -193,44 +197,58 @@ def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple
         format_func=lambda name: name if labels[name] in ("", name) else f"{name} · {labels[name]}",
         key=f"{source.key} channels {hash(frozenset(names))}",
         persist_state="session",
+        wrap=True,
         help="All that could be the vehicle's pulse along X. Those that are proposed are filled in.",
     )
     return () if tuple(chosen) == records[0].proposed else tuple(chosen)
 
 
 def _condition(source: Source, records: Sequence[Record]) -> tuple[PartialCondition, float | None]:
-    conditions = [record.condition for record in records]
-    left, right = st.columns(2)
+    known = [record.condition for record in records]
+    shares = [
+        one.front_weight_kg and one.rear_weight_kg and one.front_weight_kg / (one.front_weight_kg + one.rear_weight_kg)
+        for one in known
+    ]
+    middle, left, right = st.columns([3, 2, 2])
     speed_in = left.selectbox("Speed in", list(UNITS["speed"]), key=f"{source.key} speed in", persist_state="session")
     weight_in = right.selectbox("Weights in", ["kg", "lb"], key=f"{source.key} weights in", persist_state="session")
     kph, kg = UNITS["speed"][speed_in], UNITS["mass"][weight_in]
+    speed = _number(middle, f"Speed ({speed_in})", [one.speed_mps for one in known], kph, source)
     left, right = st.columns(2)
-    speed = _number(left, f"Speed ({speed_in})", [one.speed_mps for one in conditions], kph, source)
-    mass = _number(right, f"Mass ({weight_in})", [one.mass_kg for one in conditions], kg, source)
-    front = _number(left, f"Front weight ({weight_in})", [one.front_weight_kg for one in conditions], kg, source)
-    rear = _number(right, f"Rear weight ({weight_in})", [one.rear_weight_kg for one in conditions], kg, source)
-    share = left.number_input(
+    front = _number(left, f"Front weight ({weight_in})", [one.front_weight_kg for one in known], kg, source)
+    rear = _number(right, f"Rear weight ({weight_in})", [one.rear_weight_kg for one in known], kg, source)
+    mass = _number(left, f"Mass ({weight_in})", [one.mass_kg for one in known], kg, source)
+    share = _number(
+        right,
         "Front share (%)",
-        min_value=1.0,
-        max_value=99.0,
-        value=None,
-        placeholder="from the weights",
-        key=f"{source.key} front share",
-        persist_state="session",
-        help="Of the mass, on the front axle: for files that know no axle weights.",
+        shares,
+        0.01,
+        source,
+        "Of the mass, on the front axle: for files that know no axle weights.",
     )
-    return PartialCondition(speed, mass, front, rear), None if share is None else share / 100
+    return PartialCondition(speed, mass, front, rear), share
 
 
 def _number(
-    place: DeltaGenerator, label: str, found: Sequence[float | None], unit: float, source: Source
+    place: DeltaGenerator,
+    label: str,
+    found: Sequence[float | None],
+    unit: float,
+    source: Source,
+    tip: str | None = None,
 ) -> float | None:
     known = sorted(value / unit for value in found if value is not None)
-    grey = "not in the file"
+    grey = "not found"
     if known:
         grey = f"{known[0]:.5g}" if known[-1] - known[0] < 1e-6 * known[-1] else f"{known[0]:.4g}–{known[-1]:.4g}"
     value = place.number_input(
-        label, min_value=0.0, value=None, placeholder=grey, key=f"{source.key} {label}", persist_state="session"
+        label,
+        min_value=0.0,
+        value=None,
+        placeholder=grey,
+        key=f"{source.key} {label}",
+        persist_state="session",
+        help=tip,
     )
     return None if value is None else value * unit
 

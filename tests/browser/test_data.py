@@ -1,11 +1,15 @@
 """Uploads in a real browser."""
 
 import io
+import shutil
 import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from selenium.webdriver.common.by import By
+
+from tests.importing.crashes import clock, half_sine_g
+from tests.importing.test_import import german
 
 if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
@@ -36,3 +40,28 @@ def test_a_bad_upload_is_refused_and_the_mended_one_opened(server: "Server", use
     drop("good.zip")
     user.sees("Fingerprint")
     assert "campaign=good" in user.browser.current_url
+
+
+def test_a_german_table_is_mapped_seen_and_added(server: "Server", user: "User", tmp_path: Path) -> None:
+    """Semicolons, decimal commas and bare headers: the columns are said, the condition filled in, the preview drawn."""
+    campaign = tmp_path / "campaign"
+    shutil.copytree(Path(__file__).parents[2] / "sample_data", campaign)
+    time_s = clock()
+    table = tmp_path / "Versuch 12.csv"
+    table.write_bytes(german(time_s, 0 * time_s, half_sine_g(time_s), header="Zeit;Kanal 1;Kanal 2"))
+    user.open(server, "data")
+    user.wait(lambda: user.browser.find_elements(By.CSS_SELECTOR, 'input[type="file"]'))[0].send_keys(str(table))
+    user.sees(table.name, '[data-testid="stFileUploader"]')
+    user.press("Open upload")
+    user.sees("Before it can be added")
+    user.press("", 'button[aria-label="Remove Kanal 1"]')
+    for label, value in (("Speed (km/h)", "56"), ("Front weight (kg)", "950"), ("Rear weight (kg)", "750")):
+        user.find(f'input[aria-label="{label}"]').send_keys(value + "\t")
+    user.sees("Column Kanal 2 is the acceleration")
+    user.sees("The vehicle stops at")
+    user.find('[data-testid="stPlotlyChart"] .scatterlayer')
+    user.find('input[aria-label="Campaign folder on this computer"]').send_keys(f"{campaign}\t")
+    user.press("Add as test")
+    user.sees("Fingerprint")
+    assert "campaign=campaign" in user.browser.current_url
+    assert (campaign / "tests.csv").read_text().splitlines()[-1].startswith('"Versuch 12",34.8')

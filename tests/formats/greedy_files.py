@@ -22,10 +22,10 @@ PLACE = Path(sys.argv[1])
 
 
 def text(head: str, part: str) -> None:
-    """A head and 31 MiB of a part again and again: just short of what a table of conditions may have."""
+    """A head and 20 MiB of a part again and again: less than a table of conditions may have."""
     with (PLACE / "pulse.csv").open("w") as stream:
         stream.write(head)
-        for _ in range(31):
+        for _ in range(20):
             stream.write(part * (MIB // len(part)))
 
 

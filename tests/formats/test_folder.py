@@ -164,6 +164,7 @@ def test_a_record_that_ends_early_goes_on_without_acceleration_and_says_so(campa
     loaded = load_campaign(campaign_folder)
     assert "tests/T2.csv: the record ends at 92 ms" in loaded.warnings[0]
     assert not loaded.tests[1].pulse.accel_mps2[GRID_S > 0.0925].any()
+    assert [test.recorded_s for test in loaded.tests] == pytest.approx([np.inf, 0.092, np.inf, np.inf])
 
 
 def test_unfiltered_pulses_are_warned_of(campaign_folder: Path) -> None:
@@ -385,11 +386,11 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "test at standstill": (
         _set("tests.csv", 0, "speed_mph", 0),
-        "tests.csv, column speed_mph, row 2: expected a number above 0, found 0",
+        "tests.csv, column speed_mph, row 2: expected a number of at least 0.224, found 0",
     ),
     "negative run speed": (
         _set("cae.csv", 0, "speed_mph", -1),
-        "cae.csv, column speed_mph, row 2: expected 0 or above, found -1",
+        "cae.csv, column speed_mph, row 2: expected a number of at least 0, found -1",
     ),
     "wrong sign": (
         _edit("tests/T1.csv", lambda t: t.assign(acceleration_g=-t.acceleration_g)),

@@ -33,7 +33,7 @@ from crashfuse.formats.tables import read_candidates
 
 MORE = os.environ.get("CRASHFUSE_HOSTILE_EXAMPLES")
 hostile = settings(
-    max_examples=int(MORE or 120),
+    max_examples=int(MORE or 60),
     derandomize=MORE is None,
     deadline=5000,  # ms: a hang
     database=None,
@@ -475,6 +475,15 @@ def test_spoilt_pulses_and_candidates_are_read_or_refused_in_sentences(
                 read(folder / name)
             except DataError as error:
                 assert_sentences(error)
+
+
+def test_more_candidates_than_anyone_can_look_at_are_refused(tmp_path: Path) -> None:
+    """Before each is predicted."""
+    path = tmp_path / "candidates.csv"
+    rows = "".join(f"A{i},25,2000,1500\n" for i in range(1001))
+    path.write_text(f"id,speed_mph,front_weight_lb,rear_weight_lb\n{rows}")
+    with pytest.raises(DataError, match=r"candidates.csv: expected at most 1000 candidates, found 1001; leave out"):
+        read_candidates(path)
 
 
 def test_files_that_would_fill_the_memory_are_refused_early(tmp_path: Path) -> None:

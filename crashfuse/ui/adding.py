@@ -1,0 +1,155 @@
+"""The end of an import: into which campaign, and adding it there."""
+
+import threading
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import streamlit as st
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.importing import Choices, Role, Settled, add_settled, own_filter_class
+from crashfuse.importing.draft import Reading
+from crashfuse.ui import campaigns, frame
+from crashfuse.ui.foreign import REFUSED, UNFINISHED, Source, leave, settled_of
+from crashfuse.ui.problems import show_problems
+from crashfuse.ui.text import plain
+from crashfuse.ui.uploads import is_scratch
+
+_FOLDER, _INTO = "import folder", "import into"  # in the session
+WHAT: dict[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
+_adding = threading.Lock()
+
+
+def show_door(
+    source: Source,
+    reading: Reading,
+    choices: Choices,
+    role: Role,
+    settled: Sequence[Settled],
+    view: frame.View | None,
+) -> None:
+    """Where to, and the button."""
+    st.subheader("Add to a campaign")
+    if refused := st.session_state.get(REFUSED):
+        show_problems(refused, "Nothing was added", "The campaign is as it was.")
+    left, right = st.columns([2, 3], gap="large")
+    if len(settled) == 1:
+        left.text_input(
+            "Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session"
+        )
+    with right:
+        _ask_folder(view)
+    st.button(
+        f"Add {counted(len(settled), role)}" if len(settled) > 1 else f"Add as {WHAT[role][0]}",
+        type="primary",
+        icon=":material/add:",
+        disabled=not settled,
+        on_click=_add,
+        args=(source, reading, choices, role),
+    )
+
+
+def _ask_folder(view: frame.View | None) -> None:
+    open_one = _open_folder()
+    if open_one is not None and view is not None:
+        st.radio(
+            "Into",
+            ["open", "folder"],
+            format_func={"open": f"{view.campaign.name}, which is open", "folder": "Another folder"}.__getitem__,
+            key=_INTO,
+            persist_state="session",
+            horizontal=True,
+        )
+    if open_one is None or st.session_state.get(_INTO) == "folder":
+        st.text_input(
+            "Campaign folder on this computer",
+            key=_FOLDER,
+            persist_state="session",
+            placeholder=str(Path.home() / "my-campaign"),
+            help="A new folder, which will be made, or a campaign that is there already.",
+        )
+
+
+def own_class() -> float | None:
+    """With what the campaign that is added to filters its records, as far as it is known yet."""
+    try:
+        return own_filter_class(_target())
+    except (DataError, OSError):
+        return None
+
+
+def _add(source: Source, reading: Reading, choices: Choices, role: Role) -> None:
+    """Add all that can be added, and turn to the campaign."""
+    st.session_state.pop(REFUSED, None)
+    try:
+        folder = _target()
+        own = own_filter_class(folder)
+        settled, problems = settled_of(source, reading, choices, role, raw=own is not None)
+        if len(settled) == 1 and (new_id := st.session_state.get(f"{source.key} id", "").strip()):
+            settled = (replace(settled[0], id=new_id),)
+        if not settled:
+            raise DataError(problems)
+        with _adding:
+            add_settled(folder, settled, role=role)
+    except DataError as error:
+        st.session_state[REFUSED] = error.problems
+        return
+    except OSError as error:
+        expected, found = "a folder that can be written", error.strerror or str(error)
+        st.session_state[REFUSED] = (Problem("campaign", expected, found, "check the path and your rights"),)
+        return
+    leave()
+    _turn_to(folder, f"{counted(len(settled), role)} added")
+
+
+def _turn_to(folder: Path, sentence: str) -> None:
+    try:
+        frame.choose_campaign(campaigns.open_folder(folder))
+        st.toast(f"{sentence}; campaign.toml tells how.", icon=":material/check:")
+    except DataError as error:
+        st.session_state[_FOLDER] = str(folder)  # where the rest is likely to go
+        st.session_state[UNFINISHED] = (f"{sentence} to {plain(str(folder))}.", error.problems)
+
+
+def _open_folder() -> Path | None:
+    """The folder of the open campaign, if it is one that can be added to."""
+    folder = campaigns.shelf().get(st.session_state.get("campaign") or "")
+    return None if folder is None or is_scratch(folder) or campaigns.is_sample(folder) else folder
+
+
+def _target() -> Path:
+    """The folder to add to.
+
+    Raises
+    ------
+    DataError
+        If it is none that anything should be added to.
+    """
+    own = _open_folder()
+    if own is not None and st.session_state.get(_INTO, "open") == "open":
+        return own
+    text = st.session_state.get(_FOLDER, "").strip().strip('"')  # as file managers copy a path
+    expected, advice = "a new or empty folder, or a campaign", "name a folder by its whole path"
+    try:
+        folder = Path(text).expanduser()
+        if not folder.is_absolute():
+            raise DataError(Problem("campaign folder", expected, text or "none", advice))
+        folder = folder.resolve()
+        trouble = None
+        if campaigns.is_sample(folder) or is_scratch(folder):
+            trouble = "one of crashfuse's own"
+        elif folder.exists() and not folder.is_dir():
+            trouble = "a file"
+        elif folder.is_dir() and not any((folder / name).is_file() for name in ("tests.csv", "cae.csv")):
+            trouble = "a folder of other things" if any(folder.iterdir()) else None
+    except (OSError, RuntimeError, ValueError) as error:  # no such home, a name that no folder can have
+        raise DataError(Problem("campaign folder", expected, str(error), advice)) from error
+    if trouble is not None:
+        raise DataError(Problem(str(folder), expected, trouble, "name another folder"))
+    return folder
+
+
+def counted(number: int, role: Role) -> str:
+    """Return so many tests or CAE runs, in words."""
+    return f"{number} {WHAT[role][number != 1]}"

@@ -1,0 +1,149 @@
+"""The documentation is true: its commands and its code run, its links lead somewhere, and it stays on the machine."""
+
+import dataclasses
+import re
+import shlex
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from crashfuse import cli
+from crashfuse.campaign import Campaign
+from tests.conftest import condition_table, write_campaign
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
+PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
+WITH_CODE = [page for page in PAGES if re.search(r"```(python|console)", (DOCS / page).read_text(encoding="utf-8"))]
+
+IDS = ("T04", "T05", "T09")  # the pages speak of the sample campaign; here a small one has its place and its ids
+READ_ONLY = ("--scheduler", "--device cuda")  # options that need what a test machine may not have
+NOT_OURS = ("python -m pip ", "pip-audit ", "dask ")  # the words of others: not run here
+IN_THE_CHECKOUT = re.compile(r"python -m (supply_chain\.\w+)")
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One cache for all pages: what one has learned the next need not learn again."""
+    return tmp_path_factory.mktemp("pages")
+
+
+@pytest.mark.usefixtures("quick_networks")
+@pytest.mark.parametrize("page", WITH_CODE)
+def test_all_code_on_a_page_runs(
+    page: str, campaign: Campaign, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From top to bottom, on a small campaign with small networks."""
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(cache))
+    monkeypatch.chdir(tmp_path)
+    apart = (campaign.tests[0], *campaign.tests[2:])
+    tests = tuple(dataclasses.replace(test, id=name) for name, test in zip(IDS, apart, strict=True))
+    write_campaign(dataclasses.replace(campaign, tests=tests), tmp_path / "campaign")
+    condition_table([("N1", tests[1].condition)]).to_csv("candidates.csv", index=False)
+    names: dict[str, object] = {}
+    for language, code in re.findall(r"```(python|console)\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.S):
+        if language == "python":
+            exec(code, names)  # noqa: S102 - our own documentation
+        else:
+            for line in code.splitlines():
+                run(line)
+
+
+def run(line: str) -> None:
+    """Run a documented command; one that needs what is not there, or never ends, is only parsed."""
+    if line.startswith(NOT_OURS):
+        return
+    if (module := IN_THE_CHECKOUT.match(line)) is not None:
+        assert (ROOT / module[1].replace(".", "/")).with_suffix(".py").is_file()
+        return
+    program, *arguments = shlex.split(line)
+    assert program == "crashfuse", line
+    parsed = cli.parser().parse_args(arguments)
+    if arguments[0] == "app" or any(option in line for option in READ_ONLY):
+        return
+    if arguments[0] == "sample":
+        assert parsed.folder.name == "campaign"  # where the small one already is
+        return
+    if arguments[0] == "study" and "--workers" not in arguments:
+        arguments += ["--workers", "1"]  # others would not know of the small networks
+    assert cli.main(arguments) == 0, line
+
+
+class _Page(HTMLParser):
+    """Links and anchors of a page, and everything that a browser would fetch for it."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.anchors: set[str] = set()
+        self.links: set[str] = set()
+        self.fetched: set[str] = set()
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note an element."""
+        for name, value in attrs:
+            if name in ("id", "name") and value:
+                self.anchors.add(value)
+            if value and (name in ("src", "srcset", "data") or (name == "href" and tag == "link")):
+                self.fetched.add(value)
+            elif value and name == "href" and tag == "a":
+                self.links.add(value)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built site; warnings (a missing page, a reference to nothing) end the build."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+def test_every_page_is_built_and_every_link_leads_somewhere(site: Path) -> None:
+    """To a page and an anchor on it that exist."""
+    pages = {path: _Page(path) for path in site.rglob("*.html")}
+    assert {path.relative_to(site).with_suffix(".md").as_posix() for path in pages} >= set(PAGES)
+    dead = []
+    for path, page in pages.items():
+        for link in sorted(page.links):
+            place, _, anchor = link.partition("#")
+            target = (path.parent / place).resolve() if place else path
+            if re.match(r"https?:|/", link) or path.name == "404.html":
+                continue
+            if not target.is_file() or (anchor and target in pages and anchor not in pages[target].anchors):
+                dead.append(f"{path.relative_to(site)}: {link}")
+    assert dead == []
+
+
+def test_a_reader_fetches_nothing_from_elsewhere(site: Path) -> None:
+    """No font, script, style or picture of another server: not by a page, a style or a script."""
+    fetched = {value for path in site.rglob("*.html") for value in _Page(path).fetched}
+    assert fetched
+    assert {value for value in fetched if re.match(r"(https?:)?//", value)} == set()
+    for path in site.rglob("*.css"):
+        assert not re.search(r"(url\(|@import)\s*[\"']?(https?:)?//", path.read_text(encoding="utf-8")), path
+
+
+def test_equations_and_docstrings_are_set(site: Path) -> None:
+    """Equations are MathML; no role of another markup language, no LaTeX and no unanswered request is left."""
+    texts = {path: path.read_text(encoding="utf-8") for path in site.rglob("*.html")}
+    assert sum(text.count("<math") for text in texts.values()) > 100
+    left = re.compile(r":(class|func|meth|mod|data|attr|math):`|class=\"arithmatex\"|\.\. math::|<!-- help")
+    assert {path.name: found[0] for path, text in texts.items() if (found := left.search(text))} == {}
+
+
+def test_the_help_of_every_command_is_on_its_page() -> None:
+    """A new command is documented."""
+    (commands,) = (action.choices for action in cli.parser()._actions if isinstance(action.choices, dict))
+    page = (DOCS / "reference" / "command-line.md").read_text(encoding="utf-8")
+    assert re.findall(r"<!-- help (\S+) -->", page) == list(commands)
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    """What is not listed is not found."""
+    listed = re.findall(r"^ +- (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert sorted(listed) == PAGES
