@@ -62,7 +62,8 @@ def main() -> None:
             studies["the same files" if same else "other files"] += 1
             studies["with unfinished files left"] += any((folder / name).rglob(".unfinished-*"))
             studies["with locks left"] += any((folder / name).rglob("*.lock"))
-            print(f"{kills} kills, {dict(studies)}", file=sys.stderr)
+            said = {way: dict(found) for way, found in outcomes.items()}
+            print(f"{kills} kills: {said}; in the end: {dict(studies)}", file=sys.stderr)
     print(f"{kills} kills in {studies['the same files'] + studies['other files']} studies of {length:.0f} s\n")
     print("| killed | times | what became of it |\n|---|---:|---|")
     for way, found in outcomes.items():

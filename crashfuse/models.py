@@ -95,7 +95,16 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
             raise ValueError("settings that are not those of its preset")
         approach.restore(campaign, Learned(record["learned"], arrays))
         return Fit(approach, config, float(record["seconds"]), approach.left_out(campaign))
-    except (KeyError, IndexError, TypeError, ValueError, RuntimeError, ArithmeticError, AttributeError, UsageError) as error:
+    except (
+        KeyError,
+        IndexError,
+        TypeError,
+        ValueError,
+        RuntimeError,
+        ArithmeticError,
+        AttributeError,
+        UsageError,
+    ) as error:
         raise _unfit(path, f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}") from error
 
 

@@ -68,6 +68,8 @@ def recommend_for(
         for name in names
         if (found := expected_rating(by_name[name].left_out_mps2, campaign, condition, window_ms)) is not None
     }
+    if len(campaign.tests) == 1:  # nor could the weights of a mixture be learned
+        return _by_the_paper([name for name in names if name != "fused"] or names, campaign, condition)
     if set(expected) <= {"cae", "lf_tcn"} and set(names) - set(expected):
         return _by_the_paper(names, campaign, condition)
     most = max(expected.values(), key=lambda e: e.mean).mean
@@ -94,6 +96,8 @@ def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition
         "time domain beside a test of about the same speed, else the displacement domain."
     )
     unknown = "How it predicts tests that it has not seen was not asked under these settings."
+    if len(campaign.tests) == 1:
+        unknown = "There is only one test, which cannot be left out: what rating to expect is not known."
     return Recommendation(chosen, (reason, unknown, *campaign.cae.extrapolation(condition)))
 
 

@@ -15,7 +15,7 @@ from crashfuse.report import study_report
 from crashfuse.tables import pulses_table, scores_table, study_metrics
 from crashfuse.ui import displacement, evidence, frame, network, tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
-from crashfuse.ui.panel import result_of
+from crashfuse.ui.panel import result_of, stop_with_a_single_test
 from crashfuse.ui.text import plain
 
 CORRIDORS_HELP = (
@@ -29,6 +29,7 @@ DRAWS_HELP = (
 
 view = frame.enter_with_campaign("Compare")
 test, campaign, config = view.held_out, view.campaign, chosen_config()
+stop_with_a_single_test(campaign)
 st.subheader(f"Test {plain(test.id)}: {test.condition}")
 
 request = StudyRequest(campaign, (test.id,), config)

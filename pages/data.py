@@ -121,11 +121,10 @@ def show_summary(view: frame.View) -> None:
     )
     for warning in campaign.warnings:
         st.warning(plain(warning), icon=":material/warning:")
-    st.page_link(
-        frame.pages()["compare"],
-        label=f"Next: predict test {plain(view.held_out.id)} from the others, and compare",
-        icon=":material/arrow_forward:",
-    )
+    page, label = "compare", f"Next: predict test {plain(view.held_out.id)} from the others, and compare"
+    if len(campaign.tests) == 1:
+        page, label = "predict", "Next: predict another condition"
+    st.page_link(frame.pages()[page], label=label, icon=":material/arrow_forward:")
 
 
 def show_tests(view: frame.View) -> None:
@@ -171,9 +170,12 @@ def show_conditions(view: frame.View) -> None:
     """Where tests and CAE runs lie, and how the CAE model rates before any correction."""
     campaign = view.campaign
     st.subheader("Conditions")
-    evidence.show_figure(
-        condition_space(campaign.cae, campaign.tests, held_out=view.held_out.id),
-        alt="Speed against front and rear weight of CAE runs and tests; the same numbers are in the table below",
+    evidence.show_kept_figure(
+        lambda: condition_space(campaign.cae, campaign.tests, held_out=view.held_out.id),
+        "Speed against front and rear weight of CAE runs and tests; the same numbers are in the table below",
+        "conditions",
+        campaign.fingerprint,
+        view.held_out.id,
     )
     st.markdown("**The CAE model against each test, before any correction** (ISO/TS 18571)")
     st.table(tables.conditions(campaign), border="horizontal")
@@ -183,11 +185,16 @@ def show_library(view: frame.View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
     st.subheader("CAE model")
-    evidence.show_figure(
-        plots.library_band(
+    evidence.show_kept_figure(
+        lambda: plots.library_band(
             campaign.cae, campaign.tests, window_ms=view.window_ms, unit=view.unit, deceleration=view.deceleration
         ),
-        alt="Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
+        "Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
+        "library",
+        campaign.fingerprint,
+        view.window_ms,
+        view.unit,
+        view.deceleration,
     )
     st.caption(
         "The shaded band holds the middle 90 % of all CAE runs at each time, whatever their speed. "

@@ -16,11 +16,12 @@ from crashfuse.study import Study
 from crashfuse.tables import scores_table, study_metrics
 from crashfuse.ui import evidence, frame, tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
-from crashfuse.ui.panel import result_of
+from crashfuse.ui.panel import result_of, stop_with_a_single_test
 from crashfuse.ui.text import plain
 
 view = frame.enter_with_campaign("Study")
 campaign, config = view.campaign, chosen_config()
+stop_with_a_single_test(campaign)
 window = tables.window_label(view.window_ms)
 st.markdown(
     "How well does each approach predict a test that it has not seen? Every test is left out in turn, predicted from "

@@ -5,10 +5,11 @@ import streamlit as st
 from crashfuse.approaches import APPROACHES, DEVICES, LABELS
 from crashfuse.ui import frame
 from crashfuse.ui.computation import StudyRequest, chosen_config, jobs
-from crashfuse.ui.panel import show_end, show_job
+from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test
 
 view = frame.enter_with_campaign("Train")
 campaign = view.campaign
+stop_with_a_single_test(campaign)
 st.markdown("Leave a test out, let every approach learn from all the others, and see how well it predicts that test.")
 
 left, right = st.columns(2, gap="large")

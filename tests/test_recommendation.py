@@ -105,3 +105,14 @@ def test_equal_approaches_are_said_to_be_equal(campaign: Campaign) -> None:
     found = recommend(study(campaign, {"cae": 0.6, "displacement_domain": 0.97, "fused": 0.97}))
     assert found.approach == "fused"
     assert "These tests can't tell it from the displacement domain." in found.sentences
+
+
+def test_of_a_single_test_no_rating_is_expected(campaign: Campaign) -> None:
+    """Nothing was left out, so nothing is known: the paper's advice decides, and a mixture is not taken."""
+    single, other = campaign.without(["T1", "T2", "T3"]), campaign.test("T1")
+    estimates = [estimate(name, single, other, 0.9, 0.05) for name in ("fused", "displacement_domain", "time_domain")]
+    found = recommend_for(estimates, single, other.condition)
+    assert (found.approach, found.expected) == ("displacement_domain", None)
+    assert "only one test, which cannot be left out" in " ".join(found.sentences)
+    beside = recommend_for(estimates, single, single.tests[0].condition)
+    assert beside.approach == "time_domain"

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from supply_chain.audit import altered, unpinned, vulnerable
-from supply_chain.hashes import HASHES, entries
+from supply_chain.hashes import HASHES, TORCH, entries, unknown
 from supply_chain.inventory import CUDA, ROOT, SBOM, TABLE, Component, installation, licence, pins, sbom, table
 
 PERMISSIVE = {
@@ -40,12 +40,19 @@ def test_everything_that_is_installed_is_pinned(installed: tuple[Component, ...]
 
 
 def test_every_pin_has_its_hashes() -> None:
-    """And nothing else has: the file is made from the pins; what CUDA brings along is not for it."""
-    hashed = entries(HASHES.read_text(encoding="utf-8"))
+    """And nothing else has: the files are made from the pins; what CUDA brings along is not for them."""
+    hashed = entries(HASHES.read_text(encoding="utf-8") + TORCH.read_text(encoding="utf-8"))
     versions = dict(requirement.partition(";")[0].strip().split("==") for requirement in hashed)
     assert versions == {name: version for name, version in pins().items() if not name.startswith(CUDA)}
     assert all(hashes for hashes in hashed.values())
     assert all(re.fullmatch(r"sha256:[0-9a-f]{64}", each) for hashes in hashed.values() for each in hashes)
+
+
+def test_a_file_that_nobody_listed_is_told(tmp_path: Path) -> None:
+    """One byte more, and it is not the file that was pinned."""
+    path = tmp_path / "torch-2.13.0-py3-none-any.whl"
+    path.write_bytes(b"something else")
+    assert unknown([path]) == [path.name]
 
 
 def test_the_table_of_licences_is_current() -> None:

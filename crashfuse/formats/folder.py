@@ -58,7 +58,7 @@ def load_campaign(folder: str | Path) -> Campaign:
             ends_s = reader.ends_s
         problems.extend(reader.problems)
         warnings.extend(_shortened(reader.warnings))
-    _check_counts(tables, problems)
+    _check_counts(tables, problems, warnings)
     if problems:
         raise DataError(shortened(problems))
     check_units(tables, pulses, warnings)
@@ -73,10 +73,12 @@ def load_campaign(folder: str | Path) -> Campaign:
     return Campaign(settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc)
 
 
-def _check_counts(tables: dict[str, ConditionTable], problems: list[Problem]) -> None:
-    if "tests" in tables and len(tables["tests"].ids) < 2:
-        advice = "add a test: leaving the only one out leaves nothing to learn from"
-        problems.append(Problem("tests.csv", "at least 2 tests", "1", advice))
+def _check_counts(tables: dict[str, ConditionTable], problems: list[Problem], warnings: list[str]) -> None:
+    if "tests" in tables and len(tables["tests"].ids) == 1:
+        warnings.append(
+            "Only one test: nothing can be left out, so nothing can be checked; predictions can be made, but how much "
+            "tests differ from each other is assumed."
+        )
     if "cae" in tables and len(tables["cae"].ids) < _FEWEST_RUNS:
         found = str(len(tables["cae"].ids))
         problems.append(Problem("cae.csv", f"at least {_FEWEST_RUNS} CAE runs", found, "add runs"))

@@ -153,8 +153,8 @@ def choices_of(
     condition, share = _condition(source, records)
     found = _found(first, Choices(channels=channels, condition=condition, front_share=share), role)
     left, right = st.columns(2)
-    unit = _field(left, "Unit", list(ACCELERATION_UNITS), found and found.unit, source)
-    braking = _field(right, "Sign", list(_BRAKING), found and f"Braking {found.braking}", source)
+    unit = _field(left, "Unit", list(ACCELERATION_UNITS), found.unit if found else None, source)
+    braking = _field(right, "Sign", list(_BRAKING), f"Braking {found.braking}" if found else None, source)
     left, right = st.columns(2)
     zero_ms = left.number_input(
         "Time zero (ms)",
@@ -168,9 +168,10 @@ def choices_of(
         right.selectbox("Filter", [f"CFC {own_class:g}, by the campaign"], disabled=True, key=f"{source.key} own class")
         cfc: float | str | None = own_class
     else:
-        detected = found and (
-            "Not filtered" if found.channel_filter_class is None else f"CFC {found.channel_filter_class:g}"
-        )
+        detected = None
+        if found is not None:
+            detected_class = found.channel_filter_class
+            detected = "Not filtered" if detected_class is None else f"CFC {detected_class:g}"
         name = _field(right, "Filter", list(_CLASSES), detected, source)
         cfc = _CLASSES[name] if name else None
     return Choices(

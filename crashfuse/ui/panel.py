@@ -4,7 +4,9 @@ from typing import Any, Protocol, TypeVar
 
 import streamlit as st
 
+from crashfuse.campaign import Campaign
 from crashfuse.plots.learning import learning_curves
+from crashfuse.ui import frame
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.jobs import Job, Step
 from crashfuse.ui.text import plain
@@ -50,6 +52,19 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
         st.markdown(invitation)
         st.button(button, type="primary", icon=":material/play_arrow:", on_click=request.start, key=button)
     return None
+
+
+def stop_with_a_single_test(campaign: Campaign) -> None:
+    """End a page that leaves tests out where there is only one, and say so."""
+    if len(campaign.tests) > 1:
+        return
+    st.info(
+        f"{plain(campaign.test_ids[0])} is the only test of this campaign: left out, it would leave nothing to learn "
+        "from. The page Predict works; how well it predicts cannot be checked before there is a second test.",
+        icon=":material/looks_one:",
+    )
+    st.page_link(frame.pages()["predict"], label="Predict another condition", icon=":material/arrow_forward:")
+    st.stop()
 
 
 def show_end(job: Job[Any]) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 import pandas as pd
+import streamlit as st
 from pandas.io.formats.style import Styler
 
 from crashfuse.approaches import LABELS
@@ -26,7 +27,12 @@ def window_label(window_ms: float) -> str:
 
 def conditions(campaign: Campaign) -> Styler:
     """Every test with its condition, its paired CAE run and how the uncorrected run rates over each window."""
-    rows = []
+    return _coloured(_conditions(campaign.fingerprint, campaign))
+
+
+@st.cache_data(show_spinner=False, max_entries=4)
+def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa: ARG001 - the key
+    campaign, rows = _campaign, []
     for test in campaign.tests:
         condition, run = test.condition, campaign.cae.paired_run(test.condition)
         row: dict[str, str] = {
@@ -44,7 +50,7 @@ def conditions(campaign: Campaign) -> Styler:
                 row[f"CAE rating {window_label(window)}"] = _graded(rating.overall)
         row["Inside the CAE runs' range"] = "no" if campaign.cae.extrapolation(condition) else "yes"
         rows.append(row)
-    return _coloured(pd.DataFrame(rows).fillna("–"))
+    return pd.DataFrame(rows).fillna("–")
 
 
 def ratings(by_approach: Mapping[str, Mapping[float, Rating]], window_ms: float) -> Styler:

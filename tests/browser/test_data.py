@@ -64,4 +64,4 @@ def test_a_german_table_is_mapped_seen_and_added(server: "Server", user: "User",
     user.press("Add as test")
     user.sees("Fingerprint")
     assert "campaign=campaign" in user.browser.current_url
-    assert (campaign / "tests.csv").read_text().splitlines()[-1].startswith('"Versuch 12",34.8')
+    assert (campaign / "tests.csv").read_text().splitlines()[-1].startswith('"Versuch 12",34.79')

@@ -178,6 +178,18 @@ def test_unfiltered_pulses_are_warned_of(campaign_folder: Path) -> None:
     assert "channel_filter_class = 60" in warning
 
 
+def test_a_single_test_is_enough_to_predict_and_not_to_check(campaign_folder: Path) -> None:
+    """The campaign is read, with a word on what cannot be done."""
+    table = campaign_folder / "tests.csv"
+    table.write_text("\n".join(table.read_text().splitlines()[:2]) + "\n")
+    for test_id in ("T2", "T3", "T4"):
+        (campaign_folder / "tests" / f"{test_id}.csv").unlink()
+    loaded = load_campaign(campaign_folder)
+    assert loaded.test_ids == ("T1",)
+    (warning,) = loaded.warnings
+    assert warning.startswith("Only one test: nothing can be left out")
+
+
 def test_an_id_may_look_like_a_missing_value(campaign_folder: Path) -> None:
     """A run named NA is a run."""
     _cae_as_csv(campaign_folder)
@@ -409,10 +421,6 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
         _edit("cae.csv", lambda t: t.assign(speed_mph=t.speed_mph / KPH * MPH)),
         "cae.csv: expected pulses that take off about the impact speed, half of them at least, found 0.68 times it; "
         "check the unit of the speed (km/h under a name that ends in _mph?).",
-    ),
-    "the only test": (
-        _edit("tests.csv", lambda t: t[:1]),
-        "tests.csv: expected at least 2 tests, found 1;",
     ),
     "few runs": (
         _edit("cae.csv", lambda t: t[:9]),

@@ -235,3 +235,17 @@ def test_the_filter_is_drawn_over_what_was_read(visit: Visit, campaign: Campaign
     assert f"from {read_peak:.1f} to {peak:.1f} g" in session.words
     session.go("train").go("data")
     assert session.app.button_group(key="filter").value == "CFC 60"
+
+
+def test_what_a_single_test_allows_is_said_on_every_page(visit: Visit, open_campaign: Path) -> None:
+    """It is shown, and can be learned from; the pages that leave tests out say why they can't."""
+    table = open_campaign / "tests.csv"
+    table.write_text("\n".join(table.read_text().splitlines()[:2]) + "\n")
+    session = visit()
+    assert session.numbers["Tests"] == "1"
+    assert "Only one test: nothing can be left out" in session.words
+    for page in ("train", "compare", "study"):
+        session.go(page)
+        assert "T1 is the only test of this campaign: left out, it would leave nothing to learn from." in session.words
+        assert not session.buttons
+    assert session.go("predict").buttons
