@@ -110,7 +110,7 @@ def test_the_figures_are_light(text: str) -> None:
 
 
 def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
-    """Nothing was measured there; what may be expected, the nearest tests and the bias of the campaign's tests stand."""
+    """Nothing was measured there; what may be expected, the nearest tests and the bias of the tests stand."""
     text = prediction_report(campaign, [estimate(campaign.tests[0])], CONFIG)
     assert figures(text) == 3
     assert '"name":"Test"' not in text
@@ -118,3 +118,8 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     assert "Expected rating over 0–60 ms: about 1.00" in text
     assert "Nearest tests: T1 (+0.0 mph" in text
     assert "crashfuse predict CAMPAIGN --speed-mph 15 " in text
+
+
+def test_equal_results_give_equal_bytes(study: Study, text: str) -> None:
+    """Whenever and however long it took: a review can compare reports."""
+    assert study_report(replace(study, seconds={"prepare": 7.0})) == text

@@ -1,6 +1,6 @@
 """The TCN before it has seen a test: an emulator of the CAE model in time (LF TCN, Eq. 5)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, Self, get_args
 
 import numpy as np
@@ -105,16 +105,22 @@ class LfTcn(TcnApproach):
         if len(cae) < 2:
             raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
         key = {"cae": cae.fingerprint, "config": config.lf_settings, "seed": self.seed, "device": self._device.type}
-        entry = self.cache.get(_KIND, key) if self.cache else None
-        if entry is not None:
-            return self.restore(campaign, Learned({}, entry))
+        if self.cache is None:
+            return self._train(cae, key, watch)
+        if (entry := self.cache.get(_KIND, key)) is None:
+            with self.cache.alone(_KIND, key, watch):
+                if (entry := self.cache.get(_KIND, key)) is None:  # another process may have come first
+                    self._train(cae, key, watch)
+                    self.cache.put(_KIND, key, self.learned().arrays)
+                    return self
+        return self.restore(campaign, Learned({}, entry))
+
+    def _train(self, cae: CaeLibrary, key: Mapping[str, object], watch: Watch) -> Self:
         vectors, accel = self._begin(cae)
         checkpoint = Checkpoint(self.cache, {**key, "training": _KIND})
         self.network_, self.losses_ = train(
-            vectors, accel, self.scaling_, config, self.seed, self._device, checkpoint, watch
+            vectors, accel, self.scaling_, self.config, self.seed, self._device, checkpoint, watch
         )
-        if self.cache:
-            self.cache.put(_KIND, key, self.learned().arrays)
         return self
 
     def _begin(self, cae: CaeLibrary) -> tuple[FloatArray, FloatArray]:

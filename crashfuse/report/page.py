@@ -1,6 +1,7 @@
 """The pieces a report is written with: text, tables, figures, and the page around them."""
 
 import html
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import pandas as pd
@@ -9,6 +10,7 @@ from plotly.offline import get_plotlyjs
 
 from crashfuse.campaign import Campaign
 
+_FIGURE = re.compile(r'id="([0-9a-f-]{36})" class="plotly-graph-div"')
 _STYLE = """
 body { font: 15px/1.5 system-ui, "Segoe UI", sans-serif; color: #262a33; background: #fff; max-width: 62rem;
        margin: 2rem auto; padding: 0 1rem }
@@ -54,13 +56,16 @@ addEventListener("afterprint", () => figures().forEach(figure => {
 
 
 def page(title: str, campaign: Campaign, parts: Sequence[str]) -> str:
-    """The whole file."""
+    """The whole file; figures are numbered, so that equal content gives equal bytes."""
+    body = "".join(parts)
+    for number, drawn in enumerate(dict.fromkeys(_FIGURE.findall(body)), start=1):
+        body = body.replace(drawn, f"figure-{number}")
     notice = f"<p class=notice>{text(campaign.notice)}</p>" if campaign.notice else ""
     return (
         f"<!doctype html><html lang=en><head><meta charset=utf-8>"
         f"<meta name=viewport content='width=device-width'><title>{text(title)}</title><style>{_STYLE}</style>"
         f"<script>{get_plotlyjs()}</script><script>{_PRINTING}</script></head>"
-        f"<body><h1>{text(title)}</h1>{notice}{''.join(parts)}</body></html>\n"
+        f"<body><h1>{text(title)}</h1>{notice}{body}</body></html>\n"
     )
 
 

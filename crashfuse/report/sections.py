@@ -151,7 +151,7 @@ def fits(estimates: Iterable[Estimate]) -> str:
 
 
 def origin(record: Mapping[str, object], command: str) -> str:
-    """Versions, fingerprint, seed, seconds, and the command that makes it again."""
+    """Versions, fingerprint, seed, and the command that makes it again."""
     rows = {
         "Made again by": command,
         "Campaign fingerprint (SHA-256)": record["fingerprint"],
@@ -160,7 +160,5 @@ def origin(record: Mapping[str, object], command: str) -> str:
         "Packages": record["packages"],
         "Seed and settings": record["config"],
     }
-    if "seconds" in record:
-        rows["Seconds"] = record["seconds"]
     again = "Same data, command and versions give the same numbers; CAMPAIGN and DIR are folders of your own."
     return section("Where this comes from", pairs_table(rows), paragraphs([again], "quiet"), name="origin")

@@ -47,7 +47,6 @@ def study_report(study: Study) -> str:
     campaign, config = study.campaign, study.config
     links = "".join(f'<a href="#{name}">{title}</a>' for name, title in _CONTENTS.items())
     held_out = [fold.held_out for fold in study.folds]
-    record = {**provenance(campaign, held_out, config), "seconds": {k: round(s, 1) for k, s in study.seconds.items()}}
     parts = [
         f"<nav>{links}</nav>",
         f"<div class=verdict>{paragraphs(recommend(study).sentences)}</div>",
@@ -61,7 +60,7 @@ def study_report(study: Study) -> str:
         *(_test(study, fold) for fold in study.folds),
         limits(campaign, _weak_spots(study)),
         paragraphs(["How each fit went is folded away on the screen, not printed; it is in study.json too."], "quiet"),
-        origin(record, study_command(campaign, held_out, config)),
+        origin(provenance(campaign, held_out, config), study_command(campaign, held_out, config)),
     ]
     left_out = "speed group" if config.hold_out == "speed group" else "test"
     return page(f"{campaign.name}: study with each {left_out} left out", campaign, parts)
