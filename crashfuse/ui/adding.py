@@ -27,7 +27,6 @@ def show_door(
     choices: Choices,
     role: Role,
     settled: Sequence[Settled],
-    view: frame.View | None,
 ) -> None:
     """Where to, and the button."""
     st.subheader("Add to a campaign")
@@ -38,8 +37,8 @@ def show_door(
         left.text_input(
             "Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session"
         )
-    with right:
-        _ask_folder(view)
+    with right if len(settled) == 1 else left:
+        _ask_folder()
     st.button(
         f"Add {counted(len(settled), role)}" if len(settled) > 1 else f"Add as {WHAT[role][0]}",
         type="primary",
@@ -50,13 +49,16 @@ def show_door(
     )
 
 
-def _ask_folder(view: frame.View | None) -> None:
+def _ask_folder() -> None:
     open_one = _open_folder()
-    if open_one is not None and view is not None:
+    if open_one is not None:
         st.radio(
             "Into",
             ["open", "folder"],
-            format_func={"open": f"{view.campaign.name}, which is open", "folder": "Another folder"}.__getitem__,
+            format_func={
+                "open": f"{st.session_state['campaign']}, which is open",
+                "folder": "Another folder",
+            }.__getitem__,
             key=_INTO,
             persist_state="session",
             horizontal=True,

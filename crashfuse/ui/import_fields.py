@@ -100,7 +100,7 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
         picked: dict[ColumnRole, Sequence[str]] = {} if holds == "pulses" else {"time": (), "acceleration": ()}
         units: dict[ColumnRole, str | None] = {}
         for role, label in asked.items():
-            left, right = st.columns([3, 1], vertical_alignment="bottom")
+            left, right = st.columns([5, 2], vertical_alignment="bottom")
             picked[role] = _pick(left, form, role, label, key)
             if role in QUANTITIES:
                 units[role] = right.selectbox(

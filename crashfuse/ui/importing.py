@@ -66,7 +66,7 @@ def show(source: Source, view: frame.View | None) -> None:
         elif problems:
             can = f"{counted(len(settled), role)} can be added without." if settled else ""
             show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
-    show_door(source, reading, choices, role, settled, view)
+    show_door(source, reading, choices, role, settled)
 
 
 def _role(source: Source) -> Role:
