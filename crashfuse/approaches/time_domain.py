@@ -25,6 +25,7 @@ from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import DT_S, Condition, FloatArray
 
 _DRIFT_MPS = 12.0  # over which increments change: what 10 mph tell of 35 mph is not all that 30 mph tell
+_LEAST_FREEDOM = 3  # of the draws: with fewer their tails have no end
 _HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
@@ -194,7 +195,8 @@ class TimeDomain(TcnApproach):
 
     def _pulses(self, condition: Condition, outlook: Outlook, widening: float, late: float) -> FloatArray:
         """The mean pulse, then drawn ones with wider deviations: shape (1 + n_draws, 1250), m/s²."""
-        n_draws, n_times, dof = self.config.n_draws, outlook.mean.size, len(self._vectors)
+        n_draws, n_times = self.config.n_draws, outlook.mean.size
+        dof = max(len(self._vectors), _LEAST_FREEDOM)
         rng = np.random.default_rng(self.seed)
         normal = outlook.draw(n_draws, rng)
         # the variance itself is learned from a handful of tests: Student's t
