@@ -7,6 +7,7 @@ read where there is none. Where there is one, ``pip-audit -r supply_chain/hashes
 
 import argparse
 import base64
+import csv
 import hashlib
 import json
 import sys
@@ -40,17 +41,19 @@ def altered(components: Sequence[Component]) -> list[str]:
 
 
 def _altered(distribution: metadata.Distribution) -> Iterator[str]:
-    for file in distribution.files or ():
-        if file.hash is None or file.hash.mode != "sha256":  # RECORD itself, and what was compiled since
+    # not distribution.files: from some version of Python on it leaves out what is gone
+    for name, recorded, *_ in csv.reader((distribution.read_text("RECORD") or "").splitlines()):
+        mode, _, expected = recorded.partition("=")
+        if mode != "sha256":  # RECORD itself, and what was compiled since
             continue
-        path = Path(str(file.locate()))
+        path = Path(str(distribution.locate_file(name)))
         if not path.is_file():
-            yield f"{distribution.name}: {file} is gone."
+            yield f"{distribution.name}: {name} is gone."
             continue
         with path.open("rb") as stream:
             digest = hashlib.file_digest(stream, "sha256").digest()
-        if base64.urlsafe_b64encode(digest).rstrip(b"=").decode() != file.hash.value:
-            yield f"{distribution.name}: {file} was altered."
+        if base64.urlsafe_b64encode(digest).rstrip(b"=").decode() != expected:
+            yield f"{distribution.name}: {name} was altered."
 
 
 def vulnerable(components: Sequence[Component], advisories: Path) -> list[str]:

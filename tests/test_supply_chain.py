@@ -201,6 +201,7 @@ def test_the_wheel_holds_the_package_and_the_dashboard_and_nothing_else(wheel: P
     assert {name for name in names if name.startswith("crashfuse/")} == {
         *code,
         *pages,
+        "crashfuse/py.typed",
         "crashfuse/dashboard/app.py",
         "crashfuse/dashboard/.streamlit/config.toml",
     }
