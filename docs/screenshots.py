@@ -26,12 +26,12 @@ _FLAGS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage", "--hide-scrollbars"),
 )
 _SHOTS = {  # page, height that shows it, theme, button that begins what it shows, words that end it
-    "data": ("data", 1280, "light", None, "CAE model"),
+    "data": ("data", 1610, "light", None, "CAE model"),
     "train": ("train", 760, "light", "Start", "are ready"),
-    "compare": ("compare", 1560, "light", "Predict test", "Pulse metrics"),
-    "study": ("study", 1180, "light", "Leave out each", "Every rating"),
-    "predict": ("predict", 1480, "light", "Predict", "Pulse metrics"),
-    "compare-dark": ("compare", 1560, "dark", None, "Pulse metrics"),
+    "compare": ("compare", 1690, "light", "Predict test", "Pulse metrics"),
+    "study": ("study", 1440, "light", "Leave out each", "Every rating"),
+    "predict": ("predict", 1650, "light", "Predict", "Pulse metrics"),
+    "compare-dark": ("compare", 1690, "dark", None, "Pulse metrics"),
 }
 _LONGEST_S = 1200.0
 

@@ -52,7 +52,7 @@ def show_ratings(study: Study, way: str) -> None:
         on_click=lambda test_id: frame.choose_held_out(campaign.test(test_id)),
     )
     if chosen:
-        st.switch_page(frame.pages()["compare"])
+        st.switch_page(frame.pages()["compare"], query_params={})  # what is bound to widgets can't be cleared
     st.caption("Click a cell to open its test on the page Compare.")
 
 

@@ -35,6 +35,7 @@ _LOGO = (
 )
 # Streamlit writes white on the accent colour, which in the dark is too light for it
 _ACCENT_TEXT = '<style>button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F) }</style>'
+_SIDEBAR_PX = 320  # three windows stand side by side
 _NOT_FOUND = "not found"  # in the session: what its link asked for in vain
 REFUSED = "refused"  # in the session: what is wrong with the campaign that was last tried
 
@@ -144,9 +145,11 @@ def choose_held_out(test: CrashTest) -> None:
 
 
 def _navigate() -> Page:
+    # before the navigation, which would have the browser fetch the page's icon for its tab from the internet
+    st.set_page_config(page_icon=_ICON, layout="wide", initial_sidebar_state=_SIDEBAR_PX)
     home = st.Page(_open_first_page, title="Data", default=True, visibility="hidden")
     page = st.navigation([home, *pages().values()])
-    st.set_page_config(page_title=f"{page.title} · crashfuse", page_icon=_ICON, layout="wide")
+    st.set_page_config(page_title=f"{page.title} · crashfuse")
     st.logo(_LOGO, size="large")
     st.html(_ACCENT_TEXT)
     return page

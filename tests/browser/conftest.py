@@ -1,5 +1,6 @@
 """A server of its own and people in front of a real browser."""
 
+import json
 import os
 import shutil
 import socket
@@ -12,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
-from urllib.parse import quote_plus
+from urllib.parse import quote_plus, urlsplit
 
 import pytest
 from selenium import webdriver
@@ -206,9 +207,18 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WebDriver]:
         driver.quit()
 
 
+def _foreign_hosts(browser: WebDriver) -> set[str]:
+    """Hosts other than the server that the pages sent anything to."""
+    events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]  # type: ignore[no-untyped-call]
+    addresses = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
+    assert addresses
+    hosts = {urlsplit(address).hostname for address in addresses if address.startswith(("http", "ws"))}
+    return {str(host) for host in hosts - {"127.0.0.1"}}
+
+
 @pytest.fixture
 def user(chromium: WebDriver, tmp_path: Path) -> Iterator[User]:
-    """Someone with an empty page before them, in the light theme."""
+    """Someone with an empty page before them, in the light theme; nothing that they do leaves the machine."""
     folder = tmp_path / "downloads"
     chromium.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(folder)})
     someone = User(chromium, folder)
@@ -220,3 +230,4 @@ def user(chromium: WebDriver, tmp_path: Path) -> Iterator[User]:
         chromium.close()
     chromium.switch_to.window(chromium.window_handles[0])
     chromium.get("about:blank")
+    assert _foreign_hosts(chromium) == set()
