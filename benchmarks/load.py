@@ -190,7 +190,7 @@ def _hold_out(browser: WebDriver, session: Session) -> None:
     field.send_keys(session.test)
     start = time.perf_counter()
     field.send_keys(Keys.ENTER)
-    took = _settled(browser, "Compare", _result(session)) - start
+    took = _settled_on_compare(browser, session) - start
     session.took_s.setdefault("Compare, another test", []).append(took)
 
 
@@ -199,15 +199,11 @@ def _open(browser: WebDriver, page: str, session: Session) -> None:
     link = browser.find_element(By.PARTIAL_LINK_TEXT, page)
     start = time.perf_counter()
     link.click()
-    took = (
-        _settled(browser, "Sample" if page == "Data" else page, _result(session) if page == "Compare" else "") - start
-    )
+    if page == "Compare":
+        took = _settled_on_compare(browser, session) - start
+    else:
+        took = _settled(browser, "Sample" if page == "Data" else page) - start
     session.took_s.setdefault(page, []).append(took)
-
-
-def _result(session: Session) -> str:
-    """What Compare has to show before it is whole; who trains sees no result before the training has ended."""
-    return "" if session.trains else f"Test {session.test[:3]}"
 
 
 def _look(browser: WebDriver, page: str, session: Session, truth: Truth) -> None:
@@ -224,10 +220,15 @@ def _look(browser: WebDriver, page: str, session: Session, truth: Truth) -> None
         session.trouble.append(f"{page} showed {sorted(shown)} for {own}, not {sorted(truth.ratings[own])}")
 
 
-def _settled(browser: WebDriver, title: str, result: str = "") -> float:
+def _settled_on_compare(browser: WebDriver, session: Session) -> float:
+    """As :func:`_settled`, for this session's test; who trains sees no ratings before the training has ended."""
+    return _settled(browser, "Compare", f"Test {session.test[:3]}", rated=not session.trains)
+
+
+def _settled(browser: WebDriver, title: str, test: str = "", *, rated: bool = False) -> float:
     """Wait until the page has its title, its script has ended and its figures are drawn; returns when that was.
 
-    With a ``result``, the first subheader has to tell it, and ratings have to be there.
+    If asked for, its first subheader has to name a test, and ratings have to be there.
     """
     script = """
         const title = document.querySelector('[data-testid="stMain"] h1');
@@ -235,13 +236,13 @@ def _settled(browser: WebDriver, title: str, result: str = "") -> float:
         const subheader = document.querySelector('[data-testid="stMain"] h3');
         const figures = [...document.querySelectorAll('[data-testid="stPlotlyChart"]')];
         return title && title.innerText.includes(arguments[0]) && app.dataset.testScriptState === 'notRunning'
-            && (!arguments[1] || (subheader && subheader.innerText.includes(arguments[1])
-                                  && document.querySelector('[data-testid="stMetricValue"]')))
+            && (!arguments[1] || (subheader && subheader.innerText.includes(arguments[1])))
+            && (!arguments[2] || document.querySelector('[data-testid="stMetricValue"]'))
             && !document.querySelector('[data-stale="true"]') && figures.every(f => f.querySelector('.main-svg'));
     """
     deadline = time.perf_counter() + _LONGEST_S
     while time.perf_counter() < deadline:
-        if browser.execute_script(script, title, result):
+        if browser.execute_script(script, title, test, rated):
             return time.perf_counter()
         time.sleep(0.05)
     raise WebDriverException(f"{title} was not whole after {_LONGEST_S:.0f} s")
@@ -249,7 +250,7 @@ def _settled(browser: WebDriver, title: str, result: str = "") -> float:
 
 def _press(browser: WebDriver, label: str) -> None:
     deadline = time.monotonic() + _LONGEST_S
-    path = f"//*[@data-testid='stMain']//button[contains(., '{label}')]"
+    path = f"//*[@data-testid='stMain']//button[contains(., '{label}') and not(@disabled)]"
     while not (buttons := browser.find_elements(By.XPATH, path)):
         if time.monotonic() > deadline:
             raise SystemExit(f"There is no button {label}.")
