@@ -113,7 +113,7 @@ def recommend(study: Study) -> Recommendation:
     compared = ", ".join(f"{_in_words(name)} {verdict.mean_crps_g[name]:.2f} g" for name in others)
     sentences = [
         f"Use {_in_words(chosen)} for this campaign. Over 0–{verdict.window_ms:g} ms, on {_tests(len(study.folds))} "
-        f"that were left out, its mean distance from what was measured (CRPS, less is better) is "
+        f"that {'was' if len(study.folds) == 1 else 'were'} left out, its mean distance from what was measured (CRPS, less is better) is "
         f"{verdict.mean_crps_g[chosen]:.2f} g" + (f"; {compared}." if compared else "."),
         verdict.ratings_of(chosen),
     ]
