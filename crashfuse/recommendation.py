@@ -111,10 +111,11 @@ def recommend(study: Study) -> Recommendation:
     chosen = verdict.chosen
     others = [name for name in verdict.names if name != chosen]
     compared = ", ".join(f"{_in_words(name)} {verdict.mean_crps_g[name]:.2f} g" for name in others)
+    left_out = f"{_tests(len(study.folds))} that {'was' if len(study.folds) == 1 else 'were'} left out"
     sentences = [
-        f"Use {_in_words(chosen)} for this campaign. Over 0–{verdict.window_ms:g} ms, on {_tests(len(study.folds))} "
-        f"that {'was' if len(study.folds) == 1 else 'were'} left out, its mean distance from what was measured (CRPS, less is better) is "
-        f"{verdict.mean_crps_g[chosen]:.2f} g" + (f"; {compared}." if compared else "."),
+        f"Use {_in_words(chosen)} for this campaign. Over 0–{verdict.window_ms:g} ms, on {left_out}, its mean distance "
+        f"from what was measured (CRPS, less is better) is {verdict.mean_crps_g[chosen]:.2f} g"
+        + (f"; {compared}." if compared else "."),
         verdict.ratings_of(chosen),
     ]
     if equal := [name for name in verdict.equal if name != chosen]:
