@@ -60,6 +60,16 @@ class Study:
         """Overall rating of an approach over one window, averaged over the held-out tests."""
         return float(np.mean([fold.ratings[approach][window_ms].overall for fold in self.folds]))
 
+    def rating_spread(self, window_ms: float) -> dict[str, dict[str, tuple[float, float, float]]]:
+        """By test and approach with a band: overall rating over one window, and the interval of single draws."""
+        return {
+            fold.held_out: {
+                name: (fold.ratings[name][window_ms].overall, *fold.rating_interval(name, window_ms))
+                for name in fold.rating_draws
+            }
+            for fold in self.folds
+        }
+
     @cached_property
     def coverage(self) -> dict[str, Calibration]:
         """How much of the held-out tests lies inside the 95 % band of each approach that has one."""

@@ -71,15 +71,7 @@ for test in campaign.tests:
 if study.coverage:
     st.subheader(f"How sure the ratings are, {window}")
     evidence.show_figure(
-        rating_spread(
-            {
-                fold.held_out: {
-                    name: (fold.ratings[name][view.window_ms].overall, *fold.rating_interval(name, view.window_ms))
-                    for name in fold.rating_draws
-                }
-                for fold in study.folds
-            }
-        ),
+        rating_spread(study.rating_spread(view.window_ms)),
         alt="Rating of each held-out test by approach, with the interval that single drawn pulses are rated in",
     )
     st.caption(

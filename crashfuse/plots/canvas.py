@@ -4,7 +4,6 @@ import re
 from typing import Any, Literal
 
 import numpy as np
-import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it half-way, in several threads at once)
 import plotly.graph_objects as go
 
 from crashfuse.plots.palette import AXIS, CURSOR, GRID, IN_THE_DARK, INK, PAPER, WINDOW, WINDOW_INK

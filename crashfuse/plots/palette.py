@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it half-way, in several threads at once)
 from plotly.colors import sample_colorscale
 
 from crashfuse.campaign import CrashTest

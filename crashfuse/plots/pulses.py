@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it half-way, in several threads at once)
 import plotly.graph_objects as go
 
 from crashfuse.approaches import LABELS, Prediction

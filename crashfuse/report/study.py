@@ -44,12 +44,12 @@ def study_report(study: Study) -> str:
     ----------
     study : Study
     """
-    campaign, config = study.campaign, study.config
+    campaign, config, verdict = study.campaign, study.config, recommend(study)
     links = "".join(f'<a href="#{name}">{title}</a>' for name, title in _CONTENTS.items())
     held_out = [fold.held_out for fold in study.folds]
     parts = [
         f"<nav>{links}</nav>",
-        f"<div class=verdict>{paragraphs(recommend(study).sentences)}</div>",
+        f"<div class=verdict>{paragraphs(verdict.sentences)}</div>",
         _result(study),
         _tables(study),
         _band(study),
@@ -58,7 +58,7 @@ def study_report(study: Study) -> str:
         bias(campaign),
         '<div id="tests"></div>',
         *(_test(study, fold) for fold in study.folds),
-        limits(campaign, _weak_spots(study)),
+        limits(campaign, _weak_spots(study, verdict.approach)),
         paragraphs(["How each fit went is folded away on the screen, not printed; it is in study.json too."], "quiet"),
         origin(provenance(campaign, held_out, config), study_command(campaign, held_out, config)),
     ]
@@ -107,14 +107,7 @@ def _tables(study: Study) -> str:
         if len(found):
             names = {level: found.index.get_level_values(level) for level in ("Test", "Approach")}
             parts += [f"<h3>{text(caption)}</h3>", _rating_rows(found, best(found), names)]
-    spread = {
-        fold.held_out: {
-            name: (_overall(fold, max(study.config.windows_ms))[name], *interval)
-            for name in fold.rating_draws
-            for interval in [fold.rating_interval(name, max(study.config.windows_ms))]
-        }
-        for fold in study.folds
-    }
+    spread = study.rating_spread(max(study.config.windows_ms))
     if any(spread.values()):
         parts += [
             "<h3>How sure the ratings are</h3><p>Marks: the rating of the expected pulse. Lines: where the ratings of "
@@ -186,9 +179,9 @@ def _overall(fold: Fold, window_ms: float) -> dict[str, float]:
     return {approach: ratings[window_ms].overall for approach, ratings in fold.ratings.items()}
 
 
-def _weak_spots(study: Study) -> list[str]:
+def _weak_spots(study: Study, chosen: str) -> list[str]:
     """Tests that the recommended approach did not predict well, and those outside the CAE runs."""
-    chosen, window = recommend(study).approach, max(study.config.windows_ms)
+    window = max(study.config.windows_ms)
     poor = [fold.held_out for fold in study.folds if fold.ratings[chosen][window].grade in ("Fair", "Poor")]
     outside = [test.id for test in study.campaign.tests if study.campaign.cae.extrapolation(test.condition)]
     said = []
