@@ -120,7 +120,7 @@ def _study_record(study: Study) -> dict[str, object]:
         "rating_intervals": {
             fold.held_out: {
                 name: {f"{w:g}": [round(end, 4) for end in fold.rating_interval(name, w)] for w in config.windows_ms}
-                for name in fold.rating_draws
+                for name in fold.with_band
             }
             for fold in study.folds
         },

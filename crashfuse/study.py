@@ -65,7 +65,7 @@ class Study:
         return {
             fold.held_out: {
                 name: (fold.ratings[name][window_ms].overall, *fold.rating_interval(name, window_ms))
-                for name in fold.rating_draws
+                for name in fold.with_band
             }
             for fold in self.folds
         }

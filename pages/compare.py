@@ -51,7 +51,7 @@ for column, (name, by_window) in zip(st.columns(len(fold.ratings)), fold.ratings
     with column.container(border=True, height="stretch"):
         st.metric(LABELS[name], f"{rating.overall:.3f}", gain)
         evidence.show_grade(rating.grade)
-        if name in fold.rating_draws:
+        if name in fold.with_band:
             low, high = fold.rating_interval(name, view.window_ms)
             st.caption(f"Single draws: {low:.2f}–{high:.2f}", help=DRAWS_HELP)
 

@@ -34,7 +34,7 @@ def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -
         draws = factor * np.linspace(0.95, 1.05, 100)[:, None] * test.pulse.accel_mps2
         with_band = Estimate("displacement_domain", Prediction(test.condition, draws[50], draws), {}, 0.0)
         without = Estimate("cae", Prediction(test.condition, draws[50]), {}, 0.0)
-        folds.append(Fold(test.id, (without, with_band), {}, {}))
+        folds.append(Fold(test, (without, with_band), {}))
     config = StudyConfig(approaches=("cae", "displacement_domain"))
     found = Study(campaign, config, tuple(folds)).coverage
     assert list(found) == ["displacement_domain"]

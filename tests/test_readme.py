@@ -22,7 +22,10 @@ def test_the_two_commands_install_and_run_what_exists() -> None:
     """Both install from the checkout; the first starts the dashboard on the sample, the second runs the tests."""
     start, check = (block.strip().split(" && ") for block in blocks("console"))
     assert start[0] == "python -m pip install -c constraints.txt ."
-    assert check == ['python -m pip install -c constraints.txt -e ".[test]"', "python -m pytest"]
+    assert check == [
+        'python -m pip install -c constraints.txt -e ".[test]"',
+        "python -m pytest -n logical --dist loadfile",
+    ]
     arguments = cli.parser().parse_args(shlex.split(start[1])[1:])
     assert (ROOT / arguments.campaign / "tests.csv").is_file()
     assert (ROOT / "constraints.txt").is_file()
