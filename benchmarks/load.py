@@ -9,25 +9,14 @@ The browsers run on the same cores as the server: with few cores most of a page 
 """
 
 import argparse
-import os
-import shutil
-import socket
-import subprocess
-import sys
-import tempfile
 import threading
 import time
-import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from urllib.parse import quote
 
 import numpy as np
-from selenium import webdriver
+from dashboard import ROOT, Dashboard, browser, press, served, settled, wait_for
 from selenium.common.exceptions import WebDriverException
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.chrome.webdriver import WebDriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -36,16 +25,8 @@ from crashfuse import Fit, StudyConfig, load_campaign, run_study
 from crashfuse.campaign import CrashTest
 from crashfuse.units import MPH
 
-ROOT = Path(__file__).resolve().parents[1]
 _PAGES = ("Data", "Train", "Compare", "Study", "Predict")
-_FLAGS = (
-    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage"),
-    "--window-size=1440,1000",
-)
 _PAUSE_S = (2.0, 6.0)  # a reader's
-_LONGEST_S = 60.0
-_FIRST_S = 600.0  # for what has to be read from the cache once
 
 
 @dataclass
@@ -73,23 +54,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=3.0)
     arguments = parser.parse_args()
     truth = _prepare()
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        address = f"http://127.0.0.1:{probe.getsockname()[1]}"
-    with tempfile.TemporaryDirectory() as scratch:
-        log = Path(scratch) / "server.log"
-        environment = {**os.environ, "CRASHFUSE_CAMPAIGN": str(ROOT / "sample_data")}
-        command = [sys.executable, "-m", "streamlit", "run", "app.py", "--server.headless", "true"]
-        command += ["--server.port", address.rpartition(":")[2]]
-        with log.open("wb") as stream:
-            server = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=stream, stderr=subprocess.STDOUT)
-            try:
-                _wait_until_up(address)
-                sessions = _use(address, truth, arguments.sessions, 60 * arguments.minutes, server.pid)
-            finally:
-                server.terminate()
-                server.wait()
-        _print(sessions, log.read_text(encoding="utf-8"))
+    with served(CRASHFUSE_CAMPAIGN=str(ROOT / "sample_data")) as dashboard:
+        sessions = _use(dashboard, truth, arguments.sessions, 60 * arguments.minutes)
+        log = dashboard.log
+    _print(sessions, log)
 
 
 def _prepare() -> Truth:
@@ -109,63 +77,48 @@ def _label(test: CrashTest) -> str:
     return f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph"
 
 
-def _use(address: str, truth: Truth, n: int, seconds: float, pid: int) -> list[Session]:
+def _use(dashboard: Dashboard, truth: Truth, n: int, seconds: float) -> list[Session]:
     sessions = [Session(truth.tests[(4 * i) % len(truth.tests)]) for i in range(n)]
-    with _browser() as browser:  # the first visit of each page reads what the others then share
-        browser.get(f"{address}/predict")
-        _press(browser, "Predict")
-        _wait_for(browser, "Pulse metrics")
-        browser.find_element(By.PARTIAL_LINK_TEXT, "Study").click()
-        _wait_for(browser, "Mean rating over the tests")
-    print(f"Server: {_memory_mib(pid):.0f} MiB before the sessions begin.", flush=True)
+    with browser() as first:  # the first visit of each page reads what the others then share
+        first.get(f"{dashboard.address}/predict")
+        wait_for(first, "Pulse metrics")
+        first.find_element(By.PARTIAL_LINK_TEXT, "Study").click()
+        wait_for(first, "Mean rating over the tests")
+    print(f"Server: {dashboard.memory_mib:.0f} MiB before the sessions begin.", flush=True)
     end = time.monotonic() + seconds
     threads = [
-        threading.Thread(target=_browse, args=(address, truth, session, end, number))
+        threading.Thread(target=_browse, args=(dashboard.address, truth, session, end, number))
         for number, session in enumerate(sessions)
     ]
     for thread in threads:
         thread.start()
     most = 0.0
     while any(thread.is_alive() for thread in threads):
-        most = max(most, _memory_mib(pid))
+        most = max(most, dashboard.memory_mib)
         time.sleep(1.0)
-    print(f"Server: {most:.0f} MiB at its peak, {_memory_mib(pid):.0f} MiB at the end.")
+    print(f"Server: {most:.0f} MiB at its peak, {dashboard.memory_mib:.0f} MiB at the end.")
     return sessions
-
-
-@contextmanager
-def _browser() -> Iterator[WebDriver]:
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        options = webdriver.ChromeOptions()
-        options.binary_location = shutil.which("chromium") or ""
-        for flag in (*_FLAGS, f"--user-data-dir={profile}"):
-            options.add_argument(flag)
-        browser = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
-        try:
-            yield browser
-        finally:
-            browser.quit()
 
 
 def _browse(address: str, truth: Truth, session: Session, end: float, number: int) -> None:
     rng = np.random.default_rng(number)
     try:
-        with _browser() as browser:
-            browser.get(f"{address}/data?held_out={quote(session.test)}")
-            _settled(browser, "Sample")
+        with browser() as own:
+            own.get(f"{address}/data?held_out={quote(session.test)}")
+            settled(own, "Sample")
             if number == 0:
-                _train_anew(browser)
+                _train_anew(own)
                 session.trains = True
             page = "Train" if number == 0 else "Data"
             while time.monotonic() < end:
                 time.sleep(rng.uniform(*_PAUSE_S))
                 if page == "Compare" and rng.random() < 0.5:
                     session.test = str(rng.choice([other for other in truth.tests if other != session.test]))
-                    _hold_out(browser, session)
+                    _hold_out(own, session)
                 else:
                     page = str(rng.choice([other for other in _PAGES if other != page]))
-                    _open(browser, page, session)
-                _look(browser, page, session, truth)
+                    _open(own, page, session)
+                _look(own, page, session, truth)
     except WebDriverException as error:
         session.trouble.append(f"{type(error).__name__}: {str(error).splitlines()[0]}")
 
@@ -173,14 +126,14 @@ def _browse(address: str, truth: Truth, session: Session, end: float, number: in
 def _train_anew(browser: WebDriver) -> None:
     """Start what is not in the cache: the same test with another seed."""
     browser.find_element(By.PARTIAL_LINK_TEXT, "Train").click()
-    _settled(browser, "Train")
+    settled(browser, "Train")
     browser.find_element(By.XPATH, "//summary[contains(., 'Advanced')]").click()
     seed = browser.find_element(By.CSS_SELECTOR, 'input[aria-label="Seed"]')
     seed.send_keys(Keys.CONTROL, "a")
     seed.send_keys(str(time.time_ns() % 1_000_000), Keys.ENTER)
-    _settled(browser, "Train")
-    _press(browser, "Start")
-    _wait_for(browser, "Cancel")
+    settled(browser, "Train")
+    press(browser, "Start")
+    wait_for(browser, "Cancel")
 
 
 def _hold_out(browser: WebDriver, session: Session) -> None:
@@ -202,7 +155,7 @@ def _open(browser: WebDriver, page: str, session: Session) -> None:
     if page == "Compare":
         took = _settled_on_compare(browser, session) - start
     else:
-        took = _settled(browser, "Sample" if page == "Data" else page) - start
+        took = settled(browser, "Sample" if page == "Data" else page) - start
     session.took_s.setdefault(page, []).append(took)
 
 
@@ -222,67 +175,7 @@ def _look(browser: WebDriver, page: str, session: Session, truth: Truth) -> None
 
 def _settled_on_compare(browser: WebDriver, session: Session) -> float:
     """As :func:`_settled`, for this session's test; who trains sees no ratings before the training has ended."""
-    return _settled(browser, "Compare", f"Test {session.test[:3]}", rated=not session.trains)
-
-
-def _settled(browser: WebDriver, title: str, test: str = "", *, rated: bool = False) -> float:
-    """Wait until the page has its title, its script has ended and its figures are drawn; returns when that was.
-
-    If asked for, its first subheader has to name a test, and ratings have to be there.
-    """
-    script = """
-        const title = document.querySelector('[data-testid="stMain"] h1');
-        const app = document.querySelector('[data-testid="stApp"]');
-        const subheader = document.querySelector('[data-testid="stMain"] h3');
-        const figures = [...document.querySelectorAll('[data-testid="stPlotlyChart"]')];
-        return title && title.innerText.includes(arguments[0]) && app.dataset.testScriptState === 'notRunning'
-            && (!arguments[1] || (subheader && subheader.innerText.includes(arguments[1])))
-            && (!arguments[2] || document.querySelector('[data-testid="stMetricValue"]'))
-            && !document.querySelector('[data-stale="true"]') && figures.every(f => f.querySelector('.main-svg'));
-    """
-    deadline = time.perf_counter() + _LONGEST_S
-    while time.perf_counter() < deadline:
-        if browser.execute_script(script, title, test, rated):
-            return time.perf_counter()
-        time.sleep(0.05)
-    raise WebDriverException(f"{title} was not whole after {_LONGEST_S:.0f} s")
-
-
-def _press(browser: WebDriver, label: str) -> None:
-    deadline = time.monotonic() + _LONGEST_S
-    path = f"//*[@data-testid='stMain']//button[contains(., '{label}') and not(@disabled)]"
-    while not (buttons := browser.find_elements(By.XPATH, path)):
-        if time.monotonic() > deadline:
-            raise SystemExit(f"There is no button {label}.")
-        time.sleep(0.1)
-    buttons[0].click()
-
-
-def _wait_for(browser: WebDriver, words: str) -> None:
-    deadline = time.monotonic() + _FIRST_S
-    while words not in browser.find_element(By.CSS_SELECTOR, '[data-testid="stMain"]').text:
-        if time.monotonic() > deadline:
-            raise SystemExit(f"The page never showed {words!r}.")
-        time.sleep(0.2)
-
-
-def _wait_until_up(address: str) -> None:
-    for _ in range(600):
-        try:
-            with urllib.request.urlopen(f"{address}/_stcore/health", timeout=5):  # noqa: S310 - it is ours
-                return
-        except OSError:
-            time.sleep(0.1)
-    raise SystemExit("The server did not start.")
-
-
-def _memory_mib(pid: int) -> float:
-    """Resident memory of a process; 0 where the system does not tell."""
-    try:
-        status = Path(f"/proc/{pid}/status").read_text(encoding="utf-8")
-    except OSError:
-        return 0.0
-    return int(status.partition("VmRSS:")[2].split()[0]) / 1024
+    return settled(browser, "Compare", f"Test {session.test[:3]}", rated=not session.trains)
 
 
 def _print(sessions: list[Session], log: str) -> None:

@@ -177,7 +177,7 @@ def show_conditions(view: frame.View) -> None:
         campaign.fingerprint,
         view.held_out.id,
     )
-    st.markdown("**The CAE model against each test, before any correction** (ISO/TS 18571)")
+    st.markdown("**The tests, and how the CAE model rates against each before any correction** (ISO/TS 18571)")
     st.table(tables.conditions(campaign), border="horizontal")
 
 

@@ -1,11 +1,13 @@
 """What many tests need: a small campaign with closed-form pulses, in memory and on disk, and a cache of their own."""
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 from crashfuse.approaches.tcn import TcnConfig
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
@@ -14,6 +16,13 @@ from crashfuse.units import LB, MPH, MS, G
 
 N_RUNS = 24
 TEST_SPEEDS_MPH = (15.0, 25.0, 26.0, 35.0)
+
+
+def pytest_configure() -> None:
+    """Where tests run side by side, each keeps to one core: contended threads cost more than they gain."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        os.environ["OMP_NUM_THREADS"] = "1"  # for processes that tests start
+        torch.set_num_threads(1)
 
 
 @pytest.fixture(autouse=True)

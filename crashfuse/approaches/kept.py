@@ -43,9 +43,9 @@ def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = 
     Cancelled
         If the watch was told to stop.
     """
-    key = {**settings(approach), "campaign": campaign.fingerprint}
     if cache is None:
         return approach, _learn(approach, campaign, watch)
+    key = _key(approach, campaign)
     seconds = _restore(approach, campaign, cache, key)
     if seconds is None:
         with cache.alone(_KIND, key, watch):
@@ -56,6 +56,15 @@ def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = 
                 text = json.dumps({"values": learned.values, "seconds": seconds})
                 cache.put(_KIND, key, {**learned.arrays, "text": np.array(text)})
     return approach, seconds
+
+
+def is_kept(approach: Approach, campaign: Campaign, cache: Cache) -> bool:
+    """Whether :func:`fitted` would find in the cache what was learned from this campaign."""
+    return cache.path(_KIND, _key(approach, campaign)).is_file()
+
+
+def _key(approach: Approach, campaign: Campaign) -> dict[str, object]:
+    return {**settings(approach), "campaign": campaign.fingerprint}
 
 
 def _learn(approach: Approach, campaign: Campaign, watch: Watch) -> float:

@@ -1,12 +1,14 @@
 """What has been computed on this server, and how to have it computed: the jobs behind the pages."""
 
 import threading
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import streamlit as st
 
 from crashfuse.approaches import APPROACHES
+from crashfuse.approaches.kept import is_kept
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
 from crashfuse.config import StudyConfig
@@ -24,6 +26,8 @@ def jobs() -> Jobs:
     return Jobs()
 
 
+T = TypeVar("T")
+
 _PATIENCE_S = 3.0  # for what is in the cache; if it takes longer, its progress is shown
 
 
@@ -38,6 +42,21 @@ class _Lookups:
 @st.cache_resource(show_spinner=False)
 def _lookups() -> _Lookups:
     return _Lookups()
+
+
+def _find(key: Hashable, title: str, in_cache: Callable[[], bool], work: Callable[[Watch], T]) -> Job[T] | None:
+    """The job of this key; without one, it is done at once if the cache on disk holds what takes long."""
+    if (job := jobs().get(key)) is not None:
+        return job
+    with _lookups().lock:  # who comes second waits for the answer
+        if _lookups().ended_before.get(key) == jobs().ended:
+            return jobs().get(key)
+        with st.spinner("Looking for earlier results …"):
+            if in_cache():
+                job = jobs().start_at_once(key, title, work)
+                job.wait(_PATIENCE_S)
+        _lookups().ended_before[key] = jobs().ended
+    return job
 
 
 def chosen_config() -> StudyConfig:
@@ -77,17 +96,7 @@ class StudyRequest:
 
     def find(self) -> Job[Study] | None:
         """The job, if there was one; what an earlier run left in the cache on disk is fetched from there."""
-        if (job := jobs().get(self.key)) is not None:
-            return job
-        with _lookups().lock:  # who comes second waits for the answer
-            if _lookups().ended_before.get(self.key) == jobs().ended:
-                return jobs().get(self.key)
-            with st.spinner("Looking for earlier results …"):
-                if self._in_cache():
-                    job = jobs().start_at_once(self.key, self.title, self._work)
-                    job.wait(_PATIENCE_S)
-            _lookups().ended_before[self.key] = jobs().ended
-        return job
+        return _find(self.key, self.title, self._in_cache, self._work)
 
     def _work(self, watch: Watch) -> Study:
         return run_study(self.campaign, self.config, held_out=self.held_out, watch=watch)
@@ -128,20 +137,28 @@ class FitRequest:
         """Equal for equal data and settings."""
         return "fit", self.campaign.fingerprint, self.config
 
+    @property
+    def title(self) -> str:
+        """What the user calls it."""
+        return f"{self.campaign.name}: learn from all {len(self.campaign.tests)} tests"
+
     def start(self) -> None:
         """Queue it, or join whoever had it queued before."""
-        title = f"{self.campaign.name}: learn from all {len(self.campaign.tests)} tests"
-        jobs().start(self.key, title, self._work)
+        jobs().start(self.key, self.title, self._work)
 
     def find(self) -> Job[Fitted] | None:
-        """The job, if there was one."""
-        return jobs().get(self.key)
+        """The job, if there was one; what was learned in an earlier run is fetched from the cache on disk."""
+        return _find(self.key, self.title, self._in_cache, self._work)
 
     def _work(self, watch: Watch) -> Fitted:
         names = self.config.approaches
         fitted = Fitted(tuple(Fit.of(self.campaign, name, self.config, watch=watch) for name in names))
         fitted.estimates(self.campaign.tests[0].condition)  # what the first answer needs and all others share
         return fitted
+
+    def _in_cache(self) -> bool:
+        cache = Cache()
+        return all(is_kept(self.config.create(name, cache), self.campaign, cache) for name in self.config.approaches)
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)

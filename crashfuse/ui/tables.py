@@ -39,16 +39,16 @@ def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa:
             "Test": test.id,
             "Speed (mph)": f"{condition.speed_mps / MPH:.1f}",
             "Speed (km/h)": f"{condition.speed_mps / KPH:.1f}",
-            "Front weight (lb)": f"{condition.front_weight_kg / LB:.0f}",
-            "Rear weight (lb)": f"{condition.rear_weight_kg / LB:.0f}",
+            "Front (lb)": f"{condition.front_weight_kg / LB:.0f}",
+            "Rear (lb)": f"{condition.rear_weight_kg / LB:.0f}",
             **{name.capitalize(): value for name, value in condition.factors},
-            "Paired CAE run": "none" if run is None else campaign.cae.ids[run],
+            "Paired run": "none" if run is None else campaign.cae.ids[run],
         }
         if run is not None:
             pulse = Pulse(GRID_S, campaign.cae.accel_mps2[run])
             for window, rating in rate_windows(test.pulse, pulse, WINDOWS_MS).items():
-                row[f"CAE rating {window_label(window)}"] = _graded(rating.overall)
-        row["Inside the CAE runs' range"] = "no" if campaign.cae.extrapolation(condition) else "yes"
+                row[window_label(window)] = _graded(rating.overall)
+        row["In CAE range"] = "no" if campaign.cae.extrapolation(condition) else "yes"
         rows.append(row)
     return pd.DataFrame(rows).fillna("–")
 

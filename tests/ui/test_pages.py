@@ -3,7 +3,7 @@
 import re
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -472,3 +472,18 @@ def test_a_real_prediction_appears_and_a_new_server_finds_it_in_the_cache() -> N
     later.button_group(key="approaches").set_value(["cae"]).run()
     go(later, "compare")
     pd.testing.assert_frame_equal(tables(later)[0], shown)
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_what_was_learned_answers_a_new_condition_after_a_restart(fitting_is_an_error: Callable[[], None]) -> None:
+    """A new server finds the models in the cache: nothing is pressed and nothing learned again."""
+    app = start("train")
+    app.button_group(key="approaches").set_value(["cae"]).run()
+    finish(press(go(app, "predict"), "Predict"))
+    metrics = tables(app)[0]
+    st.cache_resource.clear()
+    fitting_is_an_error()
+    later = start("train")
+    later.button_group(key="approaches").set_value(["cae"]).run()
+    finish(go(later, "predict"))
+    pd.testing.assert_frame_equal(tables(later)[0], metrics)
