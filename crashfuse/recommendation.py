@@ -124,7 +124,7 @@ def recommend(study: Study) -> Recommendation:
         found = study.coverage[chosen]
         n = len(found.tests)
         sentences.append(
-            f"95 % model band: {found.share('accel'):.0%} of a(t) up to t0 inside, maximum crush in "
+            f"95 % model band: {100 * found.share('accel'):.0f} % of a(t) up to t0 inside, maximum crush in "
             f"{found.count('crush')} of {n} left-out tests, peak in {found.count('peak')} of {n}. No more was checked."
         )
     if study.speed_groups is not None:

@@ -12,8 +12,7 @@ campaign = view.campaign
 stop_with_a_single_test(campaign)
 st.markdown("Leave a test out, let every approach learn from all the others, and see how well it predicts that test.")
 
-left, right = st.columns(2, gap="large")
-held_out = left.multiselect(
+held_out = st.multiselect(
     "Held-out tests, each in turn",
     campaign.test_ids,
     default=[view.held_out.id],
@@ -21,7 +20,7 @@ held_out = left.multiselect(
     persist_state="session",
     help="While one is predicted, all others train, those in this list included.",
 )
-left.pills(
+st.pills(
     "Approaches",
     APPROACHES,
     selection_mode="multi",
@@ -30,7 +29,8 @@ left.pills(
     key="approaches",
     persist_state="session",
 )
-right.radio(
+left, right = st.columns(2, gap="large")
+left.radio(
     "Settings",
     ["fast", "paper"],
     captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023), for comparison."],

@@ -11,7 +11,7 @@ from crashfuse.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
 from crashfuse.pulse import FloatArray
 from crashfuse.units import LB, MPH
 
-_MAX_RUNS = 2000  # points; more only fill the same cloud
+_MAX_RUNS = 600  # points; more only fill the same cloud, and browsers draw each one by itself
 _UNITS = np.array([MPH, LB, LB])
 _LABEL = np.array([0.12, 0.05])  # of an axis: the size of a test's label
 _SIDES = {

@@ -101,7 +101,7 @@ def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]
     figure.update_layout(LEGEND_ABOVE, hovermode="closest")
     figure.update_xaxes(
         title="Held-out test", tickvals=list(range(len(tests))), ticktext=tests, range=[-0.6, len(tests) - 0.4],
-        showspikes=False, showgrid=False, unifiedhovertitle=None,
+        zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,
     )  # fmt: skip
     figure.update_yaxes(title="Overall rating (dotted: limits of the grades)", range=[0, 1.01])
     return figure
