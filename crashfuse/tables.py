@@ -23,6 +23,26 @@ def scores_table(study: Study) -> pd.DataFrame:
     )
 
 
+def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
+    """One row a study, way to leave tests out, approach and window: mean and least overall rating of its tests.
+
+    Parameters
+    ----------
+    studies : iterable of (str, Study)
+        With the name of the campaign.
+    """
+    parts = []
+    for name, study in studies:
+        for one in (study, study.speed_groups):
+            if one is not None:
+                config = one.config.each[0]
+                table = scores_table(one).groupby(["approach", "window_ms"], sort=False)["overall"]
+                rows = table.agg(tests="size", mean="mean", least="min").reset_index()
+                about = {"campaign": name, "preset": config.preset, "seed": config.seed, "left_out": config.hold_out}
+                parts.append(rows.assign(**about)[[*about, *rows.columns]])
+    return pd.concat(parts, ignore_index=True)
+
+
 def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
     """Predicted pulses in ms and g with the central 95 % band, empty where an approach has none.
 

@@ -3,9 +3,12 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +20,7 @@ from crashfuse.approaches import APPROACHES
 from crashfuse.pulse import GRID_S
 from crashfuse.units import MS
 from crashfuse.version import __version__
+from tests.conftest import make_campaign, write_campaign
 
 METRICS = ["peak", "peak_time", "delta_v", "t0", "max_crush", "mean", "sm25", "olc", "vpi"]
 
@@ -500,6 +504,57 @@ def test_a_whole_study_leaves_speed_groups_out_too(
         groups[groups["window_ms"] == 60]["overall"].mean(), abs=1e-4
     )
     assert "Use the raw CAE model for this campaign." in capsys.readouterr().out
+
+
+def test_a_series_of_studies_gives_what_each_gives_alone(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two campaigns of one name with two seeds each: each study is what it is alone."""
+    other = tmp_path / "other" / campaign_on_disk.name
+    shutil.copytree(campaign_on_disk, other)
+    options = ["--held-out", "T2", "T4", "--approach", "cae", "lf_tcn", "--workers", "1"]
+    campaigns, out = [str(campaign_on_disk), str(other)], tmp_path / "series"
+    assert cli.main(["study", *campaigns, "--out", str(out), "--seed", "0", "1", *options]) == cli.DONE
+    assert "Study 4 of 4: campaign-2/fast-seed-1" in capsys.readouterr().out
+    assert {path.relative_to(out).as_posix() for path in out.rglob("study.json")} == {
+        f"{name}/fast-seed-{seed}/study.json" for name in ("campaign", "campaign-2") for seed in (0, 1)
+    }
+    assert cli.main(["study", campaigns[1], "--out", str(tmp_path / "one"), "--seed", "1", *options]) == cli.DONE
+    alone = (tmp_path / "one" / "scores.csv").read_bytes()
+    assert (out / "campaign-2" / "fast-seed-1" / "scores.csv").read_bytes() == alone
+    assert (out / "campaign-2" / "fast-seed-0" / "scores.csv").read_bytes() != alone
+    studies, scores = pd.read_csv(out / "studies.csv"), pd.read_csv(tmp_path / "one" / "scores.csv")
+    assert len(studies) == 2 * 2 * 2 * 3
+    (row,) = studies[
+        (studies["campaign"] == "campaign-2") & (studies["seed"] == 1) & (studies["approach"] == "lf_tcn")
+        & (studies["window_ms"] == 60)
+    ].to_dict("records")  # fmt: skip
+    own = scores[(scores["approach"] == "lf_tcn") & (scores["window_ms"] == 60)]["overall"]
+    assert (row["preset"], row["left_out"], row["tests"]) == ("fast", "test", 2)
+    assert (row["mean"], row["least"]) == pytest.approx((own.mean(), own.min()), abs=1e-5)
+
+
+def test_a_series_goes_on_where_it_was_and_says_first_what_is_impossible(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], fitting_is_an_error: Callable[[], None]
+) -> None:
+    """What is wrong with the last campaign ends it before the first is computed; what was done is not done again."""
+    options = ["--held-out", "T2", "--approach", "lf_tcn", "--workers", "1"]
+    other, out = tmp_path / "other", tmp_path / "series"
+    write_campaign(replace(make_campaign(), tests=make_campaign().tests[:1]), other)
+    command = ["study", str(campaign_on_disk), str(other), "--out", str(out), *options]
+    assert cli.main(command) != cli.DONE
+    assert "T2" in capsys.readouterr().err
+    assert not out.exists()
+
+    series = ["study", str(campaign_on_disk), "--out", str(out), *options, "--seed"]
+    assert cli.main([*series, "0", "1"]) == cli.DONE
+    first = (out / "studies.csv").read_bytes()
+    fitting_is_an_error()
+    (out / "campaign" / "fast-seed-1" / "study.json").unlink()  # as if it had been killed before the second began
+    assert cli.main([*series, "0", "1", "--resume"]) == cli.DONE
+    assert (out / "studies.csv").read_bytes() == first
+    assert cli.main([*series, "0"]) == cli.WRONG_USAGE
+    assert "holds a series of studies" in capsys.readouterr().err
 
 
 def test_a_sweep_writes_metrics_over_speed_with_the_tests_beside(

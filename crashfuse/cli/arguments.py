@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from crashfuse.cli import data, imports, models, studies
 from crashfuse.version import __version__
@@ -33,10 +34,16 @@ def parser() -> argparse.ArgumentParser:
     imports.add_options(commands.add_parser("import", help="take foreign files into a campaign"))
 
     study = commands.add_parser("study", help="leave out each test in turn, predict it, rate the prediction")
-    study.add_argument("campaign", type=Path, metavar="CAMPAIGN")
-    study.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    study.add_argument("campaigns", type=Path, nargs="+", metavar="CAMPAIGN")
+    study.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder for the results; of several campaigns, presets or seeds each study has a folder in it",
+    )
     study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
-    _add_model_options(study)
+    _add_model_options(study, several=True)
     study.add_argument(
         "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
     )
@@ -105,15 +112,16 @@ def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
     _add_model_options(parser)
 
 
-def _add_model_options(parser: argparse.ArgumentParser) -> None:
+def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
+    many: dict[str, Any] = {"nargs": "+"} if several else {}
     parser.add_argument(
         "--approach",
         nargs="+",
         metavar="NAME",
         help="cae, lf_tcn, time_domain, displacement_domain, fused (default: all)",
     )
-    parser.add_argument("--preset", choices=("fast", "paper"), help="settings: ours (default) or the paper's")
-    parser.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
+    parser.add_argument("--preset", choices=("fast", "paper"), help="settings: ours (default) or the paper's", **many)
+    parser.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)", **many)
     parser.add_argument(
         "--device", choices=("auto", "cpu", "cuda"), help="where networks are trained (default: auto, CUDA if any)"
     )

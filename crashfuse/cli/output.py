@@ -13,6 +13,7 @@ from pathlib import Path
 from crashfuse.errors import UsageError
 
 _KINDS = {
+    "series of studies": ("studies.csv", ()),
     "study": ("study.json", ("scores.csv", "speed_groups.csv", "pulses.csv", "metrics.csv", "report.html")),
     "prediction": ("prediction.json", ("pulses.csv", "pulses.parquet", "metrics.csv", "report.html", "isomme/**/*")),
     "sweep": ("sweep.csv", ("report.html",)),

@@ -1,8 +1,9 @@
-"""The command that leaves tests out."""
+"""The command that leaves tests out: of one campaign, or of many with several presets and seeds."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,52 +14,126 @@ from crashfuse.files import written_together
 if TYPE_CHECKING:
     import pandas as pd
 
+    from crashfuse.campaign import Campaign
+    from crashfuse.config import StudyConfig
+
+_FILES = ("scores.csv", "speed_groups.csv", "pulses.csv", "metrics.csv", "study.json", "report.html")
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
 
 
-def study(arguments: argparse.Namespace) -> None:
-    """Leave tests out, predict and rate them."""
-    from crashfuse.config import StudyConfig
-    from crashfuse.formats.folder import load_campaign
-    from crashfuse.progress import Watch
-    from crashfuse.progress_bar import ProgressBar
-    from crashfuse.recommendation import recommend
-    from crashfuse.results import begin_study, read_record, write_study
-    from crashfuse.study import check_study, run_study
-    from crashfuse.tables import scores_table
+@dataclass(frozen=True)
+class _Run:
+    """What one study of the command computes, and where it is written."""
 
-    require_output(arguments.out, arguments.campaign, "study")
-    campaign = load_campaign(arguments.campaign)
+    name: str
+    campaign: Path
+    out: Path
+    given: dict[str, Any]
+    held_out: list[str] | None
+    resume: bool
+
+    def planned(self) -> tuple["Campaign", "StudyConfig", Sequence[str]]:
+        """The campaign, the settings and the tests to leave out; raises what makes the study impossible."""
+        from crashfuse.config import StudyConfig
+        from crashfuse.formats.folder import load_campaign
+        from crashfuse.results import read_record
+        from crashfuse.study import check_study
+
+        require_output(self.out, self.campaign, "study")
+        campaign = load_campaign(self.campaign)
+        whole = not self.held_out and self.given.get("preset") != "paper"  # a paper fit takes minutes, or a GPU
+        config = StudyConfig(**{"hold_out": "both" if whole else "test", **self.given})
+        held_out: Sequence[str] = self.held_out or campaign.test_ids
+        if self.resume:
+            record = read_record(self.out)
+            differing = [name for name, value in self.given.items() if getattr(record.config, name) != value]
+            if self.held_out and tuple(self.held_out) != record.held_out:
+                differing.append("held_out")
+            if record.fingerprint != campaign.fingerprint:
+                differing.append("the campaign's data")
+            if differing:
+                raise UsageError(
+                    f"The study in {self.out} was begun with other settings ({', '.join(differing)}); "
+                    "resume it with its own, or start another without --resume."
+                )
+            config, held_out = record.config, record.held_out
+        check_study(campaign, config, held_out)
+        return campaign, config, held_out
+
+
+def study(arguments: argparse.Namespace) -> None:
+    """Leave tests out, predict and rate them: of each campaign, with each preset and seed."""
+    runs = _runs(arguments)
+    if len(runs) == 1:
+        print(f"Written to {arguments.out}: {', '.join(_finish(runs[0], arguments)[1])}")
+        return
+    for run in runs:
+        run.planned()  # what is wrong with the last should be known before the first is computed
+    tables: list[pd.DataFrame] = []
+    for number, run in enumerate(runs, start=1):
+        print(f"Study {number} of {len(runs)}: {run.out.relative_to(arguments.out)}", flush=True)
+        tables.append(_finish(run, arguments)[0])
+        _write_series(arguments.out, tables)
+    print(f"\nMean rating over 0–{tables[0]['window_ms'].max():g} ms, each test left out, range over the seeds")
+    print(_summary(tables))
+    print(f"Written to {arguments.out}: studies.csv, and in a folder of its own each study")
+
+
+def _runs(arguments: argparse.Namespace) -> list[_Run]:
+    """Every study that is asked for; several have their folders within that of the command."""
     given: dict[str, Any] = {
         name: value
         for name, value in (
             ("approaches", arguments.approach and tuple(arguments.approach)),
-            ("preset", arguments.preset),
-            ("seed", arguments.seed),
             ("windows_ms", arguments.windows_ms and tuple(arguments.windows_ms)),
             ("hold_out", arguments.hold_out and arguments.hold_out.replace("-", " ")),
             ("device", arguments.device),
         )
         if value is not None
     }
-    whole = not arguments.held_out and arguments.preset != "paper"  # a paper fit takes minutes, or a GPU
-    config = StudyConfig(**{"hold_out": "both" if whole else "test", **given})
-    held_out = arguments.held_out or campaign.test_ids
-    if arguments.resume:
-        record = read_record(arguments.out)
-        differing = [name for name, value in given.items() if getattr(record.config, name) != value]
-        if arguments.held_out and tuple(arguments.held_out) != record.held_out:
-            differing.append("held_out")
-        if record.fingerprint != campaign.fingerprint:
-            differing.append("the campaign's data")
-        if differing:
-            raise UsageError(
-                f"The study in {arguments.out} was begun with other settings ({', '.join(differing)}); "
-                "resume it with its own, or start another without --resume."
-            )
-        config, held_out = record.config, record.held_out
-    check_study(campaign, config, held_out)
-    with _writing(arguments.out) as folder:
+    ways = [
+        {**given, **{name: value for name, value in (("preset", preset), ("seed", seed)) if value is not None}}
+        for preset in dict.fromkeys(arguments.preset or [None])
+        for seed in dict.fromkeys(arguments.seed or [None])
+    ]
+    campaigns = _named(arguments.campaigns)
+    alone = len(campaigns) == len(ways) == 1
+    runs = []
+    for name, campaign in campaigns.items():
+        require_output(arguments.out, campaign, "study" if alone else "series of studies")
+        for way in ways:
+            out = arguments.out
+            if not alone:
+                out = out / name / f"{way.get('preset', 'fast')}-seed-{way.get('seed', 0)}"
+            # of a series that was killed, some may not have been begun
+            resume = arguments.resume and (alone or (out / "study.json").is_file())
+            runs.append(_Run(name, campaign, out, way, arguments.held_out, resume))
+    return runs
+
+
+def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
+    """Campaign folders by their names, numbered where two have the same."""
+    named: dict[str, Path] = {}
+    for resolved, folder in {path.resolve(): path for path in campaigns}.items():
+        name, number = resolved.name, 1
+        while name in named:
+            number += 1
+            name = f"{resolved.name}-{number}"
+        named[name] = folder
+    return named
+
+
+def _finish(run: _Run, arguments: argparse.Namespace) -> tuple["pd.DataFrame", list[str]]:
+    """Compute a study, write it and tell what came out; returns its means and the names of its files."""
+    from crashfuse.progress import Watch
+    from crashfuse.progress_bar import ProgressBar
+    from crashfuse.recommendation import recommend
+    from crashfuse.results import begin_study, write_study
+    from crashfuse.study import run_study
+    from crashfuse.tables import scores_table, studies_table
+
+    campaign, config, held_out = run.planned()
+    with _writing(run.out) as folder:
         begin_study(folder, campaign, held_out, config)
     with ProgressBar() as bar:
         study = run_study(
@@ -69,8 +144,9 @@ def study(arguments: argparse.Namespace) -> None:
             workers=arguments.workers,
             scheduler=arguments.scheduler,
         )
-    with replacing(arguments.out, "study"), _writing(arguments.out) as folder:
+    with replacing(run.out, "study"), _writing(run.out) as folder:
         write_study(study, folder)
+        files = [name for name in _FILES if (folder / name).is_file()]
     print("Mean ISO/TS 18571 rating over the held-out tests, " + _LEFT_OUT[config.each[0].hold_out])
     _print_means(scores_table(study))
     if study.speed_groups is not None:
@@ -79,15 +155,36 @@ def study(arguments: argparse.Namespace) -> None:
     print(*recommend(study).sentences, sep="\n")
     if campaign.notice:
         print(campaign.notice)
-    groups = "" if study.speed_groups is None else "speed_groups.csv, "
-    print(f"Written to {arguments.out}: scores.csv, {groups}pulses.csv, metrics.csv, study.json, report.html")
+    return studies_table([(run.name, study)]), files
+
+
+def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
+    """Write what is known of the series so far."""
+    import pandas as pd
+
+    with _writing(folder, last="studies.csv") as staging:
+        text = pd.concat(tables).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+        (staging / "studies.csv").write_text(text, encoding="utf-8", newline="")
+
+
+def _summary(tables: Sequence["pd.DataFrame"]) -> str:
+    """Mean ratings of a series over its longest window, a row a campaign and preset."""
+    import pandas as pd
+
+    from crashfuse.approaches import LABELS
+
+    table = pd.concat(tables)
+    table = table[(table["window_ms"] == table["window_ms"].max()) & (table["left_out"] == table["left_out"].iloc[0])]
+    means = table.groupby(["campaign", "preset", "approach"], sort=False)["mean"]
+    ranges = means.agg(lambda x: f"{x.min():.3f}" if x.min() == x.max() else f"{x.min():.3f}–{x.max():.3f}")
+    return str(ranges.unstack(sort=False).rename(columns=LABELS).to_string())
 
 
 @contextmanager
-def _writing(folder: Path) -> Iterator[Path]:
+def _writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
     """Where to write a set of results, which get to their folder together or not at all."""
     try:
-        with written_together(folder, last="study.json") as staging:
+        with written_together(folder, last=last) as staging:
             yield staging
     except OSError as error:
         raise CrashfuseError(
