@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from crashfuse.cache import Cache
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.formats.archive import refuse
 from crashfuse.formats.writer import Addition, add_to_campaign
@@ -113,7 +114,9 @@ def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") 
     OSError
         If it cannot be written.
     """
-    add_to_campaign(out, role, [Addition(one.id, one.condition, one.pulse, _told(one)) for one in settled])
+    additions = [Addition(one.id, one.condition, one.pulse, _told(one)) for one in settled]
+    with Cache().alone("campaign", {"folder": str(out.resolve())}):  # of two that add to its table, one comes second
+        add_to_campaign(out, role, additions)
 
 
 def own_filter_class(folder: Path) -> float | None:

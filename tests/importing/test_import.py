@@ -4,6 +4,7 @@ import os
 import random
 import tomllib
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -158,6 +159,24 @@ def test_conditions_are_joined_by_id(tmp_path: Path) -> None:
     write(tmp_path, {"conditions.csv": table.replace("t7", "t6").encode()})
     with pytest.raises(DataError, match="conditions for T7, found those of t6, T8"):
         import_source(tmp_path / "in", tmp_path / "out2", conditions=tmp_path / "conditions.csv")
+
+
+def test_many_who_add_at_once_lose_nothing(tmp_path: Path) -> None:
+    """Eight imports into one campaign at the same time: each test has its row, its pulse and its history."""
+    ids = [f"T{number}" for number in range(8)]
+    for test_id in ids:
+        write(tmp_path / "files", {f"{test_id}.csv": german(clock(), half_sine_g(clock()))})
+
+    def add(test_id: str) -> None:
+        import_source(tmp_path / "files" / f"{test_id}.csv", tmp_path / "campaign", GIVEN)
+
+    with ThreadPoolExecutor(len(ids)) as pool:
+        list(pool.map(add, ids))
+    campaign = tmp_path / "campaign"
+    assert sorted(path.stem for path in (campaign / "tests").iterdir()) == ids
+    rows = (campaign / "tests.csv").read_text(encoding="utf-8").splitlines()[1:]
+    assert sorted(row.partition(",")[0].strip('"') for row in rows) == ids
+    assert sorted(str(each["id"]) for each in imported(campaign)) == ids
 
 
 def test_a_damaged_source_never_gives_half_a_campaign(tmp_path: Path) -> None:
