@@ -12,7 +12,8 @@ from crashfuse.approaches import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.estimate import Estimate
-from crashfuse.formats.isomme import Channel, IsommeTest, isomme_files
+from crashfuse.formats.isomme import Channel, IsommeTest
+from crashfuse.formats.isomme_writer import isomme_files
 from crashfuse.pulse import DT_S, FloatArray, kinematics
 from crashfuse.version import __version__
 

@@ -12,7 +12,7 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.formats.archive import shown
 from crashfuse.formats.mapping import QUANTITIES, ColumnRole, ColumnUse, Mapping, bare_name, cutoff_of
 from crashfuse.formats.record import PartialCondition, Record, RecordedChannel
-from crashfuse.formats.sheets import Sheet
+from crashfuse.formats.sheet import Sheet
 from crashfuse.formats.spelling import UNITS
 from crashfuse.pulse import FloatArray
 

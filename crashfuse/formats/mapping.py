@@ -13,7 +13,7 @@ import numpy as np
 
 from crashfuse.errors import DataError, UsageError
 from crashfuse.formats.archive import shown
-from crashfuse.formats.sheets import Sheet
+from crashfuse.formats.sheet import Sheet
 from crashfuse.formats.spelling import UNITS, unit_named
 
 ColumnRole = Literal[

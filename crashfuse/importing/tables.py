@@ -11,7 +11,8 @@ from crashfuse.formats.archive import shown
 from crashfuse.formats.foreign import apply_conditions, apply_mapping
 from crashfuse.formats.mapping import ColumnRole, propose
 from crashfuse.formats.record import PartialCondition, Record
-from crashfuse.formats.sheets import Sheet, read_sheets
+from crashfuse.formats.sheet import Sheet
+from crashfuse.formats.sheets import read_sheets
 
 
 @dataclass(frozen=True, slots=True)

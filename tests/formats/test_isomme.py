@@ -10,7 +10,8 @@ import pytest
 
 from crashfuse.errors import DataError
 from crashfuse.formats.archive import Limits
-from crashfuse.formats.isomme import Channel, IsommeTest, isomme_files, read_isomme
+from crashfuse.formats.isomme import Channel, IsommeTest, read_isomme
+from crashfuse.formats.isomme_writer import isomme_files
 
 # Written by hand after a channel of a federal laboratory's side-impact test: NOVALUE, 10 kHz from -0.1 s.
 IMPLICIT = """Channel code                :M0MBARLEMIUPACXP

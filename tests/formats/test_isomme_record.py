@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from crashfuse.errors import DataError
-from crashfuse.formats.isomme import Channel, IsommeTest, isomme_files
+from crashfuse.formats.isomme import Channel, IsommeTest
 from crashfuse.formats.isomme_record import isomme_record, record_of
+from crashfuse.formats.isomme_writer import isomme_files
 from crashfuse.importing import Choices, settle
 from crashfuse.units import KPH, G
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g

@@ -12,7 +12,8 @@ from crashfuse.formats.archive import Limits
 from crashfuse.formats.foreign import apply_conditions, apply_mapping
 from crashfuse.formats.mapping import Mapping, propose
 from crashfuse.formats.record import Record
-from crashfuse.formats.sheets import Sheet, read_sheets
+from crashfuse.formats.sheet import Sheet
+from crashfuse.formats.sheets import read_sheets
 from crashfuse.formats.spelling import number_and_unit, unit_named
 from crashfuse.units import KPH, LB, MPH, MS
 

@@ -12,7 +12,8 @@ import pytest
 
 from crashfuse.errors import CrashfuseError, DataError, UsageError
 from crashfuse.formats.folder import load_campaign
-from crashfuse.formats.isomme import Channel, IsommeTest, isomme_files
+from crashfuse.formats.isomme import Channel, IsommeTest
+from crashfuse.formats.isomme_writer import isomme_files
 from crashfuse.formats.record import PartialCondition
 from crashfuse.importing import Choices, ColumnChoice, format_of, import_source, read_records
 from crashfuse.pulse import GRID_S, FloatArray
