@@ -274,6 +274,17 @@ def test_a_name_that_the_terminal_cannot_show_is_no_traceback(campaign_folder: P
     assert done.stdout.startswith("\\u540d\\u524d: 4 tests, 24 CAE runs.")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes end in another way there")
+def test_a_reader_that_has_seen_enough_is_no_error(campaign_on_disk: Path) -> None:
+    """As with `crashfuse check … | head -0`: nothing is said of it."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "crashfuse", "check", str(campaign_on_disk)]
+    ended = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, check=False)
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (cli.CUT_OFF, b"")
+
+
 def test_predict_writes_pulses_metrics_and_report(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

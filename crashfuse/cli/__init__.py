@@ -2,6 +2,7 @@
 
 import argparse
 import io
+import os
 import sys
 from collections.abc import Callable, Sequence
 
@@ -10,7 +11,7 @@ from crashfuse.errors import CrashfuseError, DataError, UsageError, printable
 
 __all__ = ["main", "parser"]
 
-DONE, WRONG_DATA, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
+DONE, WRONG_DATA, WRONG_USAGE, INTERRUPTED, CUT_OFF = 0, 1, 2, 130, 141
 _LONGEST_LINE = 2000
 
 
@@ -27,6 +28,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     command: Callable[[argparse.Namespace], None] = arguments.run
     try:
         command(arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:  # who read what is printed (head, say) has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CUT_OFF
     except DataError as error:
         count = len(error.problems)
         _say(*map(str, error.problems), f"{count} problem{'s' if count > 1 else ''} found.")

@@ -1,0 +1,98 @@
+"""The ways to open a campaign of one's own: a folder, files that are dropped, and what can be imported."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import streamlit as st
+
+from crashfuse.errors import DataError
+from crashfuse.ui import campaigns, frame, importing
+from crashfuse.ui.foreign import Source, begin, leave, source_at
+from crashfuse.ui.problems import show_problems
+from crashfuse.ui.uploads import open_uploads
+
+_ROUND = "uploads so far"
+
+
+def show_doors() -> None:
+    """Both ways to open a campaign of one's own, and what was wrong with the last."""
+    folder, upload = st.columns(2, gap="large")
+    with folder.form("open folder", border=False):
+        st.text_input(
+            "A campaign folder on this computer",
+            key="folder",
+            placeholder="the folder that holds tests.csv and cae.csv",
+            help="On the computer that crashfuse runs on. Nothing is copied or sent anywhere. Files and folders of "
+            "other formats are taken, too, to be imported.",
+        )
+        st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
+    with upload.form("open upload", border=False):
+        st.file_uploader(
+            "Or a zip of one, its files together, or test and CAE files to import",
+            accept_multiple_files=True,
+            key=f"files {st.session_state.get(_ROUND, 0)}",
+            help="A campaign is CSV and Parquet. Imported are NHTSA, ISO-MME, LS-DYNA (binout, nodout), TDMS, and CSV "
+            "or Excel tables of any form; what they are taken for is shown first. Files go to the computer that "
+            "crashfuse runs on, no further, and are deleted when it ends. Open what is larger than the limit as a "
+            "folder.",
+        )
+        st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
+    if problems := st.session_state.get(frame.REFUSED):
+        show_problems(problems)
+    importing.show_unfinished()
+    with st.expander("What does a campaign folder look like?", icon=":material/help:"):
+        st.code(
+            "tests.csv            one row a test: id, speed_mph, front_weight_lb, rear_weight_lb\n"
+            "tests/<id>.csv       its pulse: time_ms, acceleration_g\n"
+            "cae.csv              one row a CAE run: id, speed_mph, front_weight_lb, rear_weight_lb\n"
+            "cae_pulses.parquet   all CAE pulses: id, time_ms, acceleration_g",
+            language=None,
+        )
+        st.markdown(
+            "Speeds may be in mph, km/h or m/s (`_mph`, `_kph`, `_mps`), weights in lb or kg, time in ms or s, and "
+            "accelerations in g or m/s² (`_g`, `_mps2`): the end of a column's name tells. Pulses of either source "
+            "may be single files or one table, CSV or Parquet."
+        )
+
+
+def _attempt(open_it: Callable[[], str | Source]) -> None:
+    """Open a campaign and turn to it, or begin to import; what is wrong is kept for the page to show."""
+    st.session_state.pop(frame.REFUSED, None)
+    try:
+        opened = open_it()
+        if isinstance(opened, Source):
+            begin(opened)
+        else:
+            leave()
+            frame.choose_campaign(opened)
+    except DataError as error:
+        st.session_state[frame.REFUSED] = error.problems
+
+
+def _open_folder() -> None:
+    """Open the folder that was typed in."""
+    text = st.session_state["folder"].strip().strip('"')  # as file managers copy a path
+    if text:
+        _attempt(lambda: _campaign_or_source(Path(text)))
+
+
+def _campaign_or_source(path: Path) -> str | Source:
+    """Put a campaign folder on the shelf; what is none, but can be imported, is a source."""
+    try:
+        return campaigns.open_folder(path)
+    except DataError:
+        if path.is_dir() and any((path / table).is_file() for table in ("tests.csv", "cae.csv")):
+            raise
+        try:
+            return source_at(path.expanduser())
+        except (DataError, OSError, RuntimeError, ValueError):
+            pass
+        raise
+
+
+def _open_upload() -> None:
+    """Open what was dropped, and empty the field if it was sound."""
+    files = st.session_state[f"files {st.session_state.get(_ROUND, 0)}"]
+    _attempt(lambda: open_uploads(files))
+    if frame.REFUSED not in st.session_state:
+        st.session_state[_ROUND] = st.session_state.get(_ROUND, 0) + 1
