@@ -20,6 +20,10 @@ from crashfuse.errors import UsageError
 from crashfuse.metrics import Metric, pulse_metrics
 from crashfuse.progress import SILENT, Watch
 from crashfuse.pulse import DT_S, Condition, FloatArray
+from crashfuse.units import LB, MPH
+
+FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
+"""What is predicted at most; no barrier test comes near."""
 
 _KIND = "predictions"  # of entries in the cache
 _LEFT_OUT = "left out "  # before the id of a test, in the names of arrays there
@@ -128,6 +132,9 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     """
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
         raise UsageError(f"A prediction takes a speed and weights above 0, not {condition}.")
+    if condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG:
+        most = f"{FASTEST_MPS / MPH:.0f} mph and {HEAVIEST_KG / LB:.0f} lb in all"
+        raise UsageError(f"No barrier test is made at {condition}: at most {most} can be predicted.")
     known: dict[tuple[object, ...], Prediction] = {}
 
     def predict(approach: Approach) -> Prediction:

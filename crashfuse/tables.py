@@ -39,6 +39,7 @@ def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
                 table = scores_table(one).groupby(["approach", "window_ms"], sort=False)["overall"]
                 rows = table.agg(tests="size", mean="mean", least="min").reset_index()
                 about = {"campaign": name, "preset": config.preset, "seed": config.seed, "left_out": config.hold_out}
+                about["held_out"] = " ".join(fold.held_out for fold in one.folds)
                 parts.append(rows.assign(**about)[[*about, *rows.columns]])
     return pd.concat(parts, ignore_index=True)
 

@@ -7,6 +7,7 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches import LABELS
+from crashfuse.estimate import FASTEST_MPS, HEAVIEST_KG
 from crashfuse.exports import isomme_prediction, parquet_bytes
 from crashfuse.nearest import nearest_sentences
 from crashfuse.plots.displacement import energy_over_crush, over_displacement
@@ -25,8 +26,10 @@ campaign, config = view.campaign, chosen_config()
 st.markdown("The pulse at a speed and weights that were never tested, learned from all tests and CAE runs.")
 
 
-def field(column: DeltaGenerator, label: str, unit: float, axis: int, *, step: float, digits: int) -> float:
-    """Slider over the CAE runs' range, and a number field for any value; returns SI."""
+def field(
+    column: DeltaGenerator, label: str, unit: float, axis: int, *, most: float, step: float, digits: int
+) -> float:
+    """Slider over the CAE runs' range, and a number field for any value up to ``most``; returns SI."""
     values = campaign.cae.vectors[:, axis] / unit
     low, high = max(float(np.floor(values.min())), step), float(np.ceil(values.max()))
     name = f"{label} {campaign.fingerprint[:8]}"
@@ -38,7 +41,13 @@ def field(column: DeltaGenerator, label: str, unit: float, axis: int, *, step: f
         st.session_state[name] = st.session_state[slider]
 
     number = column.number_input(
-        label, min_value=1.0, max_value=50_000.0, step=step, format=f"%.{digits}f", key=name, persist_state="session"
+        label,
+        min_value=1.0,
+        max_value=float(int(most / unit)),
+        step=step,
+        format=f"%.{digits}f",
+        key=name,
+        persist_state="session",
     )
     st.session_state[slider] = min(max(number, low), high)
     column.slider(
@@ -65,9 +74,9 @@ factors = {
     )
 }
 condition = Condition(
-    speed_mps=field(left, "Impact speed (mph)", MPH, 0, step=0.1, digits=1),
-    front_weight_kg=field(middle, "Front weight (lb)", LB, 1, step=1.0, digits=0),
-    rear_weight_kg=field(right, "Rear weight (lb)", LB, 2, step=1.0, digits=0),
+    speed_mps=field(left, "Impact speed (mph)", MPH, 0, most=FASTEST_MPS, step=0.1, digits=1),
+    front_weight_kg=field(middle, "Front weight (lb)", LB, 1, most=HEAVIEST_KG / 2, step=1.0, digits=0),
+    rear_weight_kg=field(right, "Rear weight (lb)", LB, 2, most=HEAVIEST_KG / 2, step=1.0, digits=0),
     factors=tuple(factors.items()),
 )
 st.caption(f"{condition}; {condition.mass_kg:.0f} kg in all")

@@ -559,11 +559,17 @@ def test_a_series_goes_on_where_it_was_and_says_first_what_is_impossible(
 
     series = ["study", str(campaign_on_disk), "--out", str(out), *options, "--seed"]
     assert cli.main([*series, "0", "1"]) == cli.DONE
-    first = (out / "studies.csv").read_bytes()
+    first = pd.read_csv(out / "studies.csv")
+    assert cli.main([*series, "2", "3"]) == cli.DONE
+    table = pd.read_csv(out / "studies.csv")
+    assert table["seed"].tolist() == [seed for seed in range(4) for _ in range(3)]
+    assert set(table["held_out"]) == {"T2"}
     fitting_is_an_error()
     (out / "campaign" / "fast-seed-1" / "study.json").unlink()  # as if it had been killed before the second began
     assert cli.main([*series, "0", "1", "--resume"]) == cli.DONE
-    assert (out / "studies.csv").read_bytes() == first
+    again = pd.read_csv(out / "studies.csv")
+    pd.testing.assert_frame_equal(again[again["seed"] < 2].reset_index(drop=True), first)
+    assert set(again["seed"]) == {0, 1, 2, 3}
     assert cli.main([*series, "0"]) == cli.WRONG_USAGE
     assert "holds a series of studies" in capsys.readouterr().err
 

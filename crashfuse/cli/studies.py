@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -159,11 +159,19 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> tuple["pd.DataFrame", l
 
 
 def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
-    """Write what is known of the series so far."""
+    """Write what is known of the series so far, and keep what earlier ones in this folder found beside it."""
     import pandas as pd
 
+    study = ["campaign", "preset", "seed"]
+    fresh, path = pd.concat(tables), folder / "studies.csv"
+    kept = fresh.iloc[:0]
+    with suppress(OSError, ValueError, KeyError):  # there is none, or none that can be read
+        older = pd.read_csv(path, dtype={"campaign": str, "held_out": str})
+        kept = older[~pd.MultiIndex.from_frame(older[study]).isin(pd.MultiIndex.from_frame(fresh[study]))]
     with _writing(folder, last="studies.csv") as staging:
-        text = pd.concat(tables).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+        text = pd.concat([kept, fresh] if len(kept) else [fresh]).to_csv(
+            index=False, float_format="%.6g", lineterminator="\n"
+        )
         (staging / "studies.csv").write_text(text, encoding="utf-8", newline="")
 
 

@@ -62,6 +62,7 @@ def load_campaign(folder: str | Path) -> Campaign:
     if problems:
         raise DataError(shortened(problems))
     check_units(tables, pulses, warnings)
+    _check_factors(tables["tests"], warnings)
     cae = CaeLibrary(tables["cae"].ids, tables["cae"].conditions, pulses["cae"].astype(np.float32, copy=False))
     cae.accel_mps2.flags.writeable = False
     tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
@@ -82,6 +83,16 @@ def _check_counts(tables: dict[str, ConditionTable], problems: list[Problem], wa
     if "cae" in tables and len(tables["cae"].ids) < _FEWEST_RUNS:
         found = str(len(tables["cae"].ids))
         problems.append(Problem("cae.csv", f"at least {_FEWEST_RUNS} CAE runs", found, "add runs"))
+
+
+def _check_factors(tests: ConditionTable, warnings: list[str]) -> None:
+    """Warn of tests that lack what others are told apart by."""
+    known = [dict(condition.factors) for condition in tests.conditions]
+    for name in dict.fromkeys(name for factors in known for name, value in factors.items() if value):
+        lacking = [test for test, factors in zip(tests.ids, known, strict=True) if not factors.get(name)]
+        if lacking:
+            named = ", ".join(lacking[:5]) + " …" * (len(lacking) > 5)
+            warnings += [f"tests.csv, {name}: not given for {named}; fill it in, for tests may differ by it."]
 
 
 def _shortened(warnings: list[str], most: int = 5) -> list[str]:

@@ -33,6 +33,7 @@ from crashfuse.units import MASS, SPEED
 Told = Mapping[str, str | float | Sequence[str]]
 _RUNS_A_BATCH = 2000
 _LINE = 100
+_MARKS = ("tests.csv", "cae.csv", "campaign.toml")  # of a campaign folder
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -110,6 +111,9 @@ def add_to_campaign(folder: Path, source: Literal["tests", "cae"], additions: Se
     _check_ids(ids, source)
     if twice := next((run_id for run_id, times in Counter(ids).items() if times > 1), None):
         raise DataError(Problem(source, "each id once", f"{twice!r} twice", "give one of them another id"))
+    if folder.is_dir() and any(folder.iterdir()) and not any((folder / name).is_file() for name in _MARKS):
+        found, advice = "other files", "name a campaign, or a folder that does not exist yet"
+        raise DataError(Problem(str(folder), "a campaign folder, or an empty one", found, advice))
     if not folder.is_dir() or not any(folder.iterdir()):
         with _new_folder(folder) as home:
             _add(home, source, additions)
@@ -155,7 +159,8 @@ def _table_to_extend(table: Path, source: str, additions: Sequence[Addition]) ->
     if known is None:
         raise DataError(problems)
     there = set(known.ids)
-    twice = [addition.id for addition in additions if addition.id in there]
+    # file systems that take V1 for v1 would lose one of them
+    twice = [each.id for each in additions if each.id in there or each.id.casefold() in {i.casefold() for i in there}]
     if twice:
         advice = "give it another id, or remove the one that is there"
         raise DataError([Problem(table.name, "an id that is not there yet", repr(i), advice, "id") for i in twice[:20]])

@@ -199,6 +199,15 @@ def test_an_id_may_look_like_a_missing_value(campaign_folder: Path) -> None:
     assert "NA" in load_campaign(campaign_folder).cae.ids
 
 
+def test_a_test_that_lacks_a_factor_of_the_others_is_named(campaign_folder: Path) -> None:
+    """Left empty, as after an import that could not know it: the campaign is sound, and the reader is told."""
+    table = pd.read_csv(campaign_folder / "tests.csv", dtype=str)
+    table.loc[table["id"] == "T3", "drive"] = ""
+    table.to_csv(campaign_folder / "tests.csv", index=False)
+    (warning,) = load_campaign(campaign_folder).warnings
+    assert warning == "tests.csv, drive: not given for T3; fill it in, for tests may differ by it."
+
+
 def test_pulses_without_a_row_are_left_out_with_a_warning(campaign_folder: Path) -> None:
     """A stray file does no harm."""
     shutil.copy(campaign_folder / "tests" / "T1.csv", campaign_folder / "tests" / "T9.csv")

@@ -149,6 +149,20 @@ def test_an_id_that_is_there_is_refused_and_nothing_changes(campaign_folder: Pat
         assert content_of(campaign_folder) == before
 
 
+def test_a_folder_of_other_things_does_not_become_a_campaign(tmp_path: Path) -> None:
+    """Who names the wrong folder is told so, and it stays as it was."""
+    (tmp_path / "thesis.docx").write_bytes(b"years of work")
+    with pytest.raises(DataError, match="expected a campaign folder, or an empty one"):
+        add_to_campaign(tmp_path, "tests", [addition()])
+    assert content_of(tmp_path) == {"thesis.docx": b"years of work"}
+
+
+def test_ids_that_only_capitals_tell_apart_are_refused(campaign_folder: Path) -> None:
+    """On Windows and macOS their files would be one."""
+    with pytest.raises(DataError, match="an id that is not there yet, found 't1'"):
+        add_to_campaign(campaign_folder, "tests", [addition("t1")])
+
+
 def test_a_table_that_is_not_in_order_is_refused(campaign_folder: Path) -> None:
     """What is wrong with the campaign is said before anything is added to it."""
     (campaign_folder / "campaign.toml").write_text("name = ")
