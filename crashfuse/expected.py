@@ -44,13 +44,15 @@ class ExpectedRating:
     @property
     def sentence(self) -> str:
         """What may be expected, and from how many tests that is known."""
-        n = len(self.tests)
-        sentence = (
-            f"Expected rating over 0–{self.window_ms:g} ms: about {self.mean:.2f} ({grade(self.mean)}); "
-            f"{n} left-out test{'s' * (n > 1)} within {self.reach_mps / MPH:.1f} mph rated {self.lowest:.2f} to "
-            f"{self.highest:.2f}."
-        )
-        return sentence + self.farther * " No test is as near here as each of them had one: it may well be lower."
+        n, within = len(self.tests), f"within {self.reach_mps / MPH:.1f} mph"
+        tests, rated = f"{n} left-out test{'s' * (n > 1)}", f"{self.lowest:.2f} to {self.highest:.2f}"
+        if self.farther:
+            return (
+                f"How it will rate is not known: expect less than the {rated} over 0–{self.window_ms:g} ms of {tests} "
+                f"{within}, each of which had a nearer test to learn from."
+            )
+        expected = f"Expected rating over 0–{self.window_ms:g} ms: about {self.mean:.2f} ({grade(self.mean)})"
+        return f"{expected}; {tests} {within} rated {rated}."
 
 
 def expected_rating(

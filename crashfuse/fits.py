@@ -68,10 +68,10 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     if check := state.get("band_check"):
         n = check["left_out_tests"]
         verdict = "" if check["holds"] else " That is less than a 95 % band should hold."
-        late = f" ({check['late_widening']:g} times after t0)" if "late_widening" in check else ""
+        late = f" ({check['late_widening']:g} after t0)" if "late_widening" in check else ""
         after = np.nan if check["rebound_inside"] is None else check["rebound_inside"]
         sentences.append(
-            f"Band: checked on {n} tests, each predicted from the others, and widened {check['widening']:g} times"
+            f"Band: checked on {n} tests, each predicted from the others, and scaled by {check['widening']:g}"
             f"{late}; then a(t) lies inside {_percent(check['accel_inside'])} and v(t) "
             f"{_percent(check['velocity_inside'])} of the time up to t0, a(t) {_percent(after)} of the time after it, "
             f"maximum crush in "

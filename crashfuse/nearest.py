@@ -40,7 +40,7 @@ def nearest_sentences(campaign: Campaign, condition: Condition) -> tuple[str, st
     """Which tests and which CAE run are nearest, and by how much they differ."""
     tests = ", ".join(test.differences(condition) for test in nearest_tests(campaign, condition))
     runs = ", ".join(run.differences(condition) for run in nearest_runs(campaign, condition))
-    return f"Nearest tests: {tests}.", f"Nearest CAE run: {runs}."
+    return f"Nearest tests by speed and weights: {tests}.", f"Nearest CAE run: {runs}."
 
 
 def _order(campaign: Campaign, vectors: np.ndarray, condition: Condition) -> Sequence[int]:

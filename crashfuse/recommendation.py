@@ -125,7 +125,7 @@ def recommend(study: Study) -> Recommendation:
         n = len(found.tests)
         sentences.append(
             f"95 % model band: {100 * found.share('accel'):.0f} % of a(t) up to t0 inside, maximum crush in "
-            f"{found.count('crush')} of {n} left-out tests, peak in {found.count('peak')} of {n}. No more was checked."
+            f"{found.count('crush')} of {n} left-out tests, peak in {found.count('peak')} of {n}."
         )
     if study.speed_groups is not None:
         apart = _Verdict(study.speed_groups)
@@ -183,7 +183,7 @@ class _Verdict:
         raw = {f.held_out: f.ratings["cae"][self.window_ms].overall for f in self.study.folds}
         below = [test for test in overall if overall[test] < raw[test]]
         harm = max((raw[test] - overall[test] for test in below), default=0.0)
-        compared = f"below it in {', '.join(below)} (by up to {harm:.3f})" if below else "below it in no test"
+        compared = f"better than this in {', '.join(below)} (by up to {harm:.3f})" if below else "better in no test"
         return f"{sentence[0].upper()}{sentence[1:]}; the raw CAE model {np.mean(list(raw.values())):.3f}, {compared}."
 
 

@@ -27,16 +27,21 @@ DRAWS_HELP = (
     "wiggle in another place, so it rates lower than the expected pulse."
 )
 
+CARD_PX = 176  # five stand side by side on a wide page
+NO_CHANGE = 0.005  # of a rating
+
 view = frame.enter_with_campaign("Compare")
 test, campaign, config = view.held_out, view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
 st.subheader(f"Test {plain(test.id)}: {test.condition}")
 
+rest = config.rest(campaign, test.id)
 request = StudyRequest(campaign, (test.id,), config)
 study = result_of(
     request,
-    invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will learn from the other "
-    f"{len(campaign.tests) - 1} tests and the CAE runs; the first time takes a minute or two, later ones less.",
+    invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will learn from the CAE runs and "
+    f"{len(rest.tests)} other tests. "
+    + evidence.patience(config, "The first time takes a minute or two, later ones less."),
     button=f"Predict test {test.id}",
 )
 fold = study.fold(test.id)
@@ -45,19 +50,23 @@ predictions = {estimate.approach: estimate.prediction for estimate in fold.estim
 raw = fold.ratings["cae"][view.window_ms].overall if "cae" in fold.ratings else None
 beside = "" if raw is None else ", and its change against the CAE"
 st.markdown(f"ISO/TS 18571 rating over {tables.window_label(view.window_ms)}{beside}")
-for column, (name, by_window) in zip(st.columns(len(fold.ratings)), fold.ratings.items(), strict=True):
+cards = st.container(horizontal=True, gap="small")
+for name, by_window in fold.ratings.items():
     rating = by_window[view.window_ms]
-    gain = None if raw is None or name == "cae" else f"{rating.overall - raw:+.3f}"
-    with column.container(border=True, height="stretch"):
-        st.metric(LABELS[name], f"{rating.overall:.3f}", gain)
+    gain = None if raw is None or name == "cae" else rating.overall - raw
+    with cards.container(border=True, width=CARD_PX):
+        st.metric(
+            LABELS[name], f"{rating.overall:.3f}", None if gain is None else f"{gain:+.3f}",
+            delta_color="off" if gain is None or abs(gain) < NO_CHANGE else "normal",
+        )  # fmt: skip
         evidence.show_grade(rating.grade)
         if name in fold.with_band:
             low, high = fold.rating_interval(name, view.window_ms)
-            st.caption(f"Single draws: {low:.2f}–{high:.2f}", help=DRAWS_HELP)
+            st.caption(f"Single draws, lower by nature: {low:.2f}–{high:.2f}", help=DRAWS_HELP)
 
-evidence.show_recommendation(
-    recommend_for(fold.estimates, config.rest(campaign, test.id), test.condition, view.window_ms).sentences
-)
+said = recommend_for(fold.estimates, rest, test.condition, view.window_ms).sentences
+evidence.show_recommendation(said)
+evidence.show_settings(config, left_out=True)
 left, right = st.columns([3, 2], vertical_alignment="center")
 shown = left.segmented_control(
     "Figure", ["Motion", "Residuals"], default="Motion", required=True, key="compared", persist_state="session",
@@ -98,7 +107,7 @@ st.table(tables.metrics(columns), border="horizontal")
 evidence.show_missing(columns)
 st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
 
-evidence.show_notes(predictions)
+evidence.show_notes(predictions, said)
 evidence.show_fits(fold.estimates)
 with st.container(horizontal=True):
     evidence.download("scores.csv", lambda: scores_table(study))

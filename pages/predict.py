@@ -7,7 +7,6 @@ import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches import LABELS
-from crashfuse.estimate import FASTEST_MPS, HEAVIEST_KG
 from crashfuse.exports import isomme_prediction, parquet_bytes
 from crashfuse.nearest import nearest_sentences
 from crashfuse.plots.displacement import energy_over_crush, over_displacement
@@ -23,32 +22,27 @@ from crashfuse.units import LB, MPH
 
 view = frame.enter_with_campaign("Predict")
 campaign, config = view.campaign, chosen_config()
-st.markdown("The pulse at a speed and weights that were never tested, learned from all tests and CAE runs.")
+st.markdown(
+    "The pulse at a speed and weights that were never tested, learned from all tests and runs; none is held out here."
+)
 
 
-def field(
-    column: DeltaGenerator, label: str, unit: float, axis: int, *, most: float, step: float, digits: int
-) -> float:
-    """Slider over the CAE runs' range, and a number field for any value up to ``most``; returns SI."""
+def field(column: DeltaGenerator, label: str, name: str, unit: float, axis: int, *, step: float, digits: int) -> float:
+    """Slider over the CAE runs' range, and a number field, kept in the address, for values around it; returns SI."""
     values = campaign.cae.vectors[:, axis] / unit
     low, high = max(float(np.floor(values.min())), step), float(np.ceil(values.max()))
-    name = f"{label} {campaign.fingerprint[:8]}"
+    least, most = max(low / 2, step), 2 * high  # who types a decimal comma means a tenth of what arrives
     slider = f"slider {name}"
-    if name not in st.session_state:
-        st.session_state[name] = round(float(np.median(values)), digits)
+    if not least <= st.session_state.get(name, least) <= most:  # of another campaign
+        del st.session_state[name]
 
     def take_slider() -> None:
         st.session_state[name] = st.session_state[slider]
 
     number = column.number_input(
-        label,
-        min_value=1.0,
-        max_value=float(int(most / unit)),
-        step=step,
-        format=f"%.{digits}f",
-        key=name,
-        persist_state="session",
-    )
+        label, min_value=least, max_value=most, value=round(float(np.median(values)), digits), step=step,
+        format=f"%.{digits}f", key=name, bind="query-params", persist_state="session",
+    )  # fmt: skip
     st.session_state[slider] = min(max(number, low), high)
     column.slider(
         f"{label}, over the CAE runs", low, high, step=step, format=f"%.{digits}f", key=slider, on_change=take_slider,
@@ -74,9 +68,9 @@ factors = {
     )
 }
 condition = Condition(
-    speed_mps=field(left, "Impact speed (mph)", MPH, 0, most=FASTEST_MPS, step=0.1, digits=1),
-    front_weight_kg=field(middle, "Front weight (lb)", LB, 1, most=HEAVIEST_KG / 2, step=1.0, digits=0),
-    rear_weight_kg=field(right, "Rear weight (lb)", LB, 2, most=HEAVIEST_KG / 2, step=1.0, digits=0),
+    speed_mps=field(left, "Impact speed (mph)", "speed_mph", MPH, 0, step=0.1, digits=1),
+    front_weight_kg=field(middle, "Front weight (lb)", "front_weight_lb", LB, 1, step=1.0, digits=0),
+    rear_weight_kg=field(right, "Rear weight (lb)", "rear_weight_lb", LB, 2, step=1.0, digits=0),
     factors=tuple(factors.items()),
 )
 st.caption(f"{condition}; {condition.mass_kg:.0f} kg in all")
@@ -86,15 +80,20 @@ for note in campaign.cae.extrapolation(condition):
 request = FitRequest(campaign, config)
 fitted = result_of(
     request,
-    invitation=f"The approaches have yet to learn from all {len(campaign.tests)} tests of this campaign. That takes a "
-    "minute or two the first time; after that, every condition is answered at once.",
+    invitation=f"The approaches have yet to learn from all {len(campaign.tests)} tests of this campaign. "
+    + evidence.patience(
+        config, "That takes a minute or two the first time; after that, every condition is answered at once."
+    ),
     button="Predict",
 )
 estimates = answers(request.key, condition, fitted)
 predictions = {estimate.approach: estimate.prediction for estimate in estimates}
 
-evidence.show_recommendation(recommend_for(estimates, campaign, condition, view.window_ms).sentences)
+warnings = campaign.cae.extrapolation(condition)
+said = recommend_for(estimates, campaign, condition, view.window_ms).sentences
+evidence.show_recommendation([sentence for sentence in said if sentence not in warnings])
 st.caption("  \n".join(nearest_sentences(campaign, condition)))
+evidence.show_settings(config)
 shown = st.segmented_control(
     "Figure",
     ["Over time", "Over displacement", "Energy over crush"],
@@ -137,7 +136,7 @@ with st.container(horizontal=True):
     evidence.download_bytes("pulses.parquet", lambda: parquet_bytes(pulses()))
     evidence.download_bytes("isomme.zip", lambda: planning.zipped(isomme_prediction(campaign, estimates)))
     evidence.download_report(lambda: prediction_report(campaign, estimates, config))
-evidence.show_notes(predictions)
+evidence.show_notes(predictions, (*said, *warnings))
 evidence.show_fits(estimates)
 
 st.header("Planning")

@@ -31,10 +31,18 @@ if config.preset == "fast":  # a paper fit takes minutes, or a GPU
     config = replace(config, hold_out="both")
 study = result_of(
     StudyRequest(campaign, campaign.test_ids, config),
-    invitation=f"The study of all {len(campaign.tests)} tests has not been run yet. It takes several minutes the first "
-    "time; you can go on working on the other pages meanwhile.",
+    invitation=f"The study of all {len(campaign.tests)} tests has not been run yet. "
+    + evidence.patience(
+        config, "It takes several minutes the first time; you can go on working on the other pages meanwhile."
+    ),
     button=f"Leave out each of {len(campaign.tests)} tests",
 )
+
+
+def open_test(test_id: str, study: Study) -> None:
+    """Turn to a test as this study left it out."""
+    frame.choose_held_out(campaign.test(test_id))
+    st.session_state["hold_out"] = study.config.hold_out if study.config.hold_out == "speed group" else "test"
 
 
 def show_ratings(study: Study, way: str) -> None:
@@ -49,7 +57,7 @@ def show_ratings(study: Study, way: str) -> None:
         rating_heatmap(overall),
         alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables below",
         key=way,
-        on_click=lambda test_id: frame.choose_held_out(campaign.test(test_id)),
+        on_click=lambda test_id: open_test(test_id, study),
     )
     if chosen:
         st.switch_page(frame.pages()["compare"], query_params={})  # what is bound to widgets can't be cleared
@@ -99,4 +107,4 @@ with st.container(horizontal=True):
     if study.speed_groups is not None:
         evidence.download("speed_groups.csv", partial(scores_table, study.speed_groups))
     evidence.download_report(lambda: study_report(study))
-st.caption(f"{config.preset.capitalize()} settings, seed {config.seed}.")
+evidence.show_settings(config)

@@ -1,11 +1,13 @@
 """Train: choose what to predict and how, start it, watch it, stop it."""
 
 import streamlit as st
+import torch
 
 from crashfuse.approaches import APPROACHES, DEVICES, LABELS
 from crashfuse.ui import frame
 from crashfuse.ui.computation import StudyRequest, chosen_config, jobs
 from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test
+from crashfuse.ui.text import plain
 
 view = frame.enter_with_campaign("Train")
 campaign = view.campaign
@@ -20,7 +22,7 @@ held_out = st.multiselect(
     persist_state="session",
     help="While one is predicted, all others train, those in this list included.",
 )
-st.pills(
+chosen = st.pills(
     "Approaches",
     APPROACHES,
     selection_mode="multi",
@@ -54,7 +56,7 @@ with right.expander("Advanced", icon=":material/tune:"):
     )
     st.radio(
         "Networks are trained on",
-        DEVICES,
+        DEVICES if torch.cuda.is_available() else ("auto", "cpu"),
         format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
         key="device",
         persist_state="session",
@@ -67,7 +69,7 @@ if config.preset == "paper":
     )
 
 request = StudyRequest(campaign, tuple(test for test in campaign.test_ids if test in held_out), config)
-ready = bool(request.held_out and config.approaches)
+ready = bool(request.held_out and chosen)
 if not ready:
     st.info("Choose at least one test and one approach.")
 job = request.find() if ready else None
@@ -81,7 +83,13 @@ if job is not None:
         show_job(job)
     elif job.state == "done":
         st.success("The predictions are ready, and kept for next time.", icon=":material/check_circle:")
-        st.page_link(frame.pages()["compare"], label="Compare the predictions with the test")
+        with st.container(horizontal=True):
+            for test_id in request.held_out:
+                if st.button(
+                    f"Compare {plain(test_id)}", icon=":material/arrow_forward:", on_click=frame.choose_held_out,
+                    args=(campaign.test(test_id),),
+                ):  # fmt: skip
+                    st.switch_page(frame.pages()["compare"], query_params={})
     else:
         show_end(job)
 

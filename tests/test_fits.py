@@ -66,7 +66,7 @@ def test_a_fit_is_told_in_sentences() -> None:
     assert "300 points" in text
     assert "Factors: powertrain" in text
     assert "none -10, powertrain -3" in text
-    assert "widened 1.15 times" in text
+    assert "scaled by 1.15;" in text
     assert "crush in 3 of 3 tests" in text
     assert "less than a 95 % band should hold" in text  # v(t) 90 %
     assert fit_sentences({}) == []
@@ -110,4 +110,4 @@ def test_a_factor_of_its_own_after_t0_is_told() -> None:
     """A band that was widened more after the stop says so."""
     check = Calibration(1.15, (INSIDE,) * 3, late_widening=2.0).state
     (sentence,) = fit_sentences({"band_check": check})
-    assert "widened 1.15 times (2 times after t0)" in sentence
+    assert "scaled by 1.15 (2 after t0);" in sentence

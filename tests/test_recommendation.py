@@ -82,7 +82,7 @@ def test_a_campaign_gets_the_approach_with_the_least_crps(campaign: Campaign) ->
     found = recommend(study(campaign, {"cae": 0.6, "time_domain": 0.8, "displacement_domain": 0.97}))
     assert found.approach == "displacement_domain"
     assert "on 4 tests that were left out" in found.sentences[0]
-    assert "below it in no test" in found.sentences[1]
+    assert "better in no test" in found.sentences[1]
     assert "maximum crush in" in found.sentences[2]
 
 
@@ -97,7 +97,7 @@ def test_harm_against_the_raw_model_is_named_with_its_test(campaign: Campaign) -
     )
     text = " ".join(recommend(replace(spoiled, folds=(bad, *spoiled.folds[1:]))).sentences)
     harm = bad.ratings["cae"][60.0].overall - bad.ratings["displacement_domain"][60.0].overall
-    assert f"below it in T1 (by up to {harm:.3f})" in text
+    assert f"better than this in T1 (by up to {harm:.3f})" in text
 
 
 def test_equal_approaches_are_said_to_be_equal(campaign: Campaign) -> None:

@@ -116,7 +116,7 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     assert '"name":"Test"' not in text
     assert "by speed</h2>" in text
     assert "Expected rating over 0–60 ms: about 1.00" in text
-    assert "Nearest tests: T1 (+0.0 mph" in text
+    assert "Nearest tests by speed and weights: T1 (+0.0 mph" in text
     assert "crashfuse predict CAMPAIGN --speed-mph 15 " in text
 
 

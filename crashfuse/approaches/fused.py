@@ -213,7 +213,9 @@ class Fused(Approach):
     def _reason(self, condition: Condition, weights: FloatArray) -> str:
         """The weights, and what decides them."""
         away = np.abs(self._speeds - condition.speed_mps).min() / MPH
-        parts = ", ".join(f"{name} {weight:.2f}" for name, weight in zip(VOICES, weights, strict=True))
+        shown = np.round(weights, 2)
+        shown[weights.argmax()] += 1 - shown.sum()  # they add up to what they are shares of
+        parts = ", ".join(f"{name} {weight:.2f}" for name, weight in zip(VOICES, shown, strict=True))
         n = len(self.calibration_.tests)
         source = f"weights learned from {n} tests, each predicted from the others" if n else "weights not learned"
         return f"Nearest test {away:.1f} mph away: {parts} ({source})."

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable, Hashable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -12,6 +13,7 @@ from crashfuse.approaches.kept import is_kept
 from crashfuse.cache import Cache
 from crashfuse.campaign import Campaign
 from crashfuse.config import StudyConfig
+from crashfuse.errors import CrashfuseError
 from crashfuse.estimate import Estimate, Fit, estimates_at, find_estimate
 from crashfuse.progress import Watch
 from crashfuse.pulse import Condition
@@ -51,7 +53,7 @@ def _find(key: Hashable, title: str, in_cache: Callable[[], bool], work: Callabl
     with _lookups().lock:  # who comes second waits for the answer
         if _lookups().ended_before.get(key) == jobs().ended:
             return jobs().get(key)
-        with st.spinner("Looking for earlier results …"):
+        with st.spinner("Looking for earlier results …"), suppress(CrashfuseError):  # whoever starts it is told
             if in_cache():
                 job = jobs().start_at_once(key, title, work)
                 job.wait(_PATIENCE_S)
@@ -63,7 +65,7 @@ def chosen_config() -> StudyConfig:
     """The settings made on the page Train, or the defaults where nobody has been there."""
     state = st.session_state
     return StudyConfig(
-        approaches=tuple(name for name in APPROACHES if name in state.get("approaches", APPROACHES)),
+        approaches=tuple(name for name in APPROACHES if name in (state.get("approaches") or APPROACHES)),
         preset=state.get("preset", "fast"),
         seed=int(state.get("seed", 0)),
         hold_out=state.get("hold_out", "test"),

@@ -1,6 +1,6 @@
 """What a page shows for its claims: figures, remarks of the approaches, and the numbers to take away."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -8,6 +8,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches import LABELS, Prediction
+from crashfuse.config import StudyConfig
 from crashfuse.estimate import Estimate
 from crashfuse.fits import fit_sentences, fit_table
 from crashfuse.metrics import Metric, missing_sentences
@@ -68,15 +69,32 @@ def show_grade(grade: str) -> None:
     )
 
 
-def show_notes(predictions: Mapping[str, Prediction]) -> None:
-    """List what the approaches want the reader to know, each remark once with those who make it."""
+def show_notes(predictions: Mapping[str, Prediction], said: Collection[str] = ()) -> None:
+    """List what the approaches want the reader to know, each remark once with those who make it.
+
+    What the page has ``said`` already is left out.
+    """
     makers: dict[str, list[str]] = {}
     for name, prediction in predictions.items():
         for note in prediction.notes:
-            makers.setdefault(note, []).append(LABELS[name])
+            if note not in said:
+                makers.setdefault(note, []).append(LABELS[name])
     if makers:
         st.subheader("Notes")
         st.markdown("\n".join(f"- {', '.join(names)}: {plain(note)}" for note, names in makers.items()))
+
+
+def show_settings(config: StudyConfig, *, left_out: bool = False) -> None:
+    """Say under which settings the numbers came about."""
+    beside = ""
+    if left_out and config.hold_out == "speed group":
+        beside = " With a test all tests at about its speed are left out, too."
+    st.caption(f"{config.preset.capitalize()} settings, seed {config.seed}, as chosen on the page Train.{beside}")
+
+
+def patience(config: StudyConfig, usually: str) -> str:
+    """How long a computation takes: as usual, unless the settings are the paper's."""
+    return usually if config.preset == "fast" else "With the paper's settings that takes many hours without a GPU."
 
 
 def show_fits(estimates: Iterable[Estimate]) -> None:

@@ -183,7 +183,7 @@ def _sidebar() -> _Choice:
             choice.problems = error.problems
             return choice
         labels = {_label(test): test for test in campaign.tests}
-        _note_if_missing("held_out", labels, "This campaign has no test {}, which this link holds out.")  # fmt: skip
+        _note_if_missing("held_out", labels, "This link holds out {}, but no test here has that name and speed.")
         held_out = labels[
             st.selectbox(
                 "Held-out test",

@@ -79,7 +79,7 @@ def test_another_campaign_is_not_shown_as_that_of_the_link_without_a_word(visit:
     session.app.sidebar.selectbox(key="campaign").select("sample").run()
     assert "“elsewhere”" not in session.words
     session = visit(held_out="T9 · 50.0 mph")
-    assert "This campaign has no test “T9 · 50.0 mph”, which this link holds out." in session.words
+    assert "This link holds out “T9 · 50.0 mph”, but no test here has that name and speed." in session.words
     session.app.sidebar.selectbox(key="held_out").select("T2 · 25.0 mph").run()
     assert "which this link holds out" not in session.words
 

@@ -1,5 +1,6 @@
 """Every page in every state, driven through app.py without a browser."""
 
+import json
 import re
 import threading
 import time
@@ -18,7 +19,7 @@ from crashfuse.approaches import Approach, Prediction
 from crashfuse.approaches.learned import Learned
 from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.config import StudyConfig
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.estimate import Estimate
 from crashfuse.fold import Fold
 from crashfuse.progress import SILENT, Watch
@@ -350,10 +351,24 @@ def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_lear
     finish(press(app, "Predict test T1"))
     assert "Before: learned from CAE runs alone" in words(app)
     assert "After: fine-tuned on the other tests" in words(app)
+    before, after = (json.loads(chart.proto.spec)["layout"]["yaxis"] for chart in app.get("plotly_chart")[1:3])
+    assert before["range"] == after["range"]
     app.button_group(key="networks").set_value("Learning curves").run()
     assert not app.exception
     assert charts(app) == n_charts
     assert "Learning from CAE runs" in words(app)
+
+
+@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+def test_a_single_network_is_shown_with_what_is_true_of_it_alone() -> None:
+    """Without the LF TCN there is no figure of before, nor a word on it."""
+    app = start("train")
+    app.button_group(key="approaches").set_value(["cae", "time_domain"]).run()
+    finish(press(app, "Start"))
+    shown = words(go(app, "compare"))
+    assert "What the other tests add to the networks." in shown
+    assert "should repeat the CAE model" not in shown
+    assert "Left" not in shown
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
@@ -472,6 +487,34 @@ def test_a_real_prediction_appears_and_a_new_server_finds_it_in_the_cache() -> N
     later.button_group(key="approaches").set_value(["cae"]).run()
     go(later, "compare")
     pd.testing.assert_frame_equal(tables(later)[0], shown)
+
+
+@pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+def test_without_an_approach_the_other_pages_take_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Train says that one is missing; no page dies of it."""
+    monkeypatch.setattr("crashfuse.config.create", lambda *_, **__: Quick())
+    app = start("train")
+    app.button_group(key="approaches").set_value([]).run()
+    assert "Choose at least one test and one approach." in words(app)
+    finish(press(go(app, "compare"), "Predict test T1"))
+    assert charts(app) == 4
+    finish(press(go(app, "predict"), "Predict"))
+    assert charts(app) == 1
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_what_cannot_be_computed_is_told_by_its_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A device that has gone since it was chosen: each page opens, and the job says what is wrong."""
+
+    def gone(*_: object, **__: object) -> Approach:
+        raise UsageError("There is no CUDA device.")
+
+    monkeypatch.setattr("crashfuse.config.create", gone)
+    app = start("compare")
+    finish(press(app, "Predict test T1"))
+    assert app.error[0].value == "There is no CUDA device."
+    for page in ("train", "study", "predict"):
+        go(app, page)
 
 
 @pytest.mark.usefixtures("open_campaign")
