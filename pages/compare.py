@@ -103,7 +103,7 @@ st.table(tables.ratings(fold.ratings, view.window_ms), border="horizontal")
 st.subheader("Pulse metrics")
 measured = pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
 columns = [("Test", measured), *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates)]
-st.table(tables.metrics(columns), border="horizontal")
+st.table(tables.metrics(columns, view.unit), border="horizontal")
 evidence.show_missing(columns)
 st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
 

@@ -120,7 +120,7 @@ evidence.show_kept_figure(draw, alt, shown, request.key, condition, view.unit, v
 
 st.subheader("Pulse metrics")
 columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
-st.table(tables.metrics(columns), border="horizontal")
+st.table(tables.metrics(columns, view.unit), border="horizontal")
 evidence.show_missing(columns)
 st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
 

@@ -1,6 +1,7 @@
 """The command that takes foreign files into a campaign."""
 
 import argparse
+import math
 from pathlib import Path
 
 _UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
@@ -65,17 +66,24 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--braking", choices=("negative", "positive"), help="how the source counts it (default: detected)"
     )
-    parser.add_argument("--time-zero-ms", type=float, metavar="T", help="first contact, in the source's own time")
+    parser.add_argument("--time-zero-ms", type=_number, metavar="T", help="first contact, in the source's own time")
     parser.add_argument("--channel-filter-class", type=_filter_class, metavar="CFC", help='60, 180 or so, or "none"')
     speed = parser.add_mutually_exclusive_group()
     for unit in ("mph", "kph"):
-        speed.add_argument(f"--speed-{unit}", type=float, metavar="V", help=f"impact speed in {unit}")
+        speed.add_argument(f"--speed-{unit}", type=_number, metavar="V", help=f"impact speed in {unit}")
     for name, what in _WEIGHTS.items():
         group = parser.add_mutually_exclusive_group()
         for unit in ("lb", "kg"):
-            group.add_argument(f"--{name}-{unit}", type=float, metavar="W", help=f"weight {what} in {unit}")
-    parser.add_argument("--front-share", type=float, metavar="S", help="share of the mass on the front axle, 0 to 1")
+            group.add_argument(f"--{name}-{unit}", type=_number, metavar="W", help=f"weight {what} in {unit}")
+    parser.add_argument("--front-share", type=_number, metavar="S", help="share of the mass on the front axle, 0 to 1")
     parser.set_defaults(run=import_)
+
+
+def _number(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"must be a number, not {text}")
+    return number
 
 
 def _filter_class(text: str) -> float | str:

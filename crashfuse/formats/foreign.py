@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.formats.archive import shown
-from crashfuse.formats.mapping import QUANTITIES, ColumnRole, ColumnUse, Mapping, bare_name, cutoff_of
+from crashfuse.formats.headers import bare_name, cutoff_of
+from crashfuse.formats.mapping import QUANTITIES, ColumnRole, ColumnUse, Mapping
 from crashfuse.formats.record import PartialCondition, Record, RecordedChannel
 from crashfuse.formats.sheet import Sheet
 from crashfuse.formats.spelling import UNITS
@@ -18,6 +19,7 @@ from crashfuse.pulse import FloatArray
 
 Rows = npt.NDArray[np.signedinteger[Any]]
 _LONGEST_S = 3.0  # beyond it a time without a unit is in ms
+_FEWEST = 10  # numbers of each kind that tell thousands separators from decimal signs
 
 
 def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: bool = False) -> tuple[Record, ...]:
@@ -40,7 +42,8 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     Raises
     ------
     DataError
-        If there is not one time and one acceleration at least, or a cell is no number.
+        If there is not one time and one acceleration at least, a cell is no number, or the rows are those of several
+        records without ids.
     """
     times, accelerations, ids = mapping.of("time"), mapping.of("acceleration"), mapping.of("id")
     for role, found, fine in (
@@ -52,7 +55,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
             have = ", ".join(shown(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
             raise DataError(Problem(sheet.name, f"one column that is the {role}", have, "map the columns"))
     time, told = _seconds(sheet, times[0])
-    values = {use.column: sheet.numbers(use.column) for use in accelerations}
+    values = {use.column: _decimal(sheet, use.column) for use in accelerations}
 
     def channel(use: ColumnUse, rows: Rows) -> RecordedChannel:
         unit = use.unit if use.unit in UNITS["acceleration"] else None
@@ -70,6 +73,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     if ids:
         groups = _groups(sheet.text(ids[0].column), rows)
         return tuple(record(name, accelerations, of) for name, of in groups)
+    _check_order(sheet, times[0], time, rows)
     if together or len(accelerations) == 1:
         return (record(record_id, accelerations, rows),)
     return tuple(record(bare_name(use.column), (use,), rows) for use in accelerations)
@@ -109,6 +113,37 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     return conditions
 
 
+def told_of(mapping: Mapping) -> tuple[str, ...]:
+    """What the columns of a sheet of conditions are taken for, a sentence each."""
+    return tuple(_told(use) for use in mapping.uses if use.role in ("id", *QUANTITIES))
+
+
+def _decimal(sheet: Sheet, column: str) -> FloatArray:
+    """Numbers whose decimal sign is one: ``-441.234`` among ``119`` and never ``-44.1`` means −441 234."""
+    numbers = sheet.numbers(column)
+    known = numbers[np.isfinite(numbers)]
+    broken = known[known != np.round(known)]
+    if _FEWEST <= broken.size <= known.size - _FEWEST and np.abs(known).max() < 1000 and np.abs(broken).min() >= 1:
+        cells = [cell for cell in sheet.text(column) if cell]
+        grouped = re.compile(rf"[-+]?\d{{1,3}}({re.escape(sheet.decimal)}\d{{3}})?")
+        if all(map(grouped.fullmatch, cells)):
+            found = f"numbers such as {next(cell for cell in cells if sheet.decimal in cell)} among whole ones"
+            advice = "these are thousands separators; export without them"
+            raise DataError(Problem(sheet.name, "a decimal sign that is one", found, advice, shown(column)))
+    return numbers
+
+
+def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> None:
+    """A time that falls back without ids may be several records one below the other."""
+    back = np.flatnonzero(np.diff(time[rows]) < 0)
+    if back.size:
+        before, after = (sheet.text(use.column)[row] for row in rows[back[0] : back[0] + 2].tolist())
+        expected, found = "time that increases from row to row", f"{shown(after, 20)} after {shown(before, 20)}"
+        advice = "map the column of ids (COLUMN=id) if the rows are of several records, else sort them by time"
+        row = int(rows[back[0] + 1]) + sheet.first_row
+        raise DataError(Problem(sheet.name, expected, found, advice, shown(use.column), row))
+
+
 def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]:
     time = sheet.numbers(use.column)
     if use.unit is not None:
@@ -124,13 +159,14 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
         return None
     if len(uses) > 1:
         found = " and ".join(shown(use.column, 40) for use in uses)
-        raise DataError(Problem(sheet.name, f"one column that is the {role}", found, "map the columns"))
+        advice = "say which one it is by mapping the others (COLUMN=factor)"
+        raise DataError(Problem(sheet.name, f"one column that is the {role}", found, advice))
     use, quantity = uses[0], QUANTITIES[role]
     values = sheet.numbers(use.column)
+    if quantity == "share" and use.unit != "1":  # Excel keeps 58 % as 0.58
+        return np.where(values > 1, 0.01 * values, values)
     if use.unit is not None:
         return values * UNITS[quantity][use.unit]
-    if quantity == "share":
-        return values * (0.01 if np.nanmax(values, initial=0.0) > 1 else 1.0)
     expected = f"a unit in the header ({', '.join(UNITS[quantity])})"
     raise DataError(Problem(sheet.name, expected, "none", "name the unit in the mapping", use.column))
 
@@ -152,4 +188,4 @@ def _as_id(name: str) -> str:
 
 def _told(use: ColumnUse) -> str:
     unit = f" in {use.unit}" if use.unit else ""
-    return f"Column {shown(use.column, 60)} is the {use.role}{unit}: {use.why}."
+    return f"Column {shown(use.column, 60)} is the {use.role.replace('_', ' ')}{unit}: {use.why}."

@@ -27,6 +27,7 @@ import numpy as np
 from crashfuse.errors import DataError, Problem
 from crashfuse.formats.archive import Budget, Limits, Member, refuse, shown
 from crashfuse.formats.members import opened_members
+from crashfuse.formats.spelling import UNITS, unit_named
 from crashfuse.pulse import FloatArray
 
 NO_VALUE = "NOVALUE"
@@ -55,8 +56,8 @@ class Channel:
         NaN where a sample has no value.
     interval_s : float or None
         Sampling interval; None where the file tells no even time.
-    start_s : float
-        Time of the first sample.
+    start_s : float or None
+        Time of the first sample; None where the file does not tell it.
     comments : tuple of str
     source : str
         What it comes from: ``transducer``, ``calculation``, ``camera``, ``simulation`` or ``parameter``.
@@ -67,7 +68,7 @@ class Channel:
     unit: str
     values: FloatArray
     interval_s: float | None
-    start_s: float = 0.0
+    start_s: float | None = 0.0
     comments: tuple[str, ...] = ()
     source: str = ""
 
@@ -132,15 +133,17 @@ def _read(members: Iterable[Member], name: str, budget: Budget) -> IsommeTest:
     ]
     problems: list[Problem] = []
     channels: list[tuple[Channel, str | None]] = []
+    clocks: dict[str, Channel] = {}
     for member in sorted((member for member in near if _is_channel(member.path)), key=_number):
         try:
             channels.append(_channel(member, listed, budget))
+            channel = channels[-1][0]
+            clocks |= {name: channel for name in (member.path.suffix[1:], channel.name, channel.code) if name}
         except DataError as error:
             problems.extend(error.problems)
     refuse(problems, name)
     if not channels:
         raise DataError(Problem(name, "channel files .001, .002 … in Channel/", "none", "export the channels too"))
-    clocks = {channel.code: channel.values for channel, _ in channels}
     timed = tuple(_timed(channel, clocks.get(reference or "")) for channel, reference in channels)
     descriptors = _descriptors(_lines_in(headers[0], budget), headers[0].where)
     return IsommeTest(headers[0].path.stem, tuple(descriptors), timed)
@@ -155,7 +158,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     if count is not None and count != values.size:
         expected = f"{count:g} samples, as its header says"
         raise DataError(Problem(where, expected, f"{values.size}", "export the channel again"))
-    interval = _number_in(header, "Sampling interval", where)
+    interval = _seconds_in(header, "Sampling interval", where)
     if interval is not None and interval <= 0:
         raise DataError(Problem(where, "a number above 0", f"{interval:g}", "correct the header", "Sampling interval"))
     code, _, name = (_first(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
@@ -165,7 +168,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
         unit=_first(header, "Unit") or "",
         values=values,
         interval_s=interval,
-        start_s=_number_in(header, "Time of first sample", where) or 0.0,
+        start_s=_seconds_in(header, "Time of first sample", where),
         comments=tuple(value for name, value in header if name.lower() == "comments"),
         source=_first(header, "Data source") or "",
     )
@@ -173,10 +176,11 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     return channel, None if implicit else _first(header, "Reference channel name")
 
 
-def _timed(channel: Channel, time_s: FloatArray | None) -> Channel:
+def _timed(channel: Channel, clock: Channel | None) -> Channel:
     """The channel with the sampling of its time channel, where that is even and as long."""
-    if time_s is None or time_s.shape != channel.values.shape or time_s.size < 2:
+    if clock is None or clock.values.shape != channel.values.shape or clock.values.size < 2:
         return channel
+    time_s = clock.values * UNITS["time"][unit_named(clock.unit, "time") or "s"]
     steps = np.diff(time_s)
     mean = float(steps.mean())
     if not (mean > 0 and np.abs(steps - mean).max() <= _UNEVEN * mean):
@@ -227,6 +231,18 @@ def _number_in(header: Pairs, name: str, where: str) -> float | None:
     if not np.isfinite(value):
         raise DataError(Problem(where, "a number", shown(text), "correct the header", name))
     return value
+
+
+def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
+    """A time: in s, by the format's definition, unless it names another unit."""
+    value = _number_in(header, name, where)
+    unit = (_first(header, name) or "").split()[1:]
+    if value is None or not unit:
+        return value
+    known = unit_named(unit[0], "time")
+    if known is None:
+        raise DataError(Problem(where, "a time in s or ms", shown(unit[0]), "correct the header", name))
+    return value * UNITS["time"][known]
 
 
 def _first(pairs: Pairs, name: str) -> str | None:

@@ -61,7 +61,9 @@ def _channel_header(channel: Channel) -> list[tuple[str, str]]:
         ("Number of samples", str(channel.values.size)),
     ]
     if channel.interval_s is not None:
-        header += [("Sampling interval", repr(channel.interval_s)), ("Time of first sample", repr(channel.start_s))]
+        header.append(("Sampling interval", repr(channel.interval_s)))
+    if channel.start_s is not None:
+        header.append(("Time of first sample", repr(channel.start_s)))
     return header
 
 

@@ -33,7 +33,7 @@ _BINOUT, _NODOUT = re.compile(r"binout[^.]*", re.IGNORECASE), re.compile(r"nodou
 _MOST_UNZIPPED = 256 << 20  # bytes of a binout in a zip, which has to be in memory to be read
 _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept of one run, of a run among many, of all runs
 _LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # ends of runs in either unit
-_FASTEST_MPS = 100.0
+_FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # between them could be inch or cm
 _ALIKE = 0.1  # of the median travel
 _ALIASED = 0.05  # of the velocity
 _DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
@@ -157,14 +157,14 @@ def _record(run_id: str, source: str, run: Histories) -> Record:
     per_second, unit, units_told = _units(proposed, source)
     speed = float(np.median([abs(node.velocity[0]) for node in proposed])) * ACCELERATION_UNITS[unit or "m/s²"]
     speed *= 1.0 if per_second == 1 else MS  # a velocity is the acceleration's unit times the unit of time
-    mass = _mass_kg(run.kinetic_energy, proposed)
+    mass = None if unit is None else _mass_kg(run.kinetic_energy, proposed)
     aliased = [node.name for node in run.nodes if _is_aliased(node)]
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units_told, why]
     if aliased and {node.name for node in proposed} & set(aliased):
         steps.append("Accelerations that do not add up to the nodes' velocities are taken from the velocities.")
     if run.total > len(run.nodes):
         steps.append(f"{len(run.nodes)} of {run.total} nodes are kept, those with a title first.")
-    known = unit is not None and np.isfinite(speed)
+    known = unit is not None and bool(np.isfinite(speed))
     if known:
         steps.append(f"Speed {speed:.4g} m/s, at which these nodes set out.")
     if mass is not None:
@@ -172,7 +172,8 @@ def _record(run_id: str, source: str, run: Histories) -> Record:
     channels = tuple(_channel(node, per_second, unit, derived=node.name in aliased) for node in run.nodes)
     names = tuple(node.name for node in proposed)
     condition = PartialCondition(speed if known else None, mass)
-    return Record(run_id, source, condition, channels, names, tuple(steps))
+    no_speed = "" if known else f"a {units_told[0].lower()}{units_told[1:].rstrip('.')}"
+    return Record(run_id, source, condition, channels, names, tuple(steps), no_speed=no_speed)
 
 
 def _proposed(nodes: Sequence[History]) -> tuple[list[History], str]:
@@ -229,10 +230,12 @@ def _units(nodes: Sequence[History], source: str) -> tuple[float, str | None, st
     if not seconds:
         return MS, "mm/ms²", f"Units mm and ms: {lasts}."
     if not fastest > 0:  # at rest or without velocities
-        return 1.0, None, f"Unit of time s: the run ends at {end:.4g}. Its velocities do not tell the unit of length."
-    return (
-        (1.0, "mm/s²", f"Units mm and s: {lasts}.") if fastest > _FASTEST_MPS else (1.0, "m/s²", f"SI units: {lasts}.")
-    )
+        return 1.0, None, f"Unit of length unknown: the run ends at {end:.4g} s, and its velocities do not tell."
+    if fastest <= _FASTEST_MPS:
+        return 1.0, "m/s²", f"SI units: {lasts}."
+    if fastest < _SLOWEST_MMPS:
+        return 1.0, None, f"Unit of length unknown: {lasts}, too fast for m and too slow for mm."
+    return 1.0, "mm/s²", f"Units mm and s: {lasts}."
 
 
 def _mass_kg(energy: float | None, nodes: Sequence[History]) -> float | None:

@@ -4,31 +4,20 @@
 follows from it is read by :mod:`crashfuse.formats.foreign`.
 """
 
-import re
-import unicodedata
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
 
-from crashfuse.errors import DataError, UsageError
+from crashfuse.errors import UsageError
 from crashfuse.formats.archive import shown
-from crashfuse.formats.sheet import Sheet
+from crashfuse.formats.headers import ColumnRole, ColumnUse, filter_order, place_of, use_of, why_no_acceleration
+from crashfuse.formats.sheet import SAMPLE, Sheet
 from crashfuse.formats.spelling import UNITS, unit_named
+from crashfuse.pulse import FloatArray
 
-ColumnRole = Literal[
-    "id",
-    "time",
-    "acceleration",
-    "speed",
-    "mass",
-    "front_weight",
-    "rear_weight",
-    "front_share",
-    "factor",
-    "ignored",
-]
-"""What a column can be."""
+__all__ = ["QUANTITIES", "ColumnRole", "ColumnUse", "Mapping", "propose"]
 
 QUANTITIES: dict[str, str] = {
     "time": "time",
@@ -40,39 +29,8 @@ QUANTITIES: dict[str, str] = {
     "front_share": "share",
 }
 """What the columns that have a unit measure."""
-_WORDS: dict[ColumnRole, str] = {
-    "id": r"id|(test|run) ?(id|nr|no|number|name)?|versuch(s ?(nr|nummer|name))?|lauf|name|nr|no|number|variante|"
-    r"simulation|sim|case|record",
-    "time": r"t|time|zeit|temps|tiempo|tempo|time.*|zeit.*",
-    "acceleration": r"a|ax|a ?x|accx?|acc .*|accel.*|.* accel.*|beschl.*|.* beschl.*|decel.*|verzog.*|puls.*|.* pulse?",
-    "speed": r"v|v0|v ?0|speed|.* speed|velocity|.* velocity|geschw.*|.*geschwindigkeit|vitesse.*",
-    "front_weight": r".*(front|vorn|vorder).*|.*\b(va|fa)\b.*|wf",
-    "rear_weight": r".*(rear|hint).*|.*\b(ha|ra)\b.*|wr",
-    "mass": r".*(mass|masse|weight|gewicht).*|m",
-}
-_WEIGHT = re.compile(r".*(mass|masse|weight|gewicht|load|last|axle|achs).*|wf|wr")
-_OTHER_AXIS = re.compile(r".*(^|[ ])(a ?)?[yz]$|acc ?[yz].*|.*\bres(ultant)?\b.*|.*resultier.*|.* [yz] .*")
-_FILTER = re.compile(r"\b(raw|roh|cfc ?(\d+))\b")
-
-
-@dataclass(frozen=True, slots=True)
-class ColumnUse:
-    """What one column is taken for.
-
-    Parameters
-    ----------
-    column : str
-    role : ColumnRole
-    unit : str or None
-        A name from :data:`crashfuse.formats.spelling.UNITS`; None where none is known or needed.
-    why : str
-        A short reason, for people.
-    """
-
-    column: str
-    role: ColumnRole
-    unit: str | None = None
-    why: str = ""
+_OF_CONDITIONS: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
+_FEWEST = 20  # rows by which a clock is known from a time among conditions
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +48,7 @@ class Mapping:
         """What the sheet holds: pulses if there is a time, else conditions if there is a speed or a weight."""
         if self.of("time") and self.of("acceleration"):
             return "pulses"
-        roles: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
-        return "conditions" if any(self.of(role) for role in roles) else "neither"
+        return "conditions" if any(self.of(role) for role in _OF_CONDITIONS) else "neither"
 
     def overruled(self, column: str, role: ColumnRole, unit: str | None = None) -> "Mapping":
         """Return the mapping with one column used as the user says; its unit stays where it still makes sense.
@@ -131,129 +88,105 @@ def propose(sheet: Sheet) -> Mapping:
     Returns
     -------
     Mapping
-        Whatever is not recognised is ignored beside a time, and a factor in a table of conditions.
+        Whatever is not recognised is ignored beside a time, and a factor in a table of conditions. Where several
+        columns could be one quantity, all of them are proposed, to be refused when they are read.
     """
-    uses = [_guess(column, unit) for column, unit in zip(sheet.columns, sheet.units, strict=True)]
-    times = [use for use in uses if use.role == "time"]
-    if not times and (clock := _clock(sheet, uses)) is not None:
-        uses = [ColumnUse(u.column, "time", u.unit, "it increases evenly") if u.column == clock else u for u in uses]
-        times = [use for use in uses if use.role == "time"]
-    if times and not any(use.role == "acceleration" or use.why.startswith("another") for use in uses):
+    sample = replace(sheet, cells=sheet.cells.head(SAMPLE))
+    uses = [use_of(column, unit) for column, unit in zip(sheet.columns, sheet.units, strict=True)]
+    times = _clocks(sample, uses)
+    if not times:
+        return Mapping(tuple(_of_conditions(uses)))
+    if not any(use.unit in UNITS["acceleration"] or use.role == "acceleration" for use in uses):
         uses = [
-            ColumnUse(u.column, "acceleration", None, "beside the time") if u.role == "ignored" else u for u in uses
+            use if use.column in times else _beside_time(use, unit) for use, unit in zip(uses, sheet.units, strict=True)
         ]
-    pulses = bool(times) and any(use.role == "acceleration" for use in uses)
-    least_filtered: dict[str, ColumnUse] = {}
-    for use in sorted((use for use in uses if use.role == "acceleration"), key=lambda use: _filter_order(use.column)):
-        least_filtered.setdefault(_unfiltered(use.column), use)
+    return Mapping(tuple(_of_pulses(uses, times)))
+
+
+def _clocks(sheet: Sheet, uses: list[ColumnUse]) -> list[str]:
+    """Columns that are the time of pulses; a clock's time among conditions is none."""
+    named = [use for use in uses if use.role == "time"]
+    conditions = any(use.role in _OF_CONDITIONS for use in uses)
+    numeric = [use.column for use in named if _numeric(sheet, use.column)]
+    running = [column for column in numeric if _runs(sheet.parsed(column))]
+    times = [c for c in running if len(sheet.cells) >= _FEWEST] if conditions else running or numeric
+    described = {"speed"} < {use.role for use in uses if use.role in _OF_CONDITIONS}
+    if not times and not described:
+        unknown = (use.column for use in uses if use.role == "ignored" and not use.why)
+        times = [column for column in unknown if _runs_evenly(sheet.parsed(column))][:1]
+    return times
+
+
+def _numeric(sheet: Sheet, column: str) -> bool:
+    """Whether most of the cells that are filled are numbers."""
+    filled = sum(map(bool, sheet.text(column)))
+    return filled > 0 and 2 * np.isfinite(sheet.parsed(column)).sum() >= filled
+
+
+def _runs(values: FloatArray) -> bool:
+    """Whether numbers increase as time does, but for where the next of several records begins."""
+    steps = np.diff(values[np.isfinite(values)])
+    return bool(steps.size and np.any(steps > 0) and np.mean(steps >= 0) > 0.9)
+
+
+def _runs_evenly(values: FloatArray) -> bool:
+    steps = np.diff(values)
+    return bool(
+        values.size > 50 and np.isfinite(steps).all() and steps.min() > 0 and np.ptp(steps) < 0.1 * steps.mean()
+    )
+
+
+def _beside_time(use: ColumnUse, unit_cell: str) -> ColumnUse:
+    """A column that nothing is known of, where nothing else could be the acceleration."""
+    if use.role != "ignored" or use.why:
+        return use
+    why_not = why_no_acceleration(use.column, unit_cell)
+    return ColumnUse(use.column, "ignored" if why_not else "acceleration", None, why_not or "beside the time")
+
+
+def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUse]:
+    """What columns are in a sheet of pulses."""
+    least_filtered: dict[tuple[str, str], ColumnUse] = {}
+    clock_of = _clock_of([use.column for use in uses], times)
+    by_filter = sorted((use for use in uses if use.role == "acceleration"), key=lambda use: filter_order(use.column))
+    for use in by_filter:
+        least_filtered.setdefault((clock_of[use.column], place_of(use.column)), use)
+    used = {clock_of[use.column] for use in least_filtered.values()} or {times[0]}
+    used = set(times) if "" in used else used  # whose time it is has to be said
+    settled = []
+    for use in uses:
+        role, why = use.role, use.why
+        if use.column in used:
+            role, why = "time", why or "it increases evenly"
+        elif use.role == "time":
+            role, why = "ignored", f"{', '.join(sorted(used))} is the time"
+        elif use.role == "acceleration":
+            best = least_filtered[clock_of[use.column], place_of(use.column)]
+            role, why = ("acceleration", why) if best is use else ("ignored", f"{best.column} is less filtered")
+        elif use.role not in ("id", "ignored"):
+            role, why = "ignored", "not part of a pulse"
+        settled.append(ColumnUse(use.column, role, use.unit, why))
+    return settled
+
+
+def _clock_of(columns: Sequence[str], times: Sequence[str]) -> dict[str, str]:
+    """The time of each column: the last one to its left; what stands before the first has none of its own."""
+    clocks, clock = {}, times[0] if len(times) == 1 else ""
+    for column in columns:
+        clock = column if column in times else clock
+        clocks[column] = clock
+    return clocks
+
+
+def _of_conditions(uses: Sequence[ColumnUse]) -> list[ColumnUse]:
+    """What columns are in a sheet of conditions."""
     settled: list[ColumnUse] = []
     for use in uses:
-        if pulses:
-            use = _among_pulses(use, times[0], least_filtered)
-        elif use.role in ("time", "acceleration") or (use.role == "ignored" and not use.why):
+        if use.role in ("time", "acceleration") or (use.role == "ignored" and not use.why):
             use = ColumnUse(use.column, "factor", None, "kept with the condition")
-        elif use.role in [other.role for other in settled if other.role not in ("ignored", "factor")]:
-            use = ColumnUse(use.column, "factor", None, f"another column is the {use.role}")
+        elif use.role == "id" and any(other.role == "id" for other in settled):
+            use = ColumnUse(use.column, "factor", None, "another column is the id")
         settled.append(use)
-    if not pulses and not any(use.role == "id" for use in settled) and settled and settled[0].role == "factor":
+    if settled and settled[0].role == "factor" and not any(use.role == "id" for use in settled):
         settled[0] = ColumnUse(settled[0].column, "id", None, "the first column")
-    return Mapping(tuple(settled))
-
-
-def _guess(column: str, unit_cell: str) -> ColumnUse:
-    """What a column is by itself."""
-    name, unit = _name_and_unit(column, unit_cell)
-    plain = _plain(name)
-    why = f"its unit is {unit}" if unit else "its name says so"
-    quantity = None if unit is None else next(q for q, units in UNITS.items() if unit in units)
-    if quantity == "acceleration" or (unit is None and _is("acceleration", plain)):
-        if _OTHER_AXIS.fullmatch(plain):
-            return ColumnUse(column, "ignored", unit, "another direction than X")
-        return ColumnUse(column, "acceleration", unit, why)
-    if quantity == "time" or (unit is None and _is("time", plain)):
-        return ColumnUse(column, "time", unit, why)
-    if quantity == "speed" or (unit is None and _is("speed", plain)):
-        return ColumnUse(column, "speed", unit, why)
-    if quantity in ("mass", "share") or _WEIGHT.fullmatch(plain):
-        for role in ("front_weight", "rear_weight", "mass"):
-            if _is(role, plain):
-                if quantity == "share":
-                    return ColumnUse(column, "front_share" if role == "front_weight" else "ignored", unit, why)
-                return ColumnUse(column, role, unit, why)
-        return ColumnUse(column, "mass" if quantity == "mass" else "ignored", unit, why)
-    if unit is None and re.fullmatch(r".*(front|vorn).*(share|anteil).*|.*(share|anteil).*(front|vorn).*", plain):
-        return ColumnUse(column, "front_share", None, why)
-    if unit is None and _is("id", plain):
-        return ColumnUse(column, "id", None, why)
-    return ColumnUse(column, "ignored")
-
-
-def _among_pulses(use: ColumnUse, time: ColumnUse, least_filtered: dict[str, ColumnUse]) -> ColumnUse:
-    """What a column is in a sheet of pulses."""
-    if use.role == "time" and use is not time:
-        return ColumnUse(use.column, "ignored", use.unit, f"{time.column} is the time")
-    if use.role == "acceleration":
-        best = least_filtered[_unfiltered(use.column)]
-        if best is not use:
-            return ColumnUse(use.column, "ignored", use.unit, f"{best.column} is less filtered")
-        return use
-    if use.role in ("time", "id", "ignored"):
-        return use
-    return ColumnUse(use.column, "ignored", use.unit, "not part of a pulse")
-
-
-def _clock(sheet: Sheet, uses: list[ColumnUse]) -> str | None:
-    """A column that increases in even steps, where no header says which the time is."""
-    for use in uses:
-        if use.role == "ignored":
-            try:
-                values = sheet.numbers(use.column)
-            except DataError:
-                continue
-            steps = np.diff(values)
-            if values.size > 50 and np.isfinite(steps).all() and steps.min() > 0 and np.ptp(steps) < 0.1 * steps.mean():
-                return use.column
-    return None
-
-
-def _name_and_unit(column: str, unit_cell: str) -> tuple[str, str | None]:
-    """Split a header into name and unit: ``a_x (g)``, ``Zeit [ms]``, ``AX_m/s^2``, ``t/ms``, ``time in s``."""
-    if (unit := unit_named(unit_cell)) is not None:
-        return column, unit
-    for match in re.finditer(r"[\[({]([^\])}]*(?:\([^)]*\)[^\])}]*)?)[\])}]", column):
-        if (unit := unit_named(match.group(1))) is not None:
-            return (column[: match.start()] + column[match.end() :]).strip(" _-,"), unit
-    for match in re.finditer(r"[\s_/,;:-]+(?:in[\s_]+)?", column):
-        if match.start() and (unit := unit_named(column[match.end() :])) is not None:
-            return column[: match.start()].strip(" _-,/"), unit
-    return column, unit_named(column) if len(column) > 1 else None
-
-
-def _plain(name: str) -> str:
-    """Lower case, without accents, words apart."""
-    flat = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
-    return " ".join(re.sub(r"[^a-z0-9]+", " ", flat).split())
-
-
-def _is(role: ColumnRole, plain: str) -> bool:
-    return re.fullmatch(_WORDS[role], plain) is not None
-
-
-def _unfiltered(column: str) -> str:
-    return _FILTER.sub("", _plain(_name_and_unit(column, "")[0]))
-
-
-def _filter_order(column: str) -> float:
-    cutoff = cutoff_of(column)
-    return 0.0 if cutoff is None else 1 / cutoff
-
-
-def cutoff_of(column: str) -> float | None:
-    """−3 dB frequency of the CFC in a header, if there is one (SAE J211-1: 1.667 times the class)."""
-    match = _FILTER.search(_plain(column))
-    return float(match.group(2)) / 0.6 if match and match.group(2) and len(match.group(2)) <= 4 else None
-
-
-def bare_name(column: str) -> str:
-    """Return a header without its unit."""
-    return _name_and_unit(column, "")[0] or column
+    return settled

@@ -11,17 +11,17 @@ wheelbase it gives what each axle carried.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 import numpy as np
 
 from crashfuse.errors import DataError, Problem
-from crashfuse.formats.archive import Budget, Limits, Member, refuse, shown
+from crashfuse.formats.archive import Budget, Limits, Member, shown
 from crashfuse.formats.members import opened_members
 from crashfuse.formats.record import PartialCondition, Record, RecordedChannel
+from crashfuse.formats.sensors import Sensor, proposed_sensors, without_damaged
 from crashfuse.pulse import FloatArray
-from crashfuse.units import KPH, MPH, MS
+from crashfuse.units import KPH, MPH
 
 NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
 """Sizes beyond which a test is refused: 1000 channels of 10,000 samples are within them."""
@@ -31,39 +31,7 @@ _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE
 _SPEED = 41
 _MOST_LINES = 20_000  # of a specification
 _MOST_SAMPLES = 1_000_000
-_LONGEST_S = 100 * MS
 _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
-_REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
-_REAR_WORDS = ("CROSSMEMBER", "CROSS MEMBER", "X-MEMBER", "FLOOR", "SILL", "SEAT")
-
-
-@dataclass(frozen=True, slots=True)
-class Sensor:
-    """A line of INSTRUMENTATION."""
-
-    vehicle: str
-    number: int
-    sensor: str
-    occupant: str
-    attachment: str
-    axis: str
-    unit: str
-    cutoff_hz: float | None
-    status: str
-    redundant: bool
-    comment: str
-
-    @property
-    def of_the_vehicle(self) -> bool:
-        """Whether it could be the pulse: an accelerometer along X on the vehicle, not on a dummy or the barrier."""
-        on_it = self.vehicle != "0" and self.occupant in ("NA", "", "00")
-        return self.sensor == "AC" and self.axis.startswith("X") and on_it
-
-    @property
-    def at_the_rear(self) -> bool:
-        """Whether it sits on the floor behind the crushed zone, where both sides follow the vehicle as a whole."""
-        label = self.comment.upper()
-        return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
 
 
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
@@ -93,9 +61,8 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
     ):
         specification = _specification(members, path)
         sections = _sections(specification, budget)
-        files = {
-            int(m.path.suffix[1:]): m for m in members if _is_channel(m.path) and m.path.stem == _stem(specification)
-        }
+        stem = _stem(specification).lower()
+        files = {int(m.path.suffix[1:]): m for m in members if _is_channel(m.path) and _stem(m).lower() == stem}
         listed = [_listed(fields, specification.where) for fields in sections.get("INSTRUMENTATION", [])]
         present = {entry.number: entry for entry in listed if entry.of_the_vehicle and entry.number in files}
         candidates = [entry for entry in present.values() if entry.vehicle == min(e.vehicle for e in present.values())]
@@ -103,19 +70,20 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
             have = f"{sum(entry.of_the_vehicle for entry in listed)} listed, none of them beside it"
             expected, advice = "files of the vehicle's X accelerations", "download all channels of the test"
             raise DataError(Problem(specification.where, expected, have, advice))
-        problems: list[Problem] = []
-        channels = []
+        channels: dict[Sensor, RecordedChannel] = {}
+        damaged: dict[Sensor, Problem] = {}
         for entry in candidates:
             try:
-                channels.append(_channel(entry, files[entry.number], budget))
+                channels[entry] = _channel(entry, files[entry.number], budget)
             except DataError as error:
-                problems.extend(error.problems)
-        refuse(problems, path.name)
-    proposed, why = proposed_sensors(candidates, channels)
+                damaged[entry] = error.problems[0]
+    left_out, unread = without_damaged(damaged, candidates, path.name)
+    proposed, why = proposed_sensors(list(channels), list(channels.values()))
     condition, found = _condition(sections, candidates[0].vehicle, specification.where)
     test_id = _stem(specification).lstrip("vV")
     zero = "0 is first contact, by the format's definition"
-    return Record(test_id, path.name, condition, tuple(channels), proposed, (*found, why), zero)
+    steps = (*found, *left_out, why)
+    return Record(test_id, path.name, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
 
 
 def _specification(members: Sequence[Member], path: Path) -> Member:
@@ -184,24 +152,6 @@ def _samples(text: str, where: str) -> tuple[FloatArray, FloatArray]:
     if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
         raise DataError(Problem(where, expected, "something else", advice))
     return table[:, 0].copy(), table[:, 1].copy()
-
-
-def proposed_sensors(entries: Sequence[Sensor], channels: Sequence[RecordedChannel]) -> tuple[tuple[str, ...], str]:
-    """Choose the channels to be averaged, and say why."""
-    sound = [
-        entry
-        for entry, channel in zip(entries, channels, strict=True)
-        if entry.status in ("AM", "") and channel.time_s[-1] >= _LONGEST_S - 2 * (channel.time_s[1] - channel.time_s[0])
-    ]
-    for chosen, what in (
-        ([entry for entry in sound if entry.at_the_rear], "on the rear crossmember or floor, behind the crush"),
-        ([entry for entry in sound if entry.attachment == "VECG"], "at the centre of gravity"),
-    ):
-        if chosen:
-            names = ", ".join(f"{entry.number} ({shown(entry.comment)})" for entry in chosen)
-            average = "their average is the pulse" if len(chosen) > 1 else "it is the pulse"
-            return tuple(str(entry.number) for entry in chosen), f"Channels {what}: {names}; {average}."
-    return (), "No channel lies on the rear floor or at the centre of gravity; one has to be chosen."
 
 
 def _condition(

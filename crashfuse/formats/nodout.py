@@ -12,6 +12,7 @@ from crashfuse.formats.histories import MOST_NODES, MOST_VALUES, Histories, Hist
 
 _LONGEST_LINE = 1 << 16
 _TIME = re.compile(rb"at time\s*([-+.\dEeDd]+)")
+_ROW = re.compile(rb"\s*(\d+)(?=[\s+-]|$)(.*)", re.DOTALL)  # a negative number may touch the node
 _NUMBER = re.compile(rb"[-+]?\d+\.\d*(?:[EeDd][-+]?\d+|[-+]\d+)?")
 _NO_EXPONENT_LETTER = re.compile(r"(?<=[\d.])([-+])")
 
@@ -59,12 +60,12 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
             times.append(now)
             if len(times) * max(len(series), 1) > MOST_VALUES:
                 raise too_much(where)
-        elif columns and (words := line.split(None, 1)):
-            name = words[0].decode("latin-1")
+        elif columns and (row := _ROW.match(line)) is not None:
+            name = row.group(1).decode("latin-1")
             if len(times) == 1 and name.isdecimal() and len(series) < MOST_NODES:
                 series.setdefault(name, (array("d"), array("d")))
             if name in series:
-                values = _NUMBER.findall(words[-1])
+                values = _NUMBER.findall(row.group(2))
                 if len(values) != len(columns):
                     break  # cut short, or nothing of it can be told
                 for into, column in zip(series[name], (b"x-accl", b"x-vel"), strict=True):

@@ -6,9 +6,10 @@ was found. What they mean, time zero, sign and unit, is settled in one place, :m
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
-from crashfuse.errors import UsageError
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.formats.weights import Weights
 from crashfuse.pulse import FloatArray
 from crashfuse.units import G
 
@@ -35,9 +36,19 @@ class PartialCondition:
     factors: tuple[tuple[str, str], ...] = ()
 
     def overruled(self, by: "PartialCondition") -> "PartialCondition":
-        """Put everything that ``by`` knows in the place of what is known here."""
-        known = {field.name: value for field in fields(by) if (value := getattr(by, field.name)) not in (None, ())}
-        return replace(self, **known)
+        """Put everything that ``by`` knows in the place of what is known here; weights as :class:`Weights` does."""
+        known = {each.name: value for each in fields(by) if (value := getattr(by, each.name)) not in (None, ())}
+        return replace(self, **known).weighing(self.weights.overruled(by.weights))
+
+    @property
+    def weights(self) -> Weights:
+        """What is said of the weights."""
+        return Weights(self.mass_kg, self.front_weight_kg, self.rear_weight_kg)
+
+    def weighing(self, weights: Weights) -> "PartialCondition":
+        """Return the condition with these weights, those that follow included."""
+        front, rear = weights.axles()
+        return replace(self, mass_kg=weights.mass_kg, front_weight_kg=front, rear_weight_kg=rear)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -88,6 +99,10 @@ class Record:
     own_time_zero : str, optional
         Why 0 in the file's time is first contact ("time zero of the test, by the format's definition"); empty
         where the file does not say so and it has to be looked for.
+    no_speed : str, optional
+        Why the file tells no speed, where it has something of the kind ("nodes at 612 a second, …").
+    unread : mapping of str to Problem, optional
+        Channels that could be the pulse but are damaged, and what is wrong with each.
     """
 
     id: str
@@ -97,6 +112,8 @@ class Record:
     proposed: tuple[str, ...]
     steps: tuple[str, ...] = ()
     own_time_zero: str = ""
+    no_speed: str = ""
+    unread: Mapping[str, Problem] = field(default_factory=dict)
 
     def chosen(self, names: Sequence[str] = ()) -> tuple[RecordedChannel, ...]:
         """The channels of these names; of none, the proposed ones.
@@ -105,7 +122,11 @@ class Record:
         ------
         UsageError
             If the record has no such channel.
+        DataError
+            If it is one that could not be read.
         """
+        if damaged := [self.unread[name] for name in names if name in self.unread]:
+            raise DataError(damaged)
         by_name = {channel.name: channel for channel in self.channels}
         unknown = [name for name in names if name not in by_name]
         if unknown:

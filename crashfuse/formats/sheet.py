@@ -6,6 +6,7 @@ The data begin where the numbers begin. The row above them is the header, or the
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 import pandas as pd
@@ -43,6 +44,10 @@ class Sheet:
         Row of the file that the data begin in, counted from 1.
     steps : tuple of str
         What was found of the file's form.
+    titles : tuple of str
+        What stood above the headers, "" where nothing did.
+    part_of : str
+        Name of the table that this one was side by side with others in, unless titles name each as another test.
     """
 
     name: str
@@ -52,10 +57,19 @@ class Sheet:
     decimal: str
     first_row: int
     steps: tuple[str, ...] = ()
+    titles: tuple[str, ...] = ()
+    part_of: str = ""
 
     def text(self, column: str) -> list[str]:
         """Cells of a column, without spaces around them."""
         return [str(cell).strip() for cell in self.cells.iloc[:, self.columns.index(column)]]
+
+    def parsed(self, column: str) -> FloatArray:
+        """A column as float64, NaN where a cell is no number."""
+        cells = self.cells.iloc[:, self.columns.index(column)]
+        plain = cells.str.replace(self.decimal, ".", regex=False) if self.decimal != "." else cells
+        numbers: FloatArray = pd.to_numeric(plain, errors="coerce").to_numpy(np.float64, copy=True)
+        return numbers
 
     def numbers(self, column: str) -> FloatArray:
         """A column as float64, NaN where a cell is empty.
@@ -65,12 +79,10 @@ class Sheet:
         DataError
             If a cell holds something that is no number.
         """
-        cells = self.cells.iloc[:, self.columns.index(column)]
-        plain = cells.str.replace(self.decimal, ".", regex=False) if self.decimal != "." else cells
-        numbers: FloatArray = pd.to_numeric(plain, errors="coerce").to_numpy(np.float64, copy=True)
+        numbers = self.parsed(column)
         if np.isfinite(numbers).all():
             return numbers
-        cells = cells.str.strip()
+        cells = self.cells.iloc[:, self.columns.index(column)].str.strip()
         wrong = np.flatnonzero(
             ~np.isfinite(numbers) & (cells != "").to_numpy() & (cells.str.lower() != "nan").to_numpy()
         )
@@ -81,8 +93,25 @@ class Sheet:
         return numbers
 
 
-def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
-    """Where the data begin, and the headers and units above them."""
+@dataclass(frozen=True, slots=True)
+class Header:
+    """Where in a grid the data begin (from 0), and the headers, units and titles above them."""
+
+    begin: int
+    columns: tuple[str, ...]
+    units: tuple[str, ...]
+    titles: tuple[str, ...]
+
+    @property
+    def told(self) -> str:
+        """What was taken for the header, for the user."""
+        row_of_units = ", a row of units" if any(self.units) else ""
+        names = ", ".join(shown(name, 40) for name in self.columns[:12]) + (" …" if len(self.columns) > 12 else "")
+        return f"Data from row {self.begin + 1}{row_of_units}, columns: {names}."
+
+
+def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> Header:
+    """Where the data begin, and what stands above them."""
     begin = _first_data_row(grid, decimal)
     if begin is None:
         expected, found = f"rows of numbers in the first {_LONGEST_PREAMBLE} rows", "none"
@@ -94,23 +123,62 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> tuple[i
     units = [""] * width
     if above and _is_units(above[-1], width) and len(above) > 1:
         units = _padded(above.pop(), width)
-    header = _padded(above[-1], width) if above and len(above[-1]) >= width - 1 else [""] * width
-    return begin, _unique(header), tuple(cell.strip() for cell in units)
+    header = _padded(above.pop(), width) if above and len(above[-1]) >= width - 1 else [""] * width
+    titles = _padded(above[-1] if above else [], width)
+    return Header(begin, _unique(header), *(tuple(cell.strip() for cell in row) for row in (units, titles)))
+
+
+def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form: str) -> Sheet:
+    """A sheet with this header; the sentences on its form become its first steps."""
+    steps = (*form, header.told)
+    return Sheet(name, header.columns, header.units, cells, decimal, header.begin + 1, steps, header.titles)
 
 
 def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
-    """The first row that begins a run of rows with numbers: half their cells at least, else any."""
-    filled = [[cell for cell in row if cell.strip()] for row in grid]
-    shares = [  # None: an empty row
-        None if not cells else sum(is_number(cell, decimal) for cell in cells) / len(cells) if len(cells) > 1 else 0.0
-        for cells in filled
-    ]
+    """Where the largest and widest block of numbers begins: half of the cells in its rows at least, else any.
+
+    Blocks before it are a preamble with numbers, unless a remark or a gap among the data is all that parts them.
+    """
     for least in (0.5, 1e-9):
-        for row, share in enumerate(shares[:_LONGEST_PREAMBLE]):
-            run = [s for s in shares[row : row + _RUN] if s is not None]
-            if share is not None and min(run) >= least:
-                return row
+        blocks = _blocks(grid, decimal, least)
+        if blocks:
+            most = max(blocks, key=lambda block: block.numbers * len(block.numeric))
+            return next(block.begin for block in blocks if block is most or block.goes_on_in(most, grid))
     return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Rows with numbers that follow each other, and in which of their columns most cells are numbers."""
+
+    begin: int
+    end: int
+    numbers: int
+    numeric: tuple[bool, ...]
+
+    def goes_on_in(self, other: "_Block", grid: Sequence[Sequence[str]]) -> bool:
+        width = len(other.numeric)
+        between = [sum(map(bool, row)) for row in grid[self.end : other.begin]]
+        return self.numeric == other.numeric or (len(self.numeric) == width and max(between) < width - 1)
+
+
+def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_Block]:
+    """Blocks of at least five rows, or of fewer at the end of the grid; empty rows belong to them."""
+    found: list[_Block] = []
+    rows: list[list[bool | None]] = []
+    begin = 0
+    for number, row in enumerate([*grid, ["end"]]):
+        cells = [is_number(cell, decimal) if cell.strip() else None for cell in row]
+        filled = [cell for cell in cells if cell is not None]
+        if len(filled) > 1 and sum(filled) >= least * len(filled):
+            begin = begin if rows else number
+            rows.append(cells)
+        elif filled:
+            if len(rows) >= _RUN or (rows and number == len(grid)):
+                counts = [sum(cell is True for cell in column) for column in zip_longest(*rows)]
+                found.append(_Block(begin, number, sum(counts), tuple(2 * count > len(rows) for count in counts)))
+            rows = []
+    return [block for block in found if block.begin < _LONGEST_PREAMBLE]
 
 
 def _is_units(row: Sequence[str], width: int) -> bool:
@@ -139,10 +207,3 @@ def _unique(header: Sequence[str]) -> tuple[str, ...]:
 def is_number(cell: str, decimal: str) -> bool:
     """Whether a cell is a number under this decimal sign."""
     return _NUMBER[decimal].fullmatch(cell.strip()) is not None
-
-
-def header_told(columns: Sequence[str], units: Sequence[str], begin: int) -> str:
-    """What was taken for the header, for the user."""
-    row_of_units = ", a row of units" if any(units) else ""
-    shown_names = ", ".join(shown(name, 40) for name in columns[:12]) + (" …" if len(columns) > 12 else "")
-    return f"Data from row {begin + 1}{row_of_units}, columns: {shown_names}."

@@ -15,18 +15,29 @@ import pandas as pd
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.formats.archive import Limits
-from crashfuse.formats.sheet import SAMPLE, SHEET_LIMITS, Sheet, header_of, header_told, is_number
+from crashfuse.formats.sheet import SAMPLE, SHEET_LIMITS, Sheet, header_of, is_number, sheet_of
+from crashfuse.formats.side_by_side import parted
 from crashfuse.formats.workbook import read_workbook
 
 TEXT_ENDINGS = (".csv", ".tsv", ".txt", ".asc", ".dat")
 EXCEL_ENDINGS = (".xlsx", ".xlsm")
 _MOST_CELLS, _LONGEST_LINE = 20_000_000, 1 << 18
 _AGAIN = "export it again as CSV"
-_DIALECTS = ((",", "."), (";", ","), (";", "."), ("\t", ","), ("\t", "."), ("|", "."), (" ", "."), (" ", ","))
+_DIALECTS = (
+    (",", "."),
+    (";", ","),
+    (";", "."),
+    ("\t", ","),
+    ("\t", "."),
+    ("|", "."),
+    (" ", "."),
+    (" ", ","),
+    (",", ","),  # in quotes
+)
 
 
 def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
-    """Read the tables of a text file (one) or a workbook (one a sheet that holds a table).
+    """Read the tables of a text file or of the sheets of a workbook: one each, or one for each time in it.
 
     Raises
     ------
@@ -39,10 +50,10 @@ def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
         expected, found = f"at most {limits.member_bytes >> 20} MiB a table", f"{path.stat().st_size >> 20} MiB"
         raise DataError(Problem(path.name, expected, found, "export a shorter record"))
     if path.suffix.lower() in EXCEL_ENDINGS:
-        return read_workbook(path, limits)
+        return tuple(part for sheet in read_workbook(path, limits) for part in parted(sheet))
     if path.suffix.lower() == ".xls":
         raise DataError(Problem(path.name, "a workbook of Excel 2007 or later", "an .xls file", "save it as .xlsx"))
-    return (_text_sheet(path, limits),)
+    return parted(_text_sheet(path, limits))
 
 
 def _text_sheet(path: Path, limits: Limits) -> Sheet:
@@ -58,14 +69,14 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     grid = [_split(line, delimiter) for line in lines[:SAMPLE]]
     names = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
     form = f"Columns parted by {names[delimiter]}, decimal {names.get(decimal, 'point')}."
-    begin, columns, units = header_of(grid, decimal, path.name)
-    rest = lines[begin:]
+    header = header_of(grid, decimal, path.name)
+    rest = lines[header.begin :]
     while rest and not rest[-1].strip(f" {delimiter}"):
         rest.pop()
-    if len(rest) * len(columns) > _MOST_CELLS:
+    if len(rest) * len(header.columns) > _MOST_CELLS:
         raise DataError(Problem(path.name, f"at most {_MOST_CELLS} cells", "more", "export fewer columns"))
-    cells = _cells(rest, delimiter, len(columns), path.name, begin + 1)
-    return Sheet(path.name, columns, units, cells, decimal, begin + 1, (form, header_told(columns, units, begin)))
+    cells = _cells(rest, delimiter, len(header.columns), path.name, header.begin + 1)
+    return sheet_of(path.name, header, cells, decimal, form)
 
 
 def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_row: int) -> pd.DataFrame:

@@ -5,6 +5,7 @@ NHTSA writes what its ASCII specification says (:mod:`crashfuse.formats.nhtsa`) 
 and ``wf_start_offset``, and 0 is first contact. Axle weights are not among them.
 """
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -15,15 +16,19 @@ import numpy as np
 from crashfuse.errors import DataError, Problem
 from crashfuse.formats.archive import Budget, Limits, Member, refuse, shown
 from crashfuse.formats.members import opened_members
-from crashfuse.formats.nhtsa import Sensor, proposed_sensors
 from crashfuse.formats.record import PartialCondition, Record, RecordedChannel
+from crashfuse.formats.sensors import Sensor, proposed_sensors, without_damaged
 from crashfuse.formats.spelling import UNITS, unit_named
 from crashfuse.formats.tdms_file import TdmsChannel, TdmsFile, parse_tdms
+from crashfuse.pulse import FloatArray
 from crashfuse.units import KPH, MPH
 
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
 """Sizes beyond which a file is refused: a test of 1000 channels of 10,000 samples has 80 MB."""
 
+_TIME_NAMES = ("time", "zeit", "t")
+_LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
+_ACCELERATION = re.compile(r"acc|beschl|puls|^a[ _-]?x", re.IGNORECASE)
 _MOST_CHANNELS = 200  # of a test that could be its pulse
 
 _Told = Mapping[str, str | float]
@@ -85,21 +90,48 @@ def _record(file: TdmsFile, member: Member) -> Record:
     if of_nhtsa:
         return _nhtsa_record(file, of_nhtsa, member)
     found = [(c, said) for c, said in told if unit_named(_text(said, "unit_string"), "acceleration")]
+    what = "acceleration"
+    if not found:
+        found = [(c, said) for c, said in told if not _text(said, "unit_string") and not _is_time(c, said)]
+        what = "channel without a unit"
     if not found:
         expected = "channels in a unit of acceleration (unit_string)"
         raise DataError(Problem(where, expected, f"none of {len(told)}", "export them with their units"))
     repeated = Counter(channel.name for channel, _ in found)
-    channels = tuple(
-        _channel(file, c, said, c.name if repeated[c.name] == 1 else f"{c.group}/{c.name}", c.name, where)
-        for c, said in found[:_MOST_CHANNELS]
-    )
-    proposed = tuple(channel.name for channel in channels) if len(channels) == 1 else ()
-    why = (
-        f"The only acceleration: {proposed[0]}."
-        if proposed
-        else f"One of {len(channels)} accelerations has to be chosen."
-    )
-    return Record(member.path.stem, where, PartialCondition(), channels, proposed, ("TDMS file.", why))
+    channels: list[RecordedChannel] = []
+    damaged: dict[str, Problem] = {}
+    for channel, said in found[:_MOST_CHANNELS]:
+        name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
+        try:
+            clock = None if _number(said, "wf_increment") else _clock(file, channel, told)
+            channels.append(_channel(file, channel, said, name, channel.name, where, clock))
+        except DataError as error:
+            damaged[name] = error.problems[0]
+    if not channels:
+        raise DataError(list(damaged.values()))
+    only = len(found) == 1 and (what == "acceleration" or _ACCELERATION.search(channels[0].name) is not None)
+    proposed = (channels[0].name,) if only else ()
+    why = f"The only {what}: {proposed[0]}." if proposed else f"One of {len(channels)} {what}s has to be chosen."
+    left_out = (f"Left out, for they are damaged: {', '.join(map(shown, damaged))}.",) if damaged else ()
+    steps = ("TDMS file.", *left_out, why)
+    return Record(member.path.stem, where, PartialCondition(), tuple(channels), proposed, steps, unread=damaged)
+
+
+def _is_time(channel: TdmsChannel, said: _Told) -> bool:
+    unit = _text(said, "unit_string")
+    return unit_named(unit, "time") is not None or (not unit and channel.name.strip().lower() in _TIME_NAMES)
+
+
+def _clock(file: TdmsFile, channel: TdmsChannel, told: Sequence[tuple[TdmsChannel, _Told]]) -> FloatArray | None:
+    """Time in s as the channel of times beside a channel has it, None where there is none as long."""
+    values = file.values(channel)
+    for beside, said in told:
+        if beside.group == channel.group and _is_time(beside, said):
+            time = file.values(beside)
+            if time.size == values.size >= 2:
+                unit = unit_named(_text(said, "unit_string"), "time") or ("s" if np.ptp(time) <= _LONGEST_S else "ms")
+                return time * UNITS["time"][unit]
+    return None
 
 
 def _nhtsa_record(file: TdmsFile, told: Sequence[tuple[TdmsChannel, _Told]], member: Member) -> Record:
@@ -111,19 +143,21 @@ def _nhtsa_record(file: TdmsFile, told: Sequence[tuple[TdmsChannel, _Told]], mem
         raise DataError(Problem(where, "X accelerations of the vehicle", found, "download all channels of the test"))
     first = min(sensor.vehicle for *_, sensor in candidates)
     candidates = [one for one in candidates if one[2].vehicle == first]
-    problems: list[Problem] = []
-    channels: list[RecordedChannel] = []
+    channels: dict[Sensor, RecordedChannel] = {}
+    damaged: dict[Sensor, Problem] = {}
     for channel, said, sensor in candidates:
         try:
             label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
-            channels.append(_channel(file, channel, said, str(sensor.number), label, where))
+            channels[sensor] = _channel(file, channel, said, str(sensor.number), label, where)
         except DataError as error:
-            problems.extend(error.problems)
-    refuse(problems, where)
-    proposed, why = proposed_sensors([sensor for *_, sensor in candidates], channels)
-    condition, steps = _condition(candidates[0][1], where)
+            damaged[sensor] = error.problems[0]
+    left_out, unread = without_damaged(damaged, [sensor for *_, sensor in candidates], where)
+    proposed, why = proposed_sensors(list(channels), list(channels.values()))
+    condition, told_of_it = _condition(candidates[0][1], where)
     zero = "0 is first contact, by the format's definition"
-    return Record(member.path.stem.lstrip("vV"), where, condition, tuple(channels), proposed, (*steps, why), zero)
+    steps = (*told_of_it, *left_out, why)
+    test_id = member.path.stem.lstrip("vV")
+    return Record(test_id, where, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
 
 
 def _sensor(place: int, said: _Told) -> Sensor:
@@ -143,18 +177,27 @@ def _sensor(place: int, said: _Told) -> Sensor:
     )
 
 
-def _channel(file: TdmsFile, channel: TdmsChannel, said: _Told, name: str, label: str, where: str) -> RecordedChannel:
-    step = _number(said, "wf_increment") * UNITS["time"].get(
-        unit_named(_text(said, "wf_xunit_string"), "time") or "s", 1
-    )
-    start = said.get("wf_start_offset", 0.0)
+def _channel(
+    file: TdmsFile,
+    channel: TdmsChannel,
+    said: _Told,
+    name: str,
+    label: str,
+    where: str,
+    clock: FloatArray | None = None,
+) -> RecordedChannel:
+    """A channel on its own even time, else on the clock beside it."""
+    increment, start = _number(said, "wf_increment"), said.get("wf_start_offset", 0.0)
     values = file.values(channel)
-    if not step > 0 or not isinstance(start, float) or values.size < 2:
-        expected, found = "samples and the time between them (wf_increment)", f"{values.size} samples every {step:g} s"
-        raise DataError(Problem(f"{where}: {shown(channel.name)}", expected, found, "export it as a waveform"))
-    time_s = start * step / _number(said, "wf_increment") + step * np.arange(values.size)
+    if increment > 0 and isinstance(start, float) and values.size >= 2:
+        unit_s = UNITS["time"][unit_named(_text(said, "wf_xunit_string"), "time") or "s"]
+        clock = unit_s * (start + increment * np.arange(values.size))
+    if clock is None:
+        expected, found = "samples and the time between them (wf_increment)", f"{values.size} samples without it"
+        advice = "export it as a waveform, or with a channel of time beside it"
+        raise DataError(Problem(f"{where}: {shown(channel.name)}", expected, found, advice))
     unit = unit_named(_text(said, "unit_string") or _text(said, "inst_yunits"), "acceleration")
-    return RecordedChannel(name, shown(label), time_s, values, unit, _number(said, "inst_prefil") or None)
+    return RecordedChannel(name, shown(label), clock, values, unit, _number(said, "inst_prefil") or None)
 
 
 def _condition(said: _Told, where: str) -> tuple[PartialCondition, tuple[str, ...]]:

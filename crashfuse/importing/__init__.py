@@ -7,7 +7,6 @@
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from crashfuse.cache import Cache
@@ -15,6 +14,7 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.formats.archive import refuse
 from crashfuse.formats.writer import Addition, add_to_campaign
 from crashfuse.importing.choices import Choices, Role
+from crashfuse.importing.draft import named
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Format, each_record, format_of, read_records
 from crashfuse.importing.tables import ColumnChoice
@@ -84,14 +84,13 @@ def import_source(
     raw = own is not None
     settled: list[Settled] = []
     problems: list[Problem] = []
-    for record in each_record(source, problems, fmt, columns=columns, together=together, conditions=conditions):
-        if record_id is not None and settled:
-            raise UsageError(f"One id is not enough: {source.name} holds several records.")
+    for record in each_record(
+        source, problems, fmt, columns=columns, together=together, conditions=conditions, record_id=record_id
+    ):
         try:
-            record = record if record_id is None else replace(record, id=record_id)
             settled.append(settle(record, choices, role=role, raw=raw))
         except DataError as error:
-            problems.extend(error.problems)
+            problems += [named(record, problem) for problem in error.problems]
     refuse(problems, source.name)
     add_settled(out, settled, role=role)
     return tuple(settled)

@@ -8,6 +8,9 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.formats.record import PartialCondition, Record
 from crashfuse.pulse import Condition
 
+_LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
+_LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
+
 
 def complete_condition(
     record: Record, given: PartialCondition, front_share: float | None, steps: list[str], *, standstill: bool
@@ -29,29 +32,26 @@ def complete_condition(
     Raises
     ------
     DataError
-        If speed or an axle weight is known to neither, or makes no sense.
+        If speed or an axle weight is known to neither, makes no sense, or the file's weights do not add up.
     UsageError
-        If the share is none.
+        If the share is none, or the user's weights do not add up.
     """
-    known = record.condition.overruled(given)
+    if front_share is not None and not 0 < front_share < 1:
+        raise UsageError(f"The front axle carries a share between 0 and 1 of the mass, not {front_share:g}.")
     if given != PartialCondition():
         steps.append("Of the condition, what the user gave overrules the file.")
-    front, rear, mass = known.front_weight_kg, known.rear_weight_kg, known.mass_kg
-    if front_share is not None:
-        if not 0 < front_share < 1:
-            raise UsageError(f"The front axle carries a share between 0 and 1 of the mass, not {front_share:g}.")
-        mass = front + rear if mass is None and front is not None and rear is not None else mass
-        front = rear = None
-    elif given.mass_kg is not None and (given.front_weight_kg, given.rear_weight_kg) == (None, None) and front and rear:
-        front_share, front, rear = front / (front + rear), None, None
-    if front_share is not None and mass is not None:
-        front, rear = front_share * mass, mass - front_share * mass
-        steps.append(f"Front weight {front:.0f} kg: {100 * front_share:.4g} % of {mass:g} kg.")
-    elif mass is not None and front is not None and rear is None:
-        rear = mass - front
-    elif mass is not None and rear is not None and front is None:
-        front = mass - rear
-    return _sound(record, replace(known, front_weight_kg=front, rear_weight_kg=rear), standstill)
+    own = replace(given.weights, front_share=front_share)
+    if contradiction := own.contradiction():
+        raise UsageError(f"The weights that are given do not add up: {contradiction}; leave one of them out.")
+    weights = record.condition.weights.overruled(own)
+    if contradiction := weights.contradiction():
+        advice = "correct the file, or give two of mass, front weight and rear weight"
+        raise DataError(Problem(record.source, f"weights of {record.id} that add up", contradiction, advice))
+    known = record.condition.overruled(given).weighing(weights)
+    if weights.front_share is not None and weights.mass_kg is not None and known.front_weight_kg is not None:
+        share, front = 100 * weights.front_share, known.front_weight_kg
+        steps.append(f"Front weight {front:.0f} kg: {share:.4g} % of {weights.mass_kg:g} kg.")
+    return _sound(record, known, standstill)
 
 
 def _sound(record: Record, known: PartialCondition, standstill: bool) -> Condition:
@@ -59,14 +59,14 @@ def _sound(record: Record, known: PartialCondition, standstill: bool) -> Conditi
     weights = "give both axle weights, or the mass and the front axle's share of it"
     if speed is None or front is None or rear is None:
         wanted = (
-            ("impact speed", speed, "give the speed"),
-            ("front weight", front, weights),
-            ("rear weight", rear, weights),
+            ("impact speed", speed, record.no_speed or "none", "give the speed"),
+            ("front weight", front, "none", weights),
+            ("rear weight", rear, "none", weights),
         )
         raise DataError(
             [
-                Problem(record.source, f"the {what} of {record.id}", "none", how)
-                for what, value, how in wanted
+                Problem(record.source, f"the {what} of {record.id}", found, how)
+                for what, value, found, how in wanted
                 if value is None
             ]
         )
@@ -74,4 +74,21 @@ def _sound(record: Record, known: PartialCondition, standstill: bool) -> Conditi
     if not finite or front <= 0 or rear <= 0 or speed < 0 or (speed == 0 and not standstill):
         expected, found = f"a speed and weights above 0 for {record.id}", f"{speed:g} m/s, {front:g} kg and {rear:g} kg"
         raise DataError(Problem(record.source, expected, found, "give the right ones"))
+    if trouble := _weights_trouble(record, front, rear):
+        raise DataError(trouble)
     return Condition(float(speed), float(front), float(rear), known.factors)
+
+
+def _weights_trouble(record: Record, front: float, rear: float) -> Problem | None:
+    """Say what no vehicle weighs."""
+    mass, share = front + rear, front / (front + rear)
+    if not _LIGHTEST_KG <= mass <= _HEAVIEST_KG:
+        expected = f"a mass of {record.id} between {_LIGHTEST_KG:g} and {_HEAVIEST_KG:,.0f} kg"
+        return Problem(record.source, expected, f"{mass:.4g} kg", "check the weights and their unit")
+    if min(front, rear) < _LIGHTEST_AXLE_KG:
+        expected = f"axles of {record.id} that carry at least {_LIGHTEST_AXLE_KG:g} kg"
+        return Problem(record.source, expected, f"{min(front, rear):.4g} kg", "check the weights and their unit")
+    if not _LEAST_SHARE <= share <= _MOST_SHARE:
+        expected = f"a front axle of {record.id} that carries {_LEAST_SHARE:.0%} to {_MOST_SHARE:.0%} of the mass"
+        return Problem(record.source, expected, f"{share:.0%}", "check which axle is which, and the share")
+    return None

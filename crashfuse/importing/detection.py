@@ -11,12 +11,13 @@ from crashfuse.units import KPH, MPH, MS, G
 
 _DEFAULT_CFC = 60.0
 _CFC60_HZ = 110.0  # a low pass at or below it leaves nothing for CFC 60 (100 Hz) to take
-_FASTEST_PREFILTERED_HZ, _BAND_HZ, _HIGH_SHARE = 4000.0, 250.0, 5e-3  # measured: CFC 60 2e-5…6e-5, CFC 180 2e-2
+_BAND_HZ, _HIGH_SHARE = 250.0, 1e-3  # measured: CFC 60 2e-5…6e-5, CFC 180 2e-2
 _AROUND_PEAK_S = 0.15
 STOPS = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}  # ΔV over v0, as the check of a campaign has it
 CREEP_MPS = 1.0  # below it noise decides the change of velocity
 _ONSET_MPS2, _CALM_MPS2, _ONSET_S = 0.5 * G, 0.05 * G, 1e-3
 _AT_ONCE_S, _SUSPICIOUS_S = 5e-3, 10e-3
+_QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
 
 
 def unit_and_sign(
@@ -39,7 +40,8 @@ def unit_and_sign(
     label = choices.unit or channels[0].unit
     if label is None:
         if len(fitting) != 1 or not moving:
-            expected, advice = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})", "give its unit"
+            expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
+            advice = "give its unit, or convert it to one of these"
             raise DataError(Problem(record.source, expected, "a unit that neither file nor speed tells", advice))
         label = fitting[0]
         steps.append(f"Unit {label}: the file names none, this one gives the change of velocity that the speed asks.")
@@ -112,25 +114,42 @@ def filter_class(
     channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray, choices: Choices, steps: list[str]
 ) -> float | None:
     """Choose the class to filter with; None for no filter."""
-    chosen, rate = choices.channel_filter_class, 1 / step_of(time_s)
-    cutoffs = [channel.cutoff_hz for channel in channels]
+    chosen = choices.channel_filter_class
     if chosen == "none":
         steps.append("Not filtered, as chosen by the user.")
         return None
     if chosen is not None:
         return float(chosen)
-    if all(cutoff is not None and cutoff <= _CFC60_HZ for cutoff in cutoffs):
-        steps.append(f"Not filtered: the file says that it has gone through {cutoffs[0]:g} Hz already.")
-        return None
-    if rate < _FASTEST_PREFILTERED_HZ * (1 - 1e-6):
-        steps.append(f"Not filtered: recorded at {rate:.0f} Hz, so it has been filtered before.")
-        return None
-    power = np.abs(np.fft.rfft(accel - accel.mean())) ** 2
-    share = power[np.fft.rfftfreq(accel.size, 1 / rate) > _BAND_HZ].sum() / max(power.sum(), 1e-300)
-    if share < _HIGH_SHARE:
-        steps.append(f"Not filtered: {100 * share:.2g} % of its power lies above {_BAND_HZ:g} Hz, as after CFC 60.")
+    if why := filtered_before(channels, time_s, accel):
+        steps.append(f"Not filtered: {why}.")
         return None
     return _DEFAULT_CFC
+
+
+def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray) -> str:
+    """Say by what a record shows that it has been filtered to CFC 60 or below; empty if it has not."""
+    cutoffs = [channel.cutoff_hz for channel in channels]
+    if all(cutoff is not None and cutoff <= _CFC60_HZ for cutoff in cutoffs):
+        return f"the file says that it has gone through {cutoffs[0]:g} Hz already"
+    level = np.linspace(accel[0], accel[-1], accel.size)  # ends that differ, as where a pulse was cut, are no noise
+    power = np.abs(np.fft.rfft(accel - level - (accel - level).mean())) ** 2
+    share = power[np.fft.rfftfreq(accel.size, step_of(time_s)) > _BAND_HZ].sum() / max(power.sum(), 1e-300)
+    if share < _HIGH_SHARE:
+        return f"{100 * share:.2g} % of its power lies above {_BAND_HZ:g} Hz, as after CFC 60"
+    return ""
+
+
+def offset_before(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: list[str]) -> None:
+    """Tell what a record reads before contact, where it has enough of that: nothing, if its zero is right."""
+    before = time_s < zero_s - _SOFT_CONTACT_S
+    if zero_s - time_s[0] < _QUIET_S - step_of(time_s) or not before.any():
+        return
+    mean = float(accel[before].mean())
+    told = f"before contact it reads {round(mean / G, 2) + 0.0:+.2f} g on average"  # never -0.00
+    if abs(mean) > _OFFSET_MPS2:
+        steps.append(f"Careful: {told}; if the vehicle did not brake then, export it with its zero corrected.")
+    else:
+        steps.append(f"Zero kept: {told}.")
 
 
 def delta_v(time_s: FloatArray, values: FloatArray) -> float:

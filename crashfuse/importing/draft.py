@@ -1,5 +1,6 @@
 """A draft of an import: what could be added and what could not, record by record, before anything is."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from crashfuse.formats.record import Record
 from crashfuse.importing.choices import Choices, Role
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Format, each_record
-from crashfuse.importing.tables import ColumnChoice
+from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,8 @@ def read_each(reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]
             together=reading.together,
             conditions=reading.conditions,
         )
+    except OneCrashOrSeveral:
+        pass  # a draft shows each, and its reader says whether to take them together
     except DataError as error:
         problems += error.problems
     return tuple(records), tuple(problems)
@@ -51,13 +54,13 @@ def settle_each(
         try:
             settled.append(settle(record, choices, role=role, raw=raw))
         except DataError as error:
-            problems += [_of(record, problem) for problem in error.problems]
+            problems += [named(record, problem) for problem in error.problems]
         except UsageError as error:
             problems.append(Problem(record.source, f"choices that fit {record.id}", str(error), "choose otherwise"))
     return tuple(settled), tuple(problems)
 
 
-def _of(record: Record, problem: Problem) -> Problem:
+def named(record: Record, problem: Problem) -> Problem:
     """The problem with its record named: many records may have one source."""
-    told = record.id in f"{problem.where} {problem.expected}"
+    told = re.search(rf"(?<!\w){re.escape(record.id)}(?!\w)", f"{problem.where} {problem.expected}")
     return problem if told else replace(problem, where=f"{problem.where}, {record.id}")

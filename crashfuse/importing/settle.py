@@ -18,6 +18,8 @@ from crashfuse.importing.detection import (
     STOPS,
     delta_v,
     filter_class,
+    filtered_before,
+    offset_before,
     speed_text,
     step_of,
     time_zero,
@@ -30,7 +32,7 @@ from crashfuse.units import MS
 _SHORTEST_S, _LONGEST_S = 60e-3, 0.2
 _SLOWEST_S = 1.02e-3
 _MOVING = 0.05
-_DISSENT = 0.2  # of the median ΔV
+_DISSENT = 0.2  # of the larger ΔV of two
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -90,11 +92,16 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
     """
     steps = list(record.steps)
     condition = complete_condition(record, choices.condition, choices.front_share, steps, standstill=role == "cae")
-    channels = _channels(record, choices, steps)
+    channels = _channels(record, choices, condition.speed_mps, steps)
     time_s, values = _average(record, channels, choices, steps)
     unit, braking = unit_and_sign(record, channels, time_s, values, condition.speed_mps, choices, role, steps)
     accel = values * ACCELERATION_UNITS[unit] * (1 if braking == "negative" else -1)
     zero_s = time_zero(record, time_s, accel, choices, role, steps)
+    offset_before(time_s, accel, zero_s, steps)
+    if raw:
+        before = filtered_before(channels, time_s, accel)
+        again = f"Careful: {before}; the campaign filters it again."
+        steps.append(again if before else "Raw: the campaign filters it with its own channel_filter_class.")
     cfc = None if raw else filter_class(channels, time_s, accel, choices, steps)
     if cfc is not None:
         accel = _filtered(record, accel, cfc, step_of(time_s), steps)
@@ -104,7 +111,8 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
     return Settled(record.id, record.source, condition, pulse, names, unit, braking, zero_s, cfc, tuple(steps))
 
 
-def _channels(record: Record, choices: Choices, steps: list[str]) -> tuple[RecordedChannel, ...]:
+def _channels(record: Record, choices: Choices, speed_mps: float, steps: list[str]) -> tuple[RecordedChannel, ...]:
+    """The channels to average: as chosen, else those proposed that most agree with."""
     chosen = record.chosen(choices.channels)
     if not chosen:
         have = ", ".join(f"{channel.name} ({channel.label})" for channel in record.channels[:12])
@@ -112,15 +120,28 @@ def _channels(record: Record, choices: Choices, steps: list[str]) -> tuple[Recor
         raise DataError(Problem(record.source, expected, have, "choose one or several of them to be averaged"))
     if choices.channels:
         steps.append(f"Channels chosen by the user: {', '.join(choices.channels)}.")
-    elif len(chosen) > 2:
-        gains = np.array([delta_v(*even(channel, record.source)[:2]) for channel in chosen])
-        middle = np.median(gains)
-        odd = np.abs(gains - middle) > _DISSENT * np.abs(middle)
-        if odd.any() and not odd.all():
-            names = ", ".join(channel.name for channel, off in zip(chosen, odd, strict=True) if off)
-            steps.append(f"Left out for a change of velocity unlike the others': {names}.")
-            chosen = tuple(channel for channel, off in zip(chosen, odd, strict=True) if not off)
-    return chosen
+    units = {choices.unit or channel.unit for channel in chosen}
+    if len(chosen) == 1 or len(units) > 1 or speed_mps <= CREEP_MPS:
+        return chosen
+    gains = np.array([delta_v(*even(channel, record.source)[:2]) for channel in chosen])
+    agree = np.abs(gains[:, None] - gains) <= _DISSENT * np.maximum.outer(np.abs(gains), np.abs(gains))
+    with_most = agree[agree.sum(axis=1).argmax()]
+    if with_most.all():
+        return chosen
+    factor = ACCELERATION_UNITS.get(units.pop() or "")
+    told = [
+        f"{channel.name}: {f'{gain:.4g} of its unit times s' if factor is None else speed_text(gain * factor)}"
+        for channel, gain in zip(chosen, gains.tolist(), strict=True)
+    ]
+    if choices.channels:
+        steps.append(f"Careful: the channels that are averaged differ in their changes of velocity, {', '.join(told)}.")
+        return chosen
+    if with_most.sum() * 2 <= len(chosen):
+        expected, found = f"channels of {record.id} that agree in their change of velocity", ", ".join(told)
+        raise DataError(Problem(record.source, expected, found, "choose one with --channel"))
+    odd = ", ".join(text for text, near in zip(told, with_most, strict=True) if not near)
+    steps.append(f"Left out for a change of velocity unlike the others': {odd}.")
+    return tuple(channel for channel, near in zip(chosen, with_most, strict=True) if near)
 
 
 def _average(
@@ -181,5 +202,11 @@ def _check(record: Record, pulse: Pulse, condition: Condition, role: Role, steps
             expected = "a record that lasts until the vehicle has stopped, or 100 ms"
             raise DataError(Problem(record.source, expected, found, "export a longer record"))
         steps.append(f"The record ends {end / MS:.4g} ms after contact.")
-    stop = "not within 100 ms" if np.isnan(motion.t0_s) else f"at {motion.t0_s / MS:.1f} ms"
-    steps.append(f"The vehicle stops {stop}, after {motion.displacement_m.max() / MS:.0f} mm.")
+    whole_mm = motion.displacement_m.max() / MS
+    if motion.t0_s <= GRID_S[-1]:
+        steps.append(f"The vehicle stops at {motion.t0_s / MS:.1f} ms, after {whole_mm:.0f} mm.")
+        return
+    last_s = min(end, float(GRID_S[-1]))
+    by_then_mm = motion.displacement_m[min(after.sum() - 1, round(last_s / pulse.dt_s))] / MS
+    within = f"within {last_s / MS:.0f} ms; it has moved {by_then_mm:.0f} mm by then"
+    steps.append(f"{'Careful: the' if role == 'tests' else 'The'} vehicle does not stop {within}.")

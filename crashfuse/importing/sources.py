@@ -2,17 +2,21 @@
 
 import importlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
 from typing import Literal, get_args
 
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.formats.archive import refuse, zip_members
+from crashfuse.formats.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
 from crashfuse.formats.isomme_record import isomme_record
+from crashfuse.formats.members import files_below
 from crashfuse.formats.nhtsa import read_nhtsa
 from crashfuse.formats.record import Record
 from crashfuse.formats.sheets import EXCEL_ENDINGS, TEXT_ENDINGS
 from crashfuse.importing.tables import ColumnChoice, read_tables
+from crashfuse.importing.unpacking import lay_out_source
 
 Format = Literal["csv", "nhtsa", "isomme", "lsdyna", "tdms"]
 
@@ -49,31 +53,19 @@ def format_of(source: Path) -> Format:
     """
     if not source.exists():
         raise DataError(Problem(str(source), "a file or folder to import", "nothing there", "check the path"))
-    names: Iterable[PurePath] = [source]
-    if source.is_dir():
-        names = islice(source.rglob("*"), _MOST_FILES)
-    elif source.suffix.lower() == ".zip":
-        with source.open("rb") as stream:
-            names = [member.path for member in zip_members(stream, source.name)]
-    fmt = format_named(names)
-    if fmt is None or (fmt == "csv" and source.suffix.lower() == ".zip"):
+    found = _formats_of(_names(source))
+    if not found:
         expected = "NHTSA (.EV5), ISO-MME (.mme), LS-DYNA (binout, nodout), TDMS or tables (.csv, .xlsx …)"
-        found = "tables in a zip" if fmt == "csv" else "none of these"
-        raise DataError(Problem(source.name, expected, found, "unpack it, or choose another source"))
-    return fmt
+        raise DataError(Problem(source.name, expected, "none of these", "choose another source"))
+    if len(set(found) - {"csv"}) > 1:
+        advice = "import one after the other (--format), or keep them in folders of their own"
+        raise DataError(Problem(source.name, "records of one format", " and ".join(found), advice))
+    return found[0]
 
 
 def format_named(paths: Iterable[PurePath]) -> Format | None:
     """Tell the format of files by their names; None if there is none of a known one."""
-    found = {_format_of_name(path) for path in paths}
-    formats: tuple[Format, ...] = (
-        "nhtsa",
-        "isomme",
-        "lsdyna",
-        "tdms",
-        "csv",
-    )  # tables lie beside those of every format
-    return next((fmt for fmt in formats if fmt in found), None)
+    return next(iter(_formats_of(paths)), None)
 
 
 def read_records(
@@ -121,9 +113,20 @@ def each_record(
     columns: Sequence[ColumnChoice] = (),
     together: bool = False,
     conditions: Path | None = None,
+    record_id: str | None = None,
 ) -> Iterator[Record]:
-    """Read the records of a source one after the other, as :func:`read_records` does; what is wrong is appended."""
+    """Read the records of a source one after the other, as :func:`read_records` does; what is wrong is appended.
+
+    A ``record_id`` is what the one record in the source is called, in the table of conditions, too.
+    """
     fmt = fmt or format_of(source)
+    if source.suffix.lower() == ".zip" and source.is_file() and _holds_several(source, fmt):
+        with TemporaryDirectory() as scratch:
+            home = _unpacked(source, Path(scratch))
+            yield from each_record(
+                home, problems, fmt, columns=columns, together=together, conditions=conditions, record_id=record_id
+            )
+        return
     if fmt not in get_args(Format):
         raise UsageError(f"There is no format {fmt!r}; there are {', '.join(get_args(Format))}.")
     if fmt != "csv" and columns and conditions is None:
@@ -142,6 +145,10 @@ def each_record(
         tables = read_tables(extra, columns, problems, together=False)
     whole, ids = not problems, list[str]()
     for record in tables.records if fmt == "csv" else _of_homes(source, fmt, problems):
+        if record_id is not None:
+            if ids:
+                raise UsageError(f"One id is not enough: {source.name} holds several records.")
+            record = replace(record, id=record_id)
         ids.append(record.id)
         yield tables.given_to(record)
     if whole:  # else ids of what could not be read may lack
@@ -151,6 +158,27 @@ def each_record(
 def tables_of(source: Path) -> list[Path]:
     """The tables in a source."""
     return [source] if source.is_file() else _files(source, _is_table)
+
+
+def _names(source: Path) -> Iterable[PurePath]:
+    if source.is_dir():
+        return islice(files_below(source), _MOST_FILES)
+    if source.suffix.lower() == ".zip":
+        with source.open("rb") as stream:
+            return [member.path for member in zip_members(stream, source.name)]
+    return [source]
+
+
+def _holds_several(source: Path, fmt: str) -> bool:
+    """Whether a zip has to be unpacked: it holds tables, or several tests of a format whose reader takes one."""
+    tests = sum(_format_of_name(path) == fmt for path in _names(source))
+    return fmt == "csv" or (fmt in _ONE_A_FILE and tests > 1)
+
+
+def _unpacked(source: Path, into: Path) -> Path:
+    if source.stat().st_size > DEFAULT_LIMITS.total_bytes:
+        raise too_much(source.name, DEFAULT_LIMITS)
+    return lay_out_source([(source.name, source.read_bytes())], into)
 
 
 def _of_homes(source: Path, fmt: str, problems: list[Problem]) -> Iterator[Record]:
@@ -170,11 +198,18 @@ def _homes(source: Path, fmt: str) -> list[Path]:
 def _files(folder: Path, wanted: Callable[[Path], bool]) -> list[Path]:
     if not folder.is_dir():
         return []
-    return sorted(path for path in islice(folder.rglob("*"), _MOST_FILES) if wanted(path) and path.is_file())
+    return sorted(path for path in islice(files_below(folder), _MOST_FILES) if wanted(path) and path.is_file())
 
 
 def _is_table(path: Path) -> bool:
     return path.suffix.lower() in _TABLES
+
+
+def _formats_of(paths: Iterable[PurePath]) -> list[Format]:
+    """The formats of files by their names; tables, which lie beside those of every other, come last."""
+    found = {_format_of_name(path) for path in paths}
+    formats: tuple[Format, ...] = ("nhtsa", "isomme", "lsdyna", "tdms", "csv")
+    return [fmt for fmt in formats if fmt in found]
 
 
 def _format_of_name(path: PurePath) -> str | None:

@@ -1,6 +1,7 @@
 """The look that all figures share: axes, units, lines, bands; how, not what."""
 
 import re
+from collections.abc import Iterable
 from typing import Any, Literal
 
 import numpy as np
@@ -54,6 +55,11 @@ def new_figure(height: int) -> go.Figure:
     )
     figure.update_yaxes(**axis)
     return figure
+
+
+def height_under_names(count: int) -> int:
+    """Height of a figure with so many names in a legend above it, which take rows from its curves."""
+    return 440 + 6 * count
 
 
 def darkened(figure: go.Figure) -> go.Figure:
@@ -124,6 +130,15 @@ def shade_window(figure: go.Figure, window_ms: float | None, *, rows: int = 1) -
         x=window_ms, xref="x", y=1, yref="y domain", xanchor="right", yanchor="top", showarrow=False,
         text=f"rated: 0–{window_ms:g} ms", font={"size": 12, "color": WINDOW_INK},
     )  # fmt: skip
+
+
+def share_y_range(figures: Iterable[go.Figure]) -> None:
+    """Give figures of one row the same y range, so that one can be compared with the other beside it."""
+    figures = list(figures)
+    values = np.concatenate([trace.y for figure in figures for trace in figure.data])
+    margin = 0.05 * np.ptp(values)
+    for figure in figures:
+        figure.update_yaxes(range=[values.min() - margin, values.max() + margin])
 
 
 def _y_axis(row: int) -> str:

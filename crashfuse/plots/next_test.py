@@ -45,6 +45,7 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Fig
         name="Candidates, the best numbered",
         mode="lines+markers+text" if len(set(weights)) == 1 else "markers+text",
         textposition="top center",
+        cliponaxis=False,
         textfont={"size": 15},
         line={"color": colour, "width": 2},
         marker={

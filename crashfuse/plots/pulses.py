@@ -15,6 +15,7 @@ from crashfuse.plots.canvas import (
     accel_title,
     add_band,
     add_line,
+    height_under_names,
     new_figure,
     shade_window,
 )
@@ -142,7 +143,7 @@ def measured_pulses(
     -------
     plotly.graph_objects.Figure
     """
-    figure = new_figure(height=460)
+    figure = new_figure(height_under_names(len(tests)))
     scale = accel_scale(unit, deceleration)
     lines = speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
@@ -162,7 +163,7 @@ def measured_pulses(
             line={**lines[test.id], "width": 4 if thick else 1.7},
             legendgroup=test.id,
         )
-    figure.update_layout(legend={"title": "Test · speed"})
+    figure.update_layout(LEGEND_ABOVE)
     figure.update_yaxes(title=accel_title(unit, deceleration))
     shade_window(figure, window_ms)
     return figure
@@ -190,7 +191,7 @@ def library_band(
     -------
     plotly.graph_objects.Figure
     """
-    figure = new_figure(height=460)
+    figure = new_figure(height_under_names(len(tests)))
     scale = accel_scale(unit, deceleration)
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * scale
@@ -206,6 +207,7 @@ def library_band(
                 name=f"{library.ids[run]} · {test.condition.speed_mps / MPH:.1f} mph",
                 line={**lines[test.id], "width": 1.7},
             )
+    figure.update_layout(LEGEND_ABOVE)
     figure.update_yaxes(title=accel_title(unit, deceleration))
     shade_window(figure, window_ms)
     return figure

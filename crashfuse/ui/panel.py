@@ -1,12 +1,13 @@
 """Live progress of a job, and the way from "nothing computed yet" to a result."""
 
+from collections.abc import Iterable
 from typing import Any, Protocol, TypeVar
 
 import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.plots.learning import learning_curves
-from crashfuse.ui import frame
+from crashfuse.ui import evidence, frame
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.jobs import Job, Step
 from crashfuse.ui.text import plain
@@ -83,16 +84,15 @@ def show_job(job: Job[Any]) -> None:
     if not job.active:
         st.rerun()
     with st.container(border=True):
-        left, right = st.columns([5, 1], vertical_alignment="center")
-        left.markdown(f"**{plain(job.title)}**")
-        right.button(
-            "Cancel",
-            icon=":material/stop:",
-            on_click=job.cancel,
-            disabled=job.cancelling,
-            key=f"cancel {id(job)}",
-            width="stretch",
-        )
+        with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
+            st.markdown(f"**{plain(job.title)}**", width="content")
+            st.button(
+                "Cancel",
+                icon=":material/stop:",
+                on_click=job.cancel,
+                disabled=job.cancelling,
+                key=f"cancel {id(job)}",
+            )
         if job.cancelling:
             st.caption("Stopping at the next opportunity …")
         elif job.state == "waiting":
@@ -104,11 +104,10 @@ def show_job(job: Job[Any]) -> None:
         told = [(name, step) for name, step in steps if any(len(points) > 1 for points in step.curves.values())]
         for column, (name, step) in zip(st.columns(max(len(told), 1)), told, strict=False):
             curves = {what.replace("_", " "): list(points) for what, points in list(step.curves.items())}
-            column.plotly_chart(
-                learning_curves(curves, step=name, total=step.progress.total),
-                theme=None,
-                config={"displayModeBar": False},
-            )
+            column.caption(name)
+            with column:
+                figure = learning_curves(curves, value=_quantity(curves), total=step.progress.total)
+                evidence.show_figure(figure, alt=f"{name}, so far", key=f"{name} {id(job)}")
 
 
 def _show_step(name: str, step: Step) -> None:
@@ -120,6 +119,11 @@ def _show_step(name: str, step: Step) -> None:
     if (remaining := step.remaining_s) is not None:
         text += f", about {duration(remaining)} left"
     st.progress(min(max(progress.fraction, 0.0), 1.0), text=text)
+
+
+def _quantity(names: Iterable[str]) -> str:
+    """What a step's curves tell, in a word."""
+    return "Loss" if all(name.endswith("loss") for name in names) else "Error"
 
 
 def duration(seconds: float) -> str:

@@ -17,7 +17,7 @@ from crashfuse.pulse import Condition
 from crashfuse.report import next_test_report, sweep_report
 from crashfuse.report.planning import NEXT_TEST_MEANING
 from crashfuse.sweep import missing_over_speed, sweep_table, weights_sentence
-from crashfuse.ui import evidence
+from crashfuse.ui import evidence, tables
 from crashfuse.ui.computation import FitRequest, Fitted, SweepRequest
 from crashfuse.ui.frame import View
 from crashfuse.ui.panel import result_or_none
@@ -70,6 +70,7 @@ def show_next_test(view: View, request: FitRequest, fitted: Fitted, factors: Map
         ends.append(
             column.slider(
                 label, _down(least, step), _up(most, step), (_down(low, step), _up(high, step)), step=step,
+                format="%.1f" if step < 1 else "%.0f",
                 key=f"range of {label} {campaign.fingerprint[:8]}", persist_state="session",
                 help="The range that you care about; all conditions in it count alike.",
             )
@@ -86,8 +87,7 @@ def show_next_test(view: View, request: FitRequest, fitted: Fitted, factors: Map
         next_tests(ranked, campaign.tests), alt="How much each candidate would narrow the band, over its speed"
     )
     st.markdown(f"**The best {_BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
-    table = next_tests_table(ranked[:_BEST])
-    st.table(table.rename(columns=str.capitalize).astype(str).style.hide(axis="index"), border="horizontal")
+    st.table(tables.next_tests(ranked[:_BEST]), border="horizontal")
     with st.container(horizontal=True):
         evidence.download("next_tests.csv", lambda: next_tests_table(ranked))
         evidence.download_report(lambda: next_test_report(campaign, over, ranked, request.config), "next_test.html")

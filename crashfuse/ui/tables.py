@@ -10,12 +10,14 @@ from crashfuse.approaches import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.config import WINDOWS_MS
 from crashfuse.metrics import METRIC_LABELS, Metric
+from crashfuse.next_test import NextTest, next_tests_table
+from crashfuse.plots.canvas import Unit
 from crashfuse.plots.palette import GRADE_COLOURS
 from crashfuse.pulse import GRID_S, Pulse
 from crashfuse.rating import Rating, grade, rate_windows
 from crashfuse.rating_tables import best, rating_table
 from crashfuse.study import Study
-from crashfuse.units import KPH, LB, MPH
+from crashfuse.units import KPH, LB, MPH, G
 
 _PARTS = ("corridor", "phase", "magnitude", "slope")
 
@@ -38,17 +40,21 @@ def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa:
         row: dict[str, str] = {
             "Test": test.id,
             "Speed (mph)": f"{condition.speed_mps / MPH:.1f}",
+        }
+        # what is asked for first: the rest may lie beyond the edge of a narrow page
+        by_window: dict[float, Rating] = {}
+        if run is not None:
+            pulse = Pulse(GRID_S, campaign.cae.accel_mps2[run])
+            by_window = rate_windows(test.pulse, pulse, WINDOWS_MS)
+        row |= {window_label(w): _graded(by_window[w].overall) if w in by_window else "–" for w in WINDOWS_MS}
+        row["In CAE range"] = "no" if campaign.cae.extrapolation(condition) else "yes"
+        row |= {
             "Speed (km/h)": f"{condition.speed_mps / KPH:.1f}",
             "Front (lb)": f"{condition.front_weight_kg / LB:.0f}",
             "Rear (lb)": f"{condition.rear_weight_kg / LB:.0f}",
             **{name.capitalize(): value for name, value in condition.factors},
             "Paired run": "none" if run is None else campaign.cae.ids[run],
         }
-        if run is not None:
-            pulse = Pulse(GRID_S, campaign.cae.accel_mps2[run])
-            for window, rating in rate_windows(test.pulse, pulse, WINDOWS_MS).items():
-                row[window_label(window)] = _graded(rating.overall)
-        row["In CAE range"] = "no" if campaign.cae.extrapolation(condition) else "yes"
         rows.append(row)
     return pd.DataFrame(rows).fillna("–")
 
@@ -93,20 +99,40 @@ def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
     return _plain(shown).apply(lambda _: marks, axis=None)
 
 
-def metrics(columns: Iterable[tuple[str, Sequence[Metric]]]) -> Styler:
+def metrics(columns: Iterable[tuple[str, Sequence[Metric]]], unit: Unit = "g") -> Styler:
     """Pulse metrics, one column for the test and each approach, with the 95 % interval in brackets.
 
     Parameters
     ----------
     columns : iterable of (str, sequence of Metric)
         Heading and metrics of each column.
+    unit : {"g", "m/s²"}
+        Of accelerations.
     """
     table: dict[str, dict[str, str]] = {}
     for heading, values in columns:
-        for metric in values:
+        for metric in (_in_unit(metric, unit) for metric in values):
             row = f"{METRIC_LABELS.get(metric.name, metric.name)} ({metric.unit})"
             table.setdefault(row, {"Pulse metric": row})[heading] = metric.text
     return _plain(pd.DataFrame(list(table.values())))
+
+
+def next_tests(ranked: Sequence[NextTest]) -> Styler:
+    """Ranked tests, what they are chosen by first."""
+    table = next_tests_table(ranked)
+    first = ["rank", "speed (mph)", "gain (%)", "extrapolation"]
+    table = table[[*first, *table.columns.drop(first)]].rename(columns=str.capitalize)
+    digits = {"Gain (%)": 1, "Speed (mph)": 1, "Band now (± g)": 2, "Band then (± g)": 2}
+    texts = table.assign(**{name: table[name].map(f"{{:.{n}f}}".format) for name, n in digits.items()})
+    return _plain(texts.astype(str))
+
+
+def _in_unit(metric: Metric, unit: Unit) -> Metric:
+    """A metric that is an acceleration in this unit; others as they are."""
+    if metric.unit != "g" or unit == "g":
+        return metric
+    value, lower, upper = (None if n is None else n * G for n in (metric.value, metric.lower, metric.upper))
+    return Metric(metric.name, value, lower, upper, unit)
 
 
 def _graded(overall: float) -> str:

@@ -156,6 +156,30 @@ def test_what_laboratories_write_is_read(tmp_path: Path, encoding: str, newline:
     assert explicit.interval_s == pytest.approx(5e-4)
 
 
+def test_times_are_in_the_unit_that_they_name(tmp_path: Path) -> None:
+    """0.1 ms is not 0.1 s, in a header as in a channel of time, which may be named by its code, name or number."""
+    in_ms = IMPLICIT.replace(":0.0001", ":0.1 ms").replace(":-0.1", ":-100\tms")
+    clock = CLOCK.replace("Unit                        :s", "Name of the channel :Zeit\nUnit :ms")
+    for reference in ("11TIRS000000TIRP", "Zeit", "002"):
+        explicit = EXPLICIT.replace(":11TIRS000000TIRP", f":{reference}")
+        changed = {"CHANNEL/T1.001": in_ms, "CHANNEL/T1.002": clock, "CHANNEL/T1.010": explicit}
+        test = read_isomme(on_disk(laboratory(**changed), tmp_path / reference))
+        by_code = {channel.code: channel for channel in test.channels}
+        implicit, timed = by_code["M0MBARLEMIUPACXP"], by_code["11HEADCG0000ACXP"]
+        assert [implicit.interval_s, implicit.start_s] == pytest.approx([1e-4, -0.1])
+        assert [timed.interval_s, timed.start_s] == pytest.approx([5e-7, -1e-6])
+
+
+def test_a_start_that_nobody_tells_is_none(tmp_path: Path) -> None:
+    """Neither its absence nor NOVALUE means that recording began at 0, and so it is written again."""
+    for number, line in enumerate(("", "Time of first sample        :NOVALUE\n")):
+        changed = IMPLICIT.replace("Time of first sample        :-0.1\n", line)
+        test = read_isomme(on_disk(laboratory(**{"CHANNEL/T1.001": changed}), tmp_path / str(number)))
+        assert test.channels[0].start_s is None
+        again = read_isomme(on_disk(isomme_files(test), tmp_path / f"again{number}") / "T1")
+        assert (again.channels[0].start_s, again.channels[0].interval_s) == (None, 1e-4)
+
+
 def test_the_header_file_chooses_among_tests_in_one_folder(tmp_path: Path) -> None:
     """A folder of two tests is refused, the .mme file of one of them is not."""
     on_disk({f"A/{name}": content for name, content in laboratory().items()}, tmp_path)
@@ -173,6 +197,7 @@ def test_the_header_file_chooses_among_tests_in_one_folder(tmp_path: Path) -> No
         ({"CHANNEL/T1.001": IMPLICIT.replace("NOVALUE\n 0", "inf\n 0")}, "finite numbers"),
         ({"CHANNEL/T1.001": IMPLICIT.replace(":0.0001", ":0")}, "column Sampling interval: expected a number above 0"),
         ({"CHANNEL/T1.001": IMPLICIT.replace(":0.0001", ":fast")}, "Sampling interval: expected a number, found fast"),
+        ({"CHANNEL/T1.001": IMPLICIT.replace(":0.0001", ":10 kHz")}, "expected a time in s or ms, found kHz"),
         ({"CHANNEL/T1.001": "\x00\x01\x02"}, "lines of the form Name :value"),
         ({"T1.MME": ""}, "T1.MME: expected lines of the form"),
         ({"T1.MME": "a:b\n" * 20_000}, "at most 10000 descriptors"),

@@ -1,5 +1,6 @@
 """ISO-MME as a record: which channels could be the pulse, and what the test says of its condition."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -37,7 +38,8 @@ def isomme(*codes: str, **changed: str) -> IsommeTest:
         (("10CVEHCG0000ACXD", "10CVEHCG0000ACYD"), ("10CVEHCG0000ACXD",)),
         (("10SIMELE00INACXD", "10SIMERI00INACXD", "10ENGN000000ACXP"), ("10SIMELE00INACXD", "10SIMERI00INACXD")),
         (("10VEHC000000ACXD", "10VEHC000000ACXP"), ("10VEHC000000ACXP",)),  # the raw one of two
-        (("10ENGN000000ACXP",), ("10ENGN000000ACXP",)),
+        (("10ENGN000000ACXP",), ()),  # alone, but no place that moves as the vehicle does
+        (("11SEATLE0000ACXA", "11HEAD0000H3ACXA"), ()),
         (("10ENGN000000ACXP", "10ENGN000001ACXP"), ()),
     ],
 )
@@ -46,6 +48,52 @@ def test_channels_are_proposed_by_where_they_sit(codes: tuple[str, ...], propose
     record = record_of(isomme(*codes), "T1")
     assert record.proposed == proposed
     assert not any("HEAD" in one.name or "ACY" in one.name for one in record.channels)
+
+
+@pytest.mark.parametrize(
+    ("codes", "proposed", "vehicle"),
+    [
+        (("10SILLLE0000ACXD", "10SILLRI0000ACXD", "20SILLLE0000ACXA"), ("10SILLLE0000ACXD", "10SILLRI0000ACXD"), "1"),
+        (("10SILLLE0000ACXA", "20SILLRI0000ACXA"), ("10SILLLE0000ACXA",), "1"),
+        (("10SILLLE0000ACXA", "20TUNN000000ACXA"), ("10SILLLE0000ACXA",), "1"),
+        (("10SEATLE0000ACXA", "20TUNN000000ACXA"), ("20TUNN000000ACXA",), "2"),
+        (("20TUNN000000ACXA",), ("20TUNN000000ACXA",), "2"),
+    ],
+)
+def test_channels_speed_and_weights_are_of_one_vehicle(
+    codes: tuple[str, ...], proposed: tuple[str, ...], vehicle: str
+) -> None:
+    """Of two cars in a test, the first whose acceleration is there is taken, with its own speed and mass, and told."""
+    second = [("Velocity test object 2", "10"), ("Mass test object 2", "1200")]
+    record = record_of(IsommeTest("T1", [*DESCRIPTORS, *second], tuple(map(channel, codes))), "T1")
+    assert record.proposed == proposed
+    assert {one.name[0] for one in record.channels} == {vehicle}
+    expected = {"1": (pytest.approx(SPEED_MPS), 1700.0), "2": (10.0, 1200.0)}[vehicle]
+    assert (record.condition.speed_mps, record.condition.mass_kg) == expected
+    assert any(f"are those of test object {vehicle}" in step for step in record.steps)
+
+
+def test_without_a_time_of_the_first_sample_time_zero_is_looked_for() -> None:
+    """The format's 0 is none if nobody says when recording began: contact is where braking begins."""
+    test = IsommeTest("T1", DESCRIPTORS, (replace(channel("10VEHC000000ACXP"), start_s=None),))
+    record = record_of(test, "T1")
+    assert record.own_time_zero == ""
+    assert any("time zero has to be found" in step for step in record.steps)
+    settled = settle(record, Choices(front_share=0.56))
+    assert settled.time_zero_s == pytest.approx(0.05, abs=1.5e-3)
+    assert settled.pulse.kinematics(settled.condition.speed_mps).t0_s == pytest.approx(STOP_S, abs=1.5e-3)
+
+
+def test_a_channel_without_an_even_time_is_said_to_be_one() -> None:
+    """It is left out beside others and refused if it is chosen or alone, but never said to be missing."""
+    untimed = replace(channel("10VEHC000000ACXP"), interval_s=None)
+    with pytest.raises(DataError, match="T1, 10VEHC000000ACXP: expected an even time"):
+        record_of(IsommeTest("T1", DESCRIPTORS, (untimed,)), "T1")
+    record = record_of(IsommeTest("T1", DESCRIPTORS, (untimed, channel("10TUNN000000ACXP"))), "T1")
+    assert record.proposed == ("10TUNN000000ACXP",)
+    assert any("Left out, for they have no even time: 10VEHC000000ACXP" in step for step in record.steps)
+    with pytest.raises(DataError, match="expected an even time"):
+        settle(record, Choices(channels=("10VEHC000000ACXP",), front_share=0.56))
 
 
 def test_a_test_becomes_a_pulse(tmp_path: Path) -> None:

@@ -2,9 +2,11 @@
 
 import io
 import random
+import re
 import struct
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +18,7 @@ from crashfuse.formats.lsdyna import read_lsdyna
 from crashfuse.formats.record import PartialCondition, Record
 from crashfuse.importing import Choices, import_source, settle
 from crashfuse.units import LB
-from tests.formats.lsdyna_files import MASS_KG, Layout, Run, chars, lsda
+from tests.formats.lsdyna_files import MASS_KG, SYSTEMS, Layout, Run, chars, lsda
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 
 WEIGHTS = Choices(condition=PartialCondition(front_weight_kg=950.0, rear_weight_kg=750.0))
@@ -70,6 +72,30 @@ def test_units_sign_and_speed_are_found_in_either_form(tmp_path: Path, form: str
     motion = settled.pulse.kinematics(settled.condition.speed_mps)
     assert motion.t0_s == pytest.approx(STOP_S, abs=5e-5)
     assert motion.displacement_m.max() == pytest.approx(CRUSH_M, rel=1e-3)
+
+
+@pytest.mark.parametrize("in_a_metre", [39.37, 100.0])
+def test_a_model_in_inch_or_cm_is_not_taken_for_one_in_mm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_a_metre: float
+) -> None:
+    """At 56 km/h it moves at 612 inch or 1556 cm a second, far too slow for mm: neither speed nor mass is guessed."""
+    monkeypatch.setitem(SYSTEMS, "other", (in_a_metre, 1.0, 1e-3))
+    record = only(saved(tmp_path / "run7", binout=Run(unit="other").binout()))
+    assert (record.condition.speed_mps, record.condition.mass_kg) == (None, None)
+    with pytest.raises(DataError, match=r"found a unit of length unknown: .* too fast for m and too slow for mm; give"):
+        settle(record, WEIGHTS, role="cae")
+    with pytest.raises(DataError, match="give its unit, or convert it"):
+        settle(record, replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS)), role="cae")
+
+
+def test_a_slow_run_in_mm_is_taken_once_its_speed_is_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bumper test at 2 m/s in mm and s: with the speed its unit is found."""
+    monkeypatch.setitem(SYSTEMS, "slow", (1e3 * 2 / SPEED_MPS, 1.0, 1e-3))
+    record = only(saved(tmp_path, binout=Run(unit="slow").binout()))
+    assert record.condition.speed_mps is None
+    settled = settle(record, replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=2.0)), role="cae")
+    assert settled.unit == "mm/s²"
+    assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2 * 2 / SPEED_MPS, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -140,6 +166,14 @@ def test_ascii_numbers_may_touch_and_lose_their_e(tmp_path: Path) -> None:
     assert tight.channels[0].values[0] == -1.2e-103
     assert np.array_equal(tight.channels[0].values[1:], record.channels[0].values[1:])
     assert same(record, only(saved(tmp_path / "c", nodout=SHORT.nodout(exponent="D"))))
+
+
+def test_a_negative_first_column_may_touch_the_node(tmp_path: Path) -> None:
+    """A run that drives to -x: its displacement leaves no blank behind the node's number."""
+    plain = SHORT.nodout()
+    touching = re.sub(rb"(?m)^( +\d+) +(?=0\.0000E)", rb"\1-", plain)
+    assert touching.count(b"1001-") > 10
+    assert same(only(saved(tmp_path / "a", nodout=plain)), only(saved(tmp_path / "b", nodout=touching)))
 
 
 def test_a_run_killed_while_writing_is_read_up_to_its_last_whole_state(tmp_path: Path) -> None:

@@ -86,6 +86,25 @@ def test_a_channel_that_ends_early_is_not_proposed(tmp_path: Path) -> None:
     assert "93" in [channel.name for channel in found.channels]
 
 
+@pytest.mark.parametrize("content", [b"0 1\n1 x\n", b""])
+def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path, content: bytes) -> None:
+    """Half a file of the engine's sensor costs no test; it is told, and refused only where it is chosen."""
+    found = read_nhtsa(written(tmp_path / "t", nhtsa_files() | {"v00005.095": content}))
+    assert found.proposed == ("93", "94", "99")
+    assert "95" not in [channel.name for channel in found.channels]
+    assert "Left out, for they are damaged or empty: 95 (TOP OF ENGINE X)." in found.steps
+    assert settle(found, Choices(channels=("93", "94"))).channels == ("93", "94")
+    with pytest.raises(DataError, match=r"v00005\.095: expected"):
+        settle(found, Choices(channels=("95",)))
+
+
+def test_names_of_files_may_differ_in_their_capitals(tmp_path: Path) -> None:
+    """V00005.EV5 beside v00005.093 is one test."""
+    files = {("V00005.ev5" if name.endswith("EV5") else name): content for name, content in nhtsa_files().items()}
+    found = read_nhtsa(written(tmp_path / "t", files))
+    assert (found.id, found.proposed) == ("00005", ("93", "94", "99"))
+
+
 @pytest.mark.parametrize(
     ("changed", "message"),
     [

@@ -5,6 +5,7 @@ import struct
 import time
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
@@ -20,7 +21,7 @@ from crashfuse.formats.tdms import read_tdms
 from crashfuse.formats.tdms_file import parse_tdms
 from crashfuse.importing import Choices, format_of, settle
 from crashfuse.pulse import FloatArray
-from tests.importing.crashes import CRUSH_M, PEAK_MPS2, STOP_S, clock, half_sine_g, ringing_g
+from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g
 
 WEIGHTS = Choices(condition=PartialCondition(front_weight_kg=950.0, rear_weight_kg=750.0))
 SENSORS: Mapping[str, tuple[int, str, str, str, str, str, str]] = {
@@ -155,6 +156,44 @@ def test_any_tdms_file_offers_its_accelerations(tmp_path: Path) -> None:
     (record,) = read_tdms(saved(tmp_path / "two.tdms", written([tunnel, again])))
     assert ([channel.name for channel in record.channels], record.proposed) == (["Car/Tunnel X", "Other/Tunnel X"], ())
     assert "unit_string" in problem(saved(tmp_path / "force.tdms", written([force])))
+
+
+def test_channels_without_units_can_be_overruled(tmp_path: Path) -> None:
+    """A lone acceleration without a unit is proposed; any other has to be chosen, with its unit or the speed's."""
+    wave = {"wf_increment": 1e-4, "wf_start_offset": -0.05}
+    given = replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS))
+    for name, proposed in (("AX", ("AX",)), ("CH1", ())):
+        channel = ChannelObject("Car", name, half_sine_g(clock()), properties=wave)
+        (record,) = read_tdms(saved(tmp_path / f"{name}.tdms", written([channel])))
+        assert record.proposed == proposed
+        assert settle(record, replace(given, unit="g", channels=(name,))).unit == "g"
+        assert settle(record, replace(given, channels=(name,))).unit == "g"
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), (None, 1e3)])
+def test_a_channel_of_time_beside_the_values_is_their_clock(tmp_path: Path, unit: str | None, scale: float) -> None:
+    """As other programs write it, without a waveform's properties; in ms where it says so or lasts that long."""
+    said = {} if unit is None else {"unit_string": unit}
+    time_s = ChannelObject("Car", "Zeit", scale * clock(), properties=said)
+    accel = ChannelObject("Car", "AX", half_sine_g(clock()), properties={"unit_string": "g"})
+    (record,) = read_tdms(saved(tmp_path / "car.tdms", written([time_s, accel])))
+    assert record.proposed == ("AX",)
+    assert record.channels[0].time_s == pytest.approx(clock())
+    alone = written([accel])
+    assert "with a channel of time beside it" in problem(saved(tmp_path / "alone.tdms", alone))
+
+
+def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> None:
+    """An engine's sensor without samples costs no test; it is told, and refused only where it is chosen."""
+    channels = [
+        ChannelObject("v1", name, pulse(sensor[0]) if sensor[0] != 95 else np.zeros(1), properties=said(*sensor))
+        for name, sensor in SENSORS.items()
+    ]
+    (record,) = read_tdms(saved(tmp_path / "v1.tdms", written(channels)))
+    assert record.proposed == ("93", "94")
+    assert "Left out, for they are damaged or empty: 95 (TOP OF ENGINE X)." in record.steps
+    with pytest.raises(DataError, match="expected samples and the time between them"):
+        settle(record, replace(WEIGHTS, channels=("95",)))
 
 
 @pytest.mark.parametrize("kind", ["f8", "f4", "i2", "u1", "i8"])

@@ -15,7 +15,7 @@ from crashfuse.formats.folder import load_campaign
 from crashfuse.formats.isomme import Channel, IsommeTest
 from crashfuse.formats.isomme_writer import isomme_files
 from crashfuse.formats.record import PartialCondition
-from crashfuse.importing import Choices, ColumnChoice, format_of, import_source, read_records
+from crashfuse.importing import Choices, ColumnChoice, Format, format_of, import_source, read_records
 from crashfuse.pulse import GRID_S, FloatArray
 from crashfuse.units import KPH, MS, G
 from tests.formats.lsdyna_files import MASS_KG, Run
@@ -131,6 +131,34 @@ def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
     assert read_records(tmp_path / "i.zip")[0].id == "M1"
 
 
+@pytest.mark.parametrize("fmt", ["nhtsa", "isomme", "lsdyna", "tdms"])
+def test_a_file_of_another_kind_is_not_its_folder(tmp_path: Path, fmt: Format) -> None:
+    """Whoever names a table as NHTSA gets no other test that lies somewhere below it."""
+    files = {f"old test/{name}": content for name, content in nhtsa_files().items()}
+    files |= {f"old mme/{name}": content for name, content in isomme("M1").items()}
+    write(tmp_path, files | {"x.csv": german(clock(), half_sine_g(clock())), "run/binout": Run().binout()})
+    with pytest.raises(DataError, match=r"x\.csv: expected .* found a file of another kind"):
+        read_records(tmp_path / "x.csv", fmt)
+
+
+@pytest.mark.parametrize("fmt", [None, "nhtsa", "csv", "tdms"])
+def test_a_folder_that_cannot_be_read_is_not_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fmt: Format | None
+) -> None:
+    """Tests in it would silently lack."""
+    write(tmp_path, {"x.csv": german(clock(), half_sine_g(clock())), "closed/y.csv": b"", "v/v00005.EV5": b""})
+    listed = os.scandir
+
+    def scandir(folder: str) -> object:
+        if Path(folder).name == "closed":
+            raise PermissionError(13, "Permission denied", folder)
+        return listed(folder)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    with pytest.raises(DataError, match="closed: expected a folder that can be read, found Permission denied"):
+        read_records(tmp_path, fmt)
+
+
 def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
     """One import for a whole download."""
     for number in (5, 6):
@@ -180,6 +208,37 @@ def test_many_who_add_at_once_lose_nothing(tmp_path: Path) -> None:
     assert sorted(str(each["id"]) for each in imported(campaign)) == ids
 
 
+def test_a_zip_of_several_gives_them_all(tmp_path: Path) -> None:
+    """Tables, or tests of a format whose reader takes one: unpacked, read, and nothing of it stays."""
+    tables = {f"{name}.csv": german(clock(), half_sine_g(clock())) for name in ("A", "B")}
+    for name, files in (("tables", tables), ("isomme", {**isomme("C"), **isomme("D")})):
+        with zipfile.ZipFile(tmp_path / f"{name}.zip", "w") as archive:
+            for path, content in files.items():
+                archive.writestr(path, content)
+        import_source(tmp_path / f"{name}.zip", tmp_path / "campaign", GIVEN)
+    assert [each["id"] for each in imported(tmp_path / "campaign")] == ["A", "B", "C", "D"]
+
+
+def test_formats_are_not_mixed_without_a_word(tmp_path: Path) -> None:
+    """A folder of two formats is refused, or read as the one that is named; tables may lie beside any."""
+    write(tmp_path / "mixed", {**isomme("A"), "notes.csv": b"Name;Value\nA;B\n"})
+    assert format_of(tmp_path / "mixed") == "isomme"
+    write(tmp_path / "mixed" / "old", nhtsa_files())
+    with pytest.raises(DataError, match="expected records of one format, found nhtsa and isomme"):
+        import_source(tmp_path / "mixed", tmp_path / "campaign", GIVEN)
+    (test,) = import_source(tmp_path / "mixed", tmp_path / "campaign", GIVEN, fmt="isomme")
+    assert test.id == "A"
+
+
+def test_an_id_is_the_one_in_the_table_of_conditions(tmp_path: Path) -> None:
+    """The record is called what the user says before its conditions are looked up."""
+    write(tmp_path, {"record 17.csv": german(clock(), half_sine_g(clock()))})
+    write(tmp_path, {"conditions.csv": b"id,speed_kph,front_weight_kg,rear_weight_kg\nV7,56,950,700\n"})
+    conditions = tmp_path / "conditions.csv"
+    (test,) = import_source(tmp_path / "record 17.csv", tmp_path / "car", record_id="V7", conditions=conditions)
+    assert (test.id, test.condition.front_weight_kg) == ("V7", 950)
+
+
 def test_a_damaged_source_never_gives_half_a_campaign(tmp_path: Path) -> None:
     """Whatever is cut off or flipped in a table or a test: our own error and no folder, or a campaign that is whole."""
     dice = random.Random(7)  # noqa: S311  (no secret)
@@ -210,7 +269,10 @@ def test_columns_are_mapped_by_the_user(tmp_path: Path) -> None:
     columns = [ColumnChoice.parsed(text) for text in ("c1=time:ms", "c2=acceleration:g", "c3=acceleration:g")]
     (one,) = import_source(source / "x.csv", tmp_path / "out", GIVEN, record_id="T1", columns=columns)
     assert (one.id, one.channels) == ("T1", ("c2", "c3"))
-    two = import_source(source / "x.csv", tmp_path / "out", GIVEN, columns=columns)
+    table = (
+        write(tmp_path, {"c.csv": b"id;speed [km/h];front [kg];rear [kg]\nc2;56;950;750\nc3;56;950;750\n"}) / "c.csv"
+    )
+    two = import_source(source / "x.csv", tmp_path / "out", columns=columns, conditions=table)
     assert [settled.id for settled in two] == ["c2", "c3"]
     with pytest.raises(UsageError, match="no column c9; there are c1, c2, c3"):
         read_records(source / "x.csv", columns=[ColumnChoice("c9", "time")])

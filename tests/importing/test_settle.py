@@ -122,6 +122,60 @@ def test_what_is_filtered_already_is_not_filtered_again() -> None:
     np.testing.assert_allclose(unfiltered.pulse.accel_mps2[:100] / G, raw[500:600], atol=1e-6)
 
 
+@pytest.mark.parametrize("rate_hz", [1000, 2000, 3000])
+def test_a_slow_recording_may_be_raw(rate_hz: float) -> None:
+    """What a record holds tells whether it was filtered, not how often it was sampled."""
+    time_s = clock(rate_hz=rate_hz)
+    raw = half_sine_g(time_s) + 10 * np.sin(2 * np.pi * 400 * time_s)
+    settled = settle(record(RecordedChannel("X", "X", time_s, raw, "g")))
+    assert settled.channel_filter_class == 60
+    assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=0.02)
+
+
+@pytest.mark.parametrize(("cfc", "again"), [(60, None), (180, 60.0), (600, 60.0)])
+def test_only_what_went_through_cfc_60_is_left_as_it_is(cfc: int, again: float | None) -> None:
+    """Noise to 5 kHz of 4 g on average tells the classes apart by what is left of it above 250 Hz."""
+    time_s = clock()
+    noise = 4 * np.random.default_rng(0).standard_normal(time_s.size)
+    values = cfc_filter(half_sine_g(time_s) + noise, cfc=cfc, dt_s=1e-4)
+    assert settle(record(RecordedChannel("X", "X", time_s, values, "g"))).channel_filter_class == again
+
+
+def test_a_filtered_record_that_was_cut_while_braking_is_not_taken_for_a_raw_one() -> None:
+    """Cut where the vehicle has just stopped, at 18 g: the jump from end to beginning is no noise."""
+    time_s = clock()
+    smooth = cfc_filter(half_sine_g(time_s) + ringing_g(time_s), cfc=60, dt_s=1e-4)
+    kept = (time_s > -5e-5) & (time_s < STOP_S + 1e-3)
+    assert smooth[kept][-1] < -10
+    cut = RecordedChannel("X", "X", time_s[kept], smooth[kept], "g")
+    assert settle(record(cut)).channel_filter_class is None
+
+
+def test_what_reads_something_before_contact_is_pointed_out() -> None:
+    """A zero offset is told in g, as braking counts, and warned of from 0.3 g on; without 10 ms before, nothing is."""
+    for offset_g, careful in ((0.1, False), (-0.4, True), (1.0, True)):
+        time_s = clock(-0.02, 0.1)
+        settled = settle(record(RecordedChannel("X", "X", time_s, -(half_sine_g(time_s) + offset_g), "g")))
+        (told,) = [step for step in settled.steps if "before contact it reads" in step]
+        assert f"{offset_g:+.2f} g" in told
+        assert told.startswith("Careful") == careful
+    assert not any("before contact it reads" in step for step in settle(record(channel(start_s=-0.005))).steps)
+
+
+def test_a_record_that_is_filtered_twice_is_pointed_out() -> None:
+    """A campaign that filters takes what has been through CFC 60 already, but not without a word."""
+    time_s = clock()
+    raw = half_sine_g(time_s) + ringing_g(time_s)
+    for values, cutoff_hz, careful in (
+        (raw, None, False),
+        (raw, 100.0, True),
+        (cfc_filter(raw, cfc=60, dt_s=1e-4), None, True),
+    ):
+        steps = settle(record(RecordedChannel("X", "X", time_s, values, "g", cutoff_hz)), raw=True).steps
+        assert any(step.startswith("Careful") and "filters it again" in step for step in steps) == careful
+        assert any(step.startswith("Raw: the campaign filters it") for step in steps) != careful
+
+
 def test_a_campaign_that_filters_gets_the_record_whole() -> None:
     """Raw, the pulse keeps what was before contact, so that the campaign's own filter has it."""
     settled = settle(record(channel()), raw=True)
@@ -149,6 +203,52 @@ def test_channels_are_averaged_chosen_or_left_out() -> None:
         settle(record(left, channel("R", G, "m/s²")))
     with pytest.raises(DataError, match="known to be the vehicle's pulse"):
         settle(replace(record(left), proposed=()))
+
+
+@pytest.mark.parametrize("scales", [(0.65, 1.0), (1.0, -1.0), (0.65, 1.0, 0.66, 1.01), (0.7, 1.0, 1.4)])
+def test_channels_without_a_majority_are_refused_until_the_user_chooses(scales: tuple[float, ...]) -> None:
+    """Nobody can tell which of two saw the crash: each is told with its change of velocity, none is averaged away."""
+    channels = [channel(f"C{number}", scale) for number, scale in enumerate(scales)]
+    with pytest.raises(DataError, match=r"agree in their change of velocity, found C0: .* km/h .* C1: .*--channel"):
+        settle(record(*channels))
+    with pytest.raises(DataError, match=r"agree in their change of velocity, found C0: -?[0-9.]+ of its unit times s"):
+        settle(record(*(replace(one, unit=None) for one in channels)))
+    assert settle(record(*channels), Choices(channels=("C1",))).channels == ("C1",)
+
+
+def test_channels_that_disagree_are_averaged_only_with_a_warning() -> None:
+    """Chosen by the user, two of unlike change of velocity are the pulse, and the steps say Careful twice."""
+    both = settle(record(channel("L", 0.7), channel("R", 1.1)), Choices(channels=("L", "R")))
+    assert both.pulse.accel_mps2.min() == pytest.approx(-0.9 * PEAK_MPS2, rel=1e-3)
+    careful = [step for step in both.steps if step.startswith("Careful")]
+    assert "L: -43.1 km/h" in careful[0]
+    assert "R: -67.8 km/h" in careful[0]
+    assert careful[1].startswith("Careful: the vehicle does not stop within 100 ms; it has moved ")
+
+
+def test_a_vehicle_that_does_not_stop_is_pointed_out() -> None:
+    """0.9 times the pulse leaves 1 % of the speed: how far it has come by 100 ms is told, in closed form."""
+    settled = settle(record(channel(scale=0.9)))
+    after = np.linspace(0, 0.1, 100_001)
+    speed = SPEED_MPS + np.concatenate([[0], np.cumsum(0.9 * G * half_sine_g(after)[1:] * 1e-6)])
+    moved_mm = float(np.trapezoid(speed, after)) * 1e3
+    assert (
+        settled.steps[-1]
+        == f"Careful: the vehicle does not stop within 100 ms; it has moved {moved_mm:.0f} mm by then."
+    )
+    run = settle(record(channel(scale=0.9)), role="cae")
+    assert run.steps[-1].startswith("The vehicle does not stop within 100 ms")
+
+
+def test_nodes_at_rest_need_not_agree() -> None:
+    """At no speed there is no change of velocity to compare, only noise."""
+    dice = np.random.default_rng(0)
+    noisy = [
+        RecordedChannel(str(number), "node", clock(), 1e-3 * dice.standard_normal(clock().size), "g")
+        for number in range(2)
+    ]
+    still = record(*noisy, condition=replace(CONDITION, speed_mps=0.0))
+    assert settle(still, role="cae").channels == ("0", "1")
 
 
 def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
+import pytest
 
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.plots.conditions import condition_space
@@ -45,9 +46,34 @@ def test_a_test_outside_the_cae_runs_is_drawn_open_and_says_so(campaign: Campaig
     assert list(front.text) == ["T4", "far"]
     assert front.marker.symbol == "circle-open"
     assert "Extrapolation: front weight 2400 lb" in front.customdata[1][0]
+    assert front.showlegend
     box, _ = traces(figure, "range")
     free = campaign.cae.vectors[:20, 1] / LB  # the others are paired with tests
     np.testing.assert_allclose([min(box.y), max(box.y)], [free.min(), free.max()], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("front_lb", "rear_lb", "outside", "inside"), [(2400, 1500, "y", "y2"), (2040, 1900, "y2", "y")]
+)
+def test_a_test_is_drawn_open_only_over_the_weight_that_lies_outside(
+    campaign: Campaign, front_lb: float, rear_lb: float, outside: str, inside: str
+) -> None:
+    """Inside the other box it is drawn as any test inside; the legend names the open mark, in whichever plot it is."""
+    condition = Condition(25 * MPH, front_lb * LB, rear_lb * LB)
+    test = CrashTest("far", condition, campaign.tests[0].pulse)
+    figure = condition_space(campaign.cae, [campaign.tests[1], test])
+    (open_mark,) = traces(figure, OUTSIDE)
+    assert (open_mark.yaxis, list(open_mark.text)) == (outside, ["far"])
+    assert open_mark.showlegend
+    assert {mark.yaxis: list(mark.text) for mark in traces(figure, INSIDE)} == {outside: ["T2"], inside: ["T2", "far"]}
+
+
+def test_the_two_plots_share_the_axis_of_speed(campaign: Campaign) -> None:
+    """One below the other: however narrow the page, neither has to make room."""
+    layout = condition_space(campaign.cae, campaign.tests).layout
+    assert layout.xaxis.matches == "x2"
+    assert layout.xaxis.domain == layout.xaxis2.domain
+    assert layout.yaxis2.domain[1] < layout.yaxis.domain[0]
 
 
 def test_the_held_out_test_has_a_ring(campaign: Campaign) -> None:

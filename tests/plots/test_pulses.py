@@ -136,6 +136,13 @@ def test_all_tests_are_drawn_by_rising_speed_and_named(campaign: Campaign) -> No
     assert len({t.line.color for t in figure.data}) == 4
 
 
+def test_many_names_stand_above_the_curves(campaign: Campaign) -> None:
+    """Beside them they would take half of a narrow page."""
+    for figure in (plots.measured_pulses(campaign.tests), plots.library_band(campaign.cae, campaign.tests)):
+        assert figure.layout.legend.orientation == "h"
+        assert figure.layout.legend.y > 1
+
+
 def test_tests_at_one_speed_differ_in_their_dashes(test: CrashTest) -> None:
     """Colour stands for speed, so repeats need something else."""
     figure = plots.measured_pulses([test, CrashTest("again", test.condition, test.pulse)])

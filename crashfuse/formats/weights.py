@@ -1,0 +1,85 @@
+"""What the axles carry: told by any two of mass, front weight, rear weight and the front axle's share."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_UNEQUAL = 0.01  # of the mass: what rounding and a scale can do
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """What one source, a file or a user, says of a vehicle's weights; None where it says nothing.
+
+    Parameters
+    ----------
+    mass_kg, front_kg, rear_kg : float, optional
+    front_share : float, optional
+        Of the mass, on the front axle.
+    """
+
+    mass_kg: float | None = None
+    front_kg: float | None = None
+    rear_kg: float | None = None
+    front_share: float | None = None
+
+    @property
+    def told(self) -> int:
+        """How many of the four it says."""
+        return sum(value is not None for value in (self.mass_kg, self.front_kg, self.rear_kg, self.front_share))
+
+    def overruled(self, by: "Weights") -> "Weights":
+        """Put what another says in the place of what is said here, so that nothing contradicts it.
+
+        Two weights tell everything. A mass alone keeps the share of the front axle, a share the mass, and the weight of
+        one axle that of the other.
+        """
+        if by.told == 0:
+            return self
+        if by.told > 1:
+            return by
+        front, rear = self.axles()
+        whole = None if front is None or rear is None else front + rear
+        if by.mass_kg is not None:
+            if front is not None and whole:
+                return Weights(by.mass_kg, front_share=front / whole)
+            return Weights(by.mass_kg, front, rear, self.front_share)
+        if by.front_share is not None:
+            return Weights(self.mass_kg if whole is None else whole, front_share=by.front_share)
+        pair = Weights(None, front if by.front_kg is None else by.front_kg, rear if by.rear_kg is None else by.rear_kg)
+        return pair if pair.told > 1 else Weights(self.mass_kg, by.front_kg, by.rear_kg, self.front_share)
+
+    def axles(self) -> tuple[float | None, float | None]:
+        """Front and rear weight in kg, as far as they follow."""
+        mass, front, rear, share = self.mass_kg, self.front_kg, self.rear_kg, self.front_share
+        if front is None and rear is None and mass is not None and share is not None:
+            front = share * mass
+        elif front is None and rear is not None:
+            front = _rest(mass, rear, None if share is None else 1 - share)
+        if rear is None and front is not None:
+            rear = _rest(mass, front, share)
+        return front, rear
+
+    def contradiction(self) -> str:
+        """Say what does not add up, in kg and per cent; empty where all does."""
+        front, rear = self.axles()
+        own = [value for value in (self.mass_kg, self.front_kg, self.rear_kg) if value is not None]
+        if front is None or rear is None or not all(0 < value < np.inf for value in own):
+            return ""
+        whole = front + rear
+        if self.mass_kg is not None and (min(front, rear) <= 0 or abs(self.mass_kg - whole) > _UNEQUAL * whole):
+            axles = ((self.front_kg, "in front"), (self.rear_kg, "at the rear"))
+            said = [f"{value:.5g} kg {where}" for value, where in axles if value is not None]
+            return f"{' and '.join(said)} with a mass of {self.mass_kg:.5g} kg"
+        if self.front_share is not None and abs(self.front_share - front / whole) > _UNEQUAL:
+            return (
+                f"{100 * front / whole:.3g} % of the mass in front with a front share of {100 * self.front_share:.3g} %"
+            )
+        return ""
+
+
+def _rest(mass: float | None, one: float, share: float | None) -> float | None:
+    """The other axle's weight, from the mass or from the share of this one."""
+    if mass is not None:
+        return mass - one
+    return None if not share else one / share - one
