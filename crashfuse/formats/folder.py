@@ -10,7 +10,7 @@ from crashfuse.errors import DataError, Problem, shortened
 from crashfuse.formats.plausibility import check_band, check_ends, check_physics, check_units
 from crashfuse.formats.pulses import PulseSource
 from crashfuse.formats.settings import read_settings
-from crashfuse.formats.tables import ConditionTable, read_conditions
+from crashfuse.formats.tables import ConditionTable, read_conditions, sound_ids
 from crashfuse.pulse import GRID_S, FloatArray, Pulse
 
 _FEWEST_RUNS = 10
@@ -37,7 +37,10 @@ def load_campaign(folder: str | Path) -> Campaign:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise DataError(Problem(str(folder), "a campaign folder", "no such folder", "check the path"))
+        found, advice = "no such folder", "check the path"
+        if folder.exists():
+            found, advice = "a file", "name the folder that it lies in; unpack it first if it is a zip"
+        raise DataError(Problem(str(folder), "a campaign folder", found, advice))
     problems: list[Problem] = []
     warnings: list[str] = []
     settings = read_settings(folder, problems, warnings)
@@ -45,10 +48,14 @@ def load_campaign(folder: str | Path) -> Campaign:
     pulses: dict[str, FloatArray] = {}
     ends_s: dict[str, float] = {}
     for source in ("tests", "cae"):
-        table = read_conditions(folder / f"{source}.csv", standstill_allowed=source == "cae", problems=problems)
-        if table is None:
-            continue
+        path = folder / f"{source}.csv"
+        table = read_conditions(path, standstill_allowed=source == "cae", problems=problems)
         reader = PulseSource(folder, source, settings.channel_filter_class)
+        if table is None:
+            if ids := sound_ids(path):  # then what is wrong with their pulses can be said as well
+                reader.read(ids)
+                problems.extend(reader.problems)
+            continue
         tables[source], pulses[source] = table, reader.read(table.ids)
         if not reader.problems:
             check_physics(source, table, pulses[source], reader.problems)

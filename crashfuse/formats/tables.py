@@ -86,6 +86,14 @@ def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Prob
     return ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index))
 
 
+def sound_ids(path: Path) -> tuple[str, ...]:
+    """Ids in a condition table that may be wrong elsewhere, as far as they could be those of pulses."""
+    frame = _read_text(path, [])
+    if frame is None or "id" not in frame:
+        return ()
+    return tuple(run_id for run_id in dict.fromkeys(frame["id"].str.strip()) if id_trouble(run_id) is None)
+
+
 def find_column(
     columns: Sequence[str], quantity: str, units: Mapping[str, float], where: str, problems: list[Problem]
 ) -> tuple[str, float] | None:
@@ -99,26 +107,46 @@ def find_column(
         problems.append(Problem(where, expected, listed(found), "keep one of them"))
         return None
     alike = [column for column in columns if column.startswith(quantity)]
-    shown = listed(alike) if alike else f"the columns {listed(columns)}"
-    problems.append(Problem(where, expected, shown, "let the column's name end in its unit"))
+    if alike:
+        problems.append(Problem(where, expected, listed(alike), "let the column's name end in its unit"))
+    else:
+        problems.append(Problem(where, expected, f"the columns {listed(columns)}", "add the column"))
     return None
 
 
 def not_a_number(
     cells: pd.Series, column: str, where: str, rows: RowNumbers, problems: list[Problem], largest: float
 ) -> FloatArray:
-    """Convert cells to float64; each that is no number up to the largest that makes sense is a problem, and NaN."""
+    """Convert cells to float64; what is no number up to the largest that makes sense is a problem, and NaN.
+
+    Each cell is a problem of its own, but for empty ones under each other.
+    """
     numbers = _as_numbers(cells)
     bad = np.flatnonzero(~(np.abs(numbers) <= largest))
-    for index in bad[:_MOST_PROBLEMS]:
-        cell = cells.iloc[index]
-        text = "" if pd.isna(cell) else str(cell).strip()
-        found = repr(printable(text, 60)) if text else "an empty cell"
-        expected = f"a number up to {largest:.3g}" if np.isfinite(numbers[index]) else "a number"
-        problems.append(Problem(where, expected, found, "correct the cell", column, int(rows[index])))
-    _count_rest(bad.size, "cells that are no number", where, column, problems)
+    wrong, rows_of = cells.iloc[bad], rows[bad]
+    empty = _are_empty(wrong)
+    starts = np.flatnonzero(np.r_[True, (np.diff(rows_of) > 1) | ~empty[1:] | ~empty[:-1]][: bad.size])
+    stops = np.r_[starts[1:], bad.size][:_MOST_PROBLEMS]
+    for start, stop in zip(starts, stops, strict=False):
+        row, last = int(rows_of[start]), int(rows_of[stop - 1])
+        expected = f"a number up to {largest:.3g}" if np.isfinite(numbers[bad[start]]) else "a number"
+        found, advice = repr(printable(str(wrong.iloc[start]).strip(), 60)), "correct the cell"
+        if empty[start]:
+            found, advice = "an empty cell", "fill it in"
+        if stop - start > 1:
+            found, advice = f"rows {row}–{last}, empty", "fill them in"
+        problems.append(Problem(where, expected, found, advice, column, row))
+    _count_rest(bad.size, int(stops[-1]), "cells that are no number", where, column, problems)
     numbers[bad] = np.nan
     return numbers
+
+
+def _are_empty(cells: pd.Series) -> npt.NDArray[np.bool_]:
+    if isinstance(cells.dtype, pd.CategoricalDtype):  # each text once, however many cells have it
+        of_texts = _are_empty(pd.Series(cells.cat.categories, dtype=cells.cat.categories.dtype))
+        by_code: npt.NDArray[np.bool_] = np.append(of_texts, True)[cells.cat.codes]
+        return by_code
+    return np.array([pd.isna(cell) or (isinstance(cell, str) and not cell.strip()) for cell in cells], dtype=bool)
 
 
 def _as_numbers(cells: pd.Series) -> FloatArray:
@@ -175,7 +203,7 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> None:
     seen: set[str] = set()
     count = 0
     for row, run_id in ids.items():
-        trouble = _id_trouble(run_id)
+        trouble = id_trouble(run_id)
         if trouble is None and run_id in seen:
             trouble = ("each id once", f"{printable(run_id, 60)!r} a second time", "rename or remove the row")
         if trouble is not None:
@@ -183,10 +211,10 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> None:
             if count <= _MOST_PROBLEMS:
                 problems.append(Problem(where, *trouble, "id", row))
         seen.add(run_id)
-    _count_rest(count, "ids that are not fit", where, "id", problems)
+    _count_rest(count, _MOST_PROBLEMS, "ids that are not fit", where, "id", problems)
 
 
-def _id_trouble(run_id: str) -> tuple[str, str, str] | None:
+def id_trouble(run_id: str) -> tuple[str, str, str] | None:
     """What is expected, found and advised where an id could not name a file, or a spreadsheet would compute it."""
     if not run_id:
         return "an id in each row", "an empty cell", "name the test or run"
@@ -212,7 +240,7 @@ def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> 
         shown = printable(column, 60)
         for row, text in bad[:_MOST_PROBLEMS]:
             problems.append(Problem(where, expected, repr(printable(text, 60)), "correct the cell", shown, row))
-        _count_rest(len(bad), "cells that are no such text", where, shown, problems)
+        _count_rest(len(bad), _MOST_PROBLEMS, "cells that are no such text", where, shown, problems)
 
 
 def _check_low(numbers: FloatArray, smallest: float, cells: pd.Series, where: str, problems: list[Problem]) -> None:
@@ -221,12 +249,12 @@ def _check_low(numbers: FloatArray, smallest: float, cells: pd.Series, where: st
         expected = f"a number of at least {smallest:.3g}"
         found, row = cells.iloc[index], int(cells.index[index])
         problems.append(Problem(where, expected, found, "correct the cell", str(cells.name), row))
-    _count_rest(low.size, "numbers that are too low", where, str(cells.name), problems)
+    _count_rest(low.size, _MOST_PROBLEMS, "numbers that are too low", where, str(cells.name), problems)
 
 
-def _count_rest(count: int, what: str, where: str, column: str, problems: list[Problem]) -> None:
-    if count > _MOST_PROBLEMS:
-        found = f"{count - _MOST_PROBLEMS} more {what}"
+def _count_rest(count: int, told: int, what: str, where: str, column: str, problems: list[Problem]) -> None:
+    if count > told:
+        found = f"{count - told} more {what}" if count - told > 1 else f"1 more of the {what}"
         problems.append(Problem(where, "none", found, "correct them too", column))
 
 

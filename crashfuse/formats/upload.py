@@ -113,7 +113,9 @@ def _root(members: Sequence[Member], name: str) -> PurePosixPath:
     """The folder that holds the campaign: the outermost with a condition table."""
     homes = [member.path.parent for member in members if member.path.name in _TABLES]
     if not homes:
-        raise DataError(Problem(name, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
+        refuse([trouble for member in members if (trouble := _strange(member))], name)
+        where = shown(members[0].where) if len(members) == 1 else name
+        raise DataError(Problem(where, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
     return min(homes, key=lambda home: len(home.parts))
 
 
@@ -125,11 +127,8 @@ def _targets(members: Sequence[Member], root: PurePosixPath, name: str) -> dict[
         ending = member.path.suffix.lower()
         if ending in _NOTES:
             continue
-        if ending in _ARCHIVES:
-            problems.append(Problem(member.where, "tables", "an archive in the upload", "unpack it first"))
-        elif ending not in (*_PULSES, ".toml"):
-            found = f"a file {shown(ending)}" if ending else "a file without an ending"
-            problems.append(Problem(member.where, ".csv, .parquet or campaign.toml", found, "leave it out"))
+        if trouble := _strange(member):
+            problems.append(trouble)
         elif root in member.path.parents and _in_a_campaign(member.path.relative_to(root).with_suffix(ending)):
             targets[member] = member.path.relative_to(root).with_suffix(ending)
         else:
@@ -142,6 +141,17 @@ def _targets(members: Sequence[Member], root: PurePosixPath, name: str) -> dict[
             problems.append(Problem(member.where, expected, f"{found_times} of this name", "keep one"))
     refuse(problems, name)
     return targets
+
+
+def _strange(member: Member) -> Problem | None:
+    """Say what is of no format that a campaign or a note in it has."""
+    ending = member.path.suffix.lower()
+    if ending in _ARCHIVES:
+        return Problem(member.where, "tables", "an archive in the upload", "unpack it first")
+    if ending in (*_PULSES, *_NOTES, ".toml"):
+        return None
+    found = f"a file {shown(ending)}" if ending else "a file without an ending"
+    return Problem(member.where, "a format that crashfuse reads (.csv, .parquet, campaign.toml)", found, "leave it out")
 
 
 def _in_a_campaign(path: PurePosixPath) -> bool:

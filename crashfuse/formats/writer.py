@@ -8,12 +8,13 @@ import csv
 import io
 import json
 import shutil
+import tempfile
 import tomllib
 import uuid
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -24,9 +25,8 @@ import pyarrow.parquet as pq
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem
 from crashfuse.files import write_atomically
-from crashfuse.formats.archive import name_trouble
 from crashfuse.formats.pulse_tables import append_to_table
-from crashfuse.formats.tables import read_conditions
+from crashfuse.formats.tables import id_trouble, read_conditions
 from crashfuse.pulse import GRID_S, Condition, Pulse
 from crashfuse.units import MASS, SPEED
 
@@ -126,6 +126,8 @@ def _add(folder: Path, source: str, additions: Sequence[Addition]) -> None:
     text, header = _table_to_extend(table, source, additions)
     settings = _settings_with(folder / "campaign.toml", source, additions)
     rows = [_row(header, addition.id, addition.condition) for addition in additions]
+    content = (text + _csv(rows)).encode()
+    _check_table(table.name, content, source)
     written: list[Path] = []
     try:
         tables = [path for ending in ("parquet", "csv") if (path := folder / f"{source}_pulses.{ending}").is_file()]
@@ -134,14 +136,14 @@ def _add(folder: Path, source: str, additions: Sequence[Addition]) -> None:
         else:
             for addition in additions:
                 path = folder / source / f"{addition.id}.csv"
-                content = _pulse_csv(addition.pulse).encode()
-                if path.exists() and path.read_bytes() != content:
+                pulse = _pulse_csv(addition.pulse).encode()
+                if path.exists() and path.read_bytes() != pulse:
                     found, advice = "another pulse there, without a row in the table", "rename or remove the file"
                     raise DataError(Problem(f"{source}/{path.name}", "no such file yet", found, advice))
                 written.append(path)
-                write_atomically(path, content)
+                write_atomically(path, pulse)
         write_atomically(folder / "campaign.toml", settings.encode())
-        write_atomically(table, (text + _csv(rows)).encode())
+        write_atomically(table, content)
     except BaseException:
         for path in written:
             path.unlink(missing_ok=True)
@@ -167,6 +169,17 @@ def _table_to_extend(table: Path, source: str, additions: Sequence[Addition]) ->
     text = table.read_bytes().decode("utf-8-sig")
     header = [cell.strip() for cell in next(csv.reader(io.StringIO(text), skipinitialspace=True))]
     return text if text.endswith("\n") else f"{text}\n", header
+
+
+def _check_table(name: str, content: bytes, source: str) -> None:
+    """Raise a DataError if a table could not be read back: the whole campaign could not be opened any more."""
+    problems: list[Problem] = []
+    with tempfile.TemporaryDirectory() as scratch:
+        table = Path(scratch) / name
+        table.write_bytes(content)
+        read_conditions(table, standstill_allowed=source == "cae", problems=problems)
+    if problems:
+        raise DataError([replace(problem, where=f"{name} as it would become") for problem in problems])
 
 
 def _settings_with(path: Path, source: str, additions: Sequence[Addition]) -> str:
@@ -230,11 +243,7 @@ def _write_runs(campaign: Campaign, path: Path) -> None:
 
 
 def _check_ids(ids: Sequence[str], where: str) -> None:
-    problems = []
-    for run_id in ids:
-        trouble = ("a plain name", "a slash", "rename it") if "/" in run_id else name_trouble(run_id)
-        if trouble is not None:
-            problems.append(Problem(where, *trouble, f"id {run_id!r}"))
+    problems = [Problem(where, *trouble, "id") for run_id in ids if (trouble := id_trouble(run_id)) is not None]
     if problems:
         raise DataError(problems[:20])
 

@@ -8,16 +8,18 @@ from pathlib import Path
 import streamlit as st
 
 from crashfuse.errors import DataError, Problem
+from crashfuse.formats.tables import read_conditions
 from crashfuse.importing import Choices, Role, Settled, add_settled, own_filter_class
 from crashfuse.importing.draft import Reading
 from crashfuse.ui import campaigns, frame
-from crashfuse.ui.foreign import REFUSED, UNFINISHED, Source, leave, settled_of
+from crashfuse.ui.foreign import NEXT_ROLE, REFUSED, UNFINISHED, Source, leave, settled_of
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
 from crashfuse.ui.uploads import is_scratch
 
 _FOLDER, _INTO = "import folder", "import into"  # in the session
 WHAT: dict[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
+_FACTOR_PX = 260
 _adding = threading.Lock()
 
 
@@ -32,13 +34,16 @@ def show_door(
     st.subheader("Add to a campaign")
     if refused := st.session_state.get(REFUSED):
         show_problems(refused, "Nothing was added", "The campaign is as it was.")
-    left, right = st.columns([2, 3], gap="large")
     if len(settled) == 1:
+        left, right = st.columns([2, 3], gap="large")
         left.text_input(
             "Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session"
         )
-    with right if len(settled) == 1 else left:
+        with right:
+            _ask_folder()
+    else:
         _ask_folder()
+    _ask_factors(source, role, settled)
     st.button(
         f"Add {counted(len(settled), role)}" if len(settled) > 1 else f"Add as {WHAT[role][0]}",
         type="primary",
@@ -73,6 +78,53 @@ def _ask_folder() -> None:
         )
 
 
+def _ask_factors(source: Source, role: Role, settled: Sequence[Settled]) -> None:
+    """Ask for what the campaign tells its tests or runs apart by besides speed and weights."""
+    known = _factors_of_target(role)
+    row = st.container(horizontal=True)
+    for name, values in known.items():
+        found = sorted({value for one in settled if (value := dict(one.condition.factors).get(name))})
+        row.selectbox(
+            plain(name) + (", of all" if len(settled) > 1 else ""),
+            values,
+            index=None,
+            accept_new_options=True,
+            placeholder=", ".join(found) or "not given",
+            key=f"{source.key} factor {name}",
+            persist_state="session",
+            help="A column of the campaign's table. Choose a value that it has, or type in another.",
+            width=_FACTOR_PX,
+        )
+
+
+def _with_factors(settled: Settled, source: Source, role: Role) -> Settled:
+    """The record with what was filled in of its factors."""
+    keys = {name: f"{source.key} factor {name}" for name in _factors_of_target(role)}
+    given = {name: str(value) for name, key in keys.items() if (value := st.session_state.get(key))}
+    factors = tuple({**dict(settled.condition.factors), **given}.items())
+    return replace(settled, condition=replace(settled.condition, factors=factors))
+
+
+def _factors_of_target(role: Role) -> dict[str, list[str]]:
+    """Columns of the table that is added to that are factors, and the values in them."""
+    try:
+        folder = _target()
+        tables = [folder / f"{role}.csv", folder / "tests.csv", folder / "cae.csv"]
+        table = next((path for path in tables if path.is_file()), None)
+        return {} if table is None else _factors_in(table, table.stat().st_mtime_ns)
+    except (DataError, OSError):
+        return {}
+
+
+@st.cache_resource(max_entries=4, show_spinner=False)
+def _factors_in(table: Path, changed_ns: int) -> dict[str, list[str]]:  # noqa: ARG001  (part of the key)
+    read = read_conditions(table, standstill_allowed=True, problems=[])
+    pairs = [] if read is None else [pair for condition in read.conditions for pair in condition.factors]
+    return {
+        name: sorted({value for own, value in pairs if own == name and value}) for name in dict.fromkeys(dict(pairs))
+    }
+
+
 def own_class() -> float | None:
     """With what the campaign that is added to filters its records, as far as it is known yet."""
     try:
@@ -92,6 +144,7 @@ def _add(source: Source, reading: Reading, choices: Choices, role: Role) -> None
             settled = (replace(settled[0], id=new_id),)
         if not settled:
             raise DataError(problems)
+        settled = tuple(_with_factors(one, source, role) for one in settled)
         with _adding:
             add_settled(folder, settled, role=role)
     except DataError as error:
@@ -106,11 +159,14 @@ def _add(source: Source, reading: Reading, choices: Choices, role: Role) -> None
 
 
 def _turn_to(folder: Path, sentence: str) -> None:
+    st.session_state.pop(NEXT_ROLE, None)
     try:
         frame.choose_campaign(campaigns.open_folder(folder))
         st.toast(f"{sentence}; campaign.toml tells how.", icon=":material/check:")
     except DataError as error:
         st.session_state[_FOLDER] = str(folder)  # where the rest is likely to go
+        if not (folder / "cae.csv").is_file():
+            st.session_state[NEXT_ROLE] = "cae"
         st.session_state[UNFINISHED] = (f"{sentence} to {plain(str(folder))}.", error.problems)
 
 

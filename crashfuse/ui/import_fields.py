@@ -6,15 +6,16 @@ from pathlib import Path
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from crashfuse.errors import DataError
+from crashfuse.errors import DataError, UsageError
 from crashfuse.formats.mapping import QUANTITIES, ColumnRole
-from crashfuse.formats.record import ACCELERATION_UNITS, PartialCondition, Record
+from crashfuse.formats.record import ACCELERATION_UNITS, Record
 from crashfuse.formats.spelling import UNITS
 from crashfuse.importing import Choices, ColumnChoice, Role, Settled, settle
 from crashfuse.importing.draft import Reading
 from crashfuse.importing.forms import TableForm
 from crashfuse.importing.sources import tables_of
 from crashfuse.ui.foreign import Source, forms_of
+from crashfuse.ui.import_condition import Units, condition_of, units_of
 from crashfuse.ui.text import plain
 from crashfuse.units import MS
 
@@ -30,6 +31,7 @@ _OF_CONDITIONS: dict[ColumnRole, str] = {
 }
 _SEVERAL: tuple[ColumnRole, ...] = ("acceleration", "factor")
 _MOST_FORMS, _MOST_COLUMNS = 4, 30  # shown; the rest is read as proposed
+_UNIT_PX = 110
 _CLASSES: dict[str, float | str] = {
     **{f"CFC {cfc}": float(cfc) for cfc in (60, 180, 600, 1000)},
     "Not filtered": "none",
@@ -51,6 +53,8 @@ def reading_of(source: Source) -> Reading:
             chosen = st.radio(
                 "Accelerations in one table are",
                 ["each", "averaged"],
+                # one crash that is taken for several tests would be predicted from itself
+                index=0 if any(form.proposed.kind == "conditions" for form in forms) else 1,
                 format_func={"each": "Each a record of its own", "averaged": "Sensors of one record"}.__getitem__,
                 key=f"{source.key} together",
                 persist_state="session",
@@ -100,10 +104,10 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
         picked: dict[ColumnRole, Sequence[str]] = {} if holds == "pulses" else {"time": (), "acceleration": ()}
         units: dict[ColumnRole, str | None] = {}
         for role, label in asked.items():
-            left, right = st.columns([5, 2], vertical_alignment="bottom")
-            picked[role] = _pick(left, form, role, label, key)
+            place = st.container(horizontal=True, vertical_alignment="bottom")
+            picked[role] = _pick(place, form, role, label, key)
             if role in QUANTITIES:
-                units[role] = right.selectbox(
+                units[role] = place.selectbox(
                     f"Unit of {role.replace('_', ' ')}",
                     list(UNITS[QUANTITIES[role]]),
                     index=None,
@@ -112,6 +116,7 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
                     persist_state="session",
                     disabled=not picked[role],
                     label_visibility="collapsed",
+                    width=_UNIT_PX,
                 )
     return form.choices(picked, units)
 
@@ -136,7 +141,7 @@ def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, 
 
 def choices_of(
     source: Source, records: Sequence[Record], first: Record, role: Role, own_class: float | None
-) -> Choices:
+) -> tuple[Choices, Units]:
     """Ask for everything that is not to be left to be detected; it holds for all records.
 
     Parameters
@@ -148,9 +153,15 @@ def choices_of(
     role : {"tests", "cae"}
     own_class : float or None
         With which the campaign filters its records itself.
+
+    Returns
+    -------
+    Choices, Units
+        The second is what the condition is said in.
     """
     channels = _channels(source, records, first)
-    condition, share = _condition(source, records)
+    units = units_of(source)
+    condition, share = condition_of(source, records, units)
     found = _found(first, Choices(channels=channels, condition=condition, front_share=share), role)
     left, right = st.columns(2)
     unit = _field(left, "Unit", list(ACCELERATION_UNITS), found.unit if found else None, source)
@@ -174,7 +185,7 @@ def choices_of(
             detected = "Not filtered" if detected_class is None else f"CFC {detected_class:g}"
         name = _field(right, "Filter", list(_CLASSES), detected, source)
         cfc = _CLASSES[name] if name else None
-    return Choices(
+    choices = Choices(
         channels,
         unit,
         _BRAKING.get(braking or ""),  # type: ignore[arg-type]
@@ -183,6 +194,7 @@ def choices_of(
         condition,
         share,
     )
+    return choices, units
 
 
 def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple[str, ...]:
@@ -204,56 +216,6 @@ def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple
     return () if tuple(chosen) == records[0].proposed else tuple(chosen)
 
 
-def _condition(source: Source, records: Sequence[Record]) -> tuple[PartialCondition, float | None]:
-    known = [record.condition for record in records]
-    shares = [
-        one.front_weight_kg and one.rear_weight_kg and one.front_weight_kg / (one.front_weight_kg + one.rear_weight_kg)
-        for one in known
-    ]
-    middle, left, right = st.columns([3, 2, 2])
-    speed_in = left.selectbox("Speed in", list(UNITS["speed"]), key=f"{source.key} speed in", persist_state="session")
-    weight_in = right.selectbox("Weights in", ["kg", "lb"], key=f"{source.key} weights in", persist_state="session")
-    kph, kg = UNITS["speed"][speed_in], UNITS["mass"][weight_in]
-    speed = _number(middle, f"Speed ({speed_in})", [one.speed_mps for one in known], kph, source)
-    left, right = st.columns(2)
-    front = _number(left, f"Front weight ({weight_in})", [one.front_weight_kg for one in known], kg, source)
-    rear = _number(right, f"Rear weight ({weight_in})", [one.rear_weight_kg for one in known], kg, source)
-    mass = _number(left, f"Mass ({weight_in})", [one.mass_kg for one in known], kg, source)
-    share = _number(
-        right,
-        "Front share (%)",
-        shares,
-        0.01,
-        source,
-        "Of the mass, on the front axle: for files that know no axle weights.",
-    )
-    return PartialCondition(speed, mass, front, rear), share
-
-
-def _number(
-    place: DeltaGenerator,
-    label: str,
-    found: Sequence[float | None],
-    unit: float,
-    source: Source,
-    tip: str | None = None,
-) -> float | None:
-    known = sorted(value / unit for value in found if value is not None)
-    grey = "not found"
-    if known:
-        grey = f"{known[0]:.5g}" if known[-1] - known[0] < 1e-6 * known[-1] else f"{known[0]:.4g}–{known[-1]:.4g}"
-    value = place.number_input(
-        label,
-        min_value=0.0,
-        value=None,
-        placeholder=grey,
-        key=f"{source.key} {label}",
-        persist_state="session",
-        help=tip,
-    )
-    return None if value is None else value * unit
-
-
 def _field(place: DeltaGenerator, label: str, options: list[str], found: str | None, source: Source) -> str | None:
     return place.selectbox(
         label,
@@ -269,5 +231,5 @@ def _found(record: Record, choices: Choices, role: Role) -> Settled | None:
     """What is detected of a record where nothing overrules it."""
     try:
         return settle(record, choices, role=role)
-    except DataError:
+    except (DataError, UsageError):
         return None

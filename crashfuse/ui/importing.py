@@ -1,7 +1,9 @@
 """The step between foreign files and a campaign: what was recognised, what comes of it, and adding it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import streamlit as st
 
@@ -13,11 +15,12 @@ from crashfuse.plots.imports import imported_pulse
 from crashfuse.pulse import kinematics
 from crashfuse.ui import evidence, frame
 from crashfuse.ui.adding import WHAT, counted, own_class, show_door
-from crashfuse.ui.foreign import UNFINISHED, Source, leave, records_of, settled_of
+from crashfuse.ui.foreign import NEXT_ROLE, UNFINISHED, Source, leave, records_of, settled_of
+from crashfuse.ui.import_condition import Units
 from crashfuse.ui.import_fields import choices_of, reading_of
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
-from crashfuse.units import KPH, MS, G
+from crashfuse.units import MS, G
 
 _FORMATS = {
     "csv": "tables",
@@ -27,6 +30,14 @@ _FORMATS = {
     "tdms": "TDMS",
 }
 _MOST_ROWS = 100
+_KEY = "import-step"
+# fields and figure stand side by side only where both have room; Streamlit looks at the window, not at what is left
+_STACKED = f"""<style>
+.st-key-{_KEY} > [data-testid="stLayoutWrapper"] > [data-testid="stHorizontalBlock"] > [data-testid="stColumn"] {{
+    min-width: min(100%, 23rem);
+}}
+</style>"""
+_COMMAND_LINE = " (COLUMN=ROLE:UNIT)"  # how columns are mapped there; here they are chosen
 
 
 def show_unfinished() -> None:
@@ -34,11 +45,18 @@ def show_unfinished() -> None:
     if UNFINISHED in st.session_state:
         sentence, problems = st.session_state[UNFINISHED]
         needs = "\n".join(f"- {plain(str(problem))}" for problem in problems)
-        st.info(f"{sentence} Before it can be opened:\n\n{needs}", icon=":material/check:")
+        then = "Drop them on the field above: what is imported next goes to the same folder, unless you name another."
+        st.info(f"{sentence} Before it can be opened:\n\n{needs}\n\n{then}", icon=":material/check:")
 
 
 def show(source: Source, view: frame.View | None) -> None:
     """Show the step."""
+    st.html(_STACKED)
+    with st.container(key=_KEY):
+        _show_step(source, view)
+
+
+def _show_step(source: Source, view: frame.View | None) -> None:
     st.title("Import files" if source.several else f"Import {plain(source.path.name)}")
     st.caption(f"Recognised: {_FORMATS[source.fmt]}. Nothing is added before you say so.")
     st.button("Back without importing", icon=":material/arrow_back:", on_click=leave)
@@ -50,16 +68,21 @@ def show(source: Source, view: frame.View | None) -> None:
     with right:
         first = _looked_at(source, records)
     if first is None:
+        unread = tuple(replace(one, advice=one.advice.removesuffix(_COMMAND_LINE)) for one in unread)
         show_problems(unread, "Nothing of it can be read", "Correct the fields or the files.")
         return
     with left:
         st.caption("In grey: what was found. What is filled in overrules it" + _for_all(records) + ".")
-        choices = choices_of(source, records, first, role, own_class())
+        if len(records) > 1 and any(
+            None in (one.condition.speed_mps, *one.condition.weights.axles()) for one in records
+        ):
+            st.caption("A table of conditions, dropped along with the files, gives each record its own: one row an id.")
+        choices, units = choices_of(source, records, first, role, own_class())
     settled, problems = settled_of(source, reading, choices, role)
     with right:
-        _preview(first, choices, next((one for one in settled if one.id == first.id), None), view)
+        _preview(first, choices, next((one for one in settled if one.id == first.id), None), view, units)
         if len(records) > 1 and settled:
-            _table(settled)
+            _table(settled, units)
         if problems and not settled and (len(records) == 1 or {problem.found for problem in problems} == {"none"}):
             needs = dict.fromkeys(_need(problem) for problem in problems)
             st.warning("Before it can be added:\n\n" + "\n".join(f"- {need}" for need in needs), icon=":material/edit:")
@@ -73,7 +96,7 @@ def _role(source: Source) -> Role:
     role: Role = st.segmented_control(
         "Take it as",
         list(WHAT),
-        default="cae" if source.fmt == "lsdyna" else "tests",
+        default="cae" if source.fmt == "lsdyna" else st.session_state.get(NEXT_ROLE, "tests"),
         required=True,
         format_func={"tests": "Tests", "cae": "CAE runs"}.__getitem__,
         key=f"{source.key} role",
@@ -99,7 +122,7 @@ def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
     return records[number]
 
 
-def _preview(record: Record, choices: Choices, settled: Settled | None, view: frame.View | None) -> None:
+def _preview(record: Record, choices: Choices, settled: Settled | None, view: frame.View | None, units: Units) -> None:
     known = {channel.name: channel for channel in record.channels}
     names = settled.channels if settled is not None else choices.channels or record.proposed
     channels = [known[name] for name in names if name in known] or list(record.channels)
@@ -109,23 +132,24 @@ def _preview(record: Record, choices: Choices, settled: Settled | None, view: fr
         alt=f"The pulse that comes of {record.id}, over its channels as recorded",
     )
     if settled is not None:
-        st.markdown(f"**{plain(settled.id)}**: {settled.condition}")
+        st.markdown(f"**{plain(settled.id)}**: {units.told(settled.condition)}")
         st.markdown("\n".join(f"- {plain(step)}" for step in settled.steps))
 
 
-def _table(settled: Sequence[Settled]) -> None:
+def _table(settled: Sequence[Settled], units: Units) -> None:
     """What comes of many records."""
     rows = []
     for one in settled[:_MOST_ROWS]:
         motion = kinematics(one.pulse.accel_mps2, one.condition.speed_mps, one.pulse.dt_s)
+        stop_s = float(motion.t0_s)
         rows.append(
             {
                 "Id": one.id,
-                "Speed (km/h)": round(one.condition.speed_mps / KPH, 1),
-                "Front (kg)": round(one.condition.front_weight_kg),
-                "Rear (kg)": round(one.condition.rear_weight_kg),
+                f"Speed ({units.speed})": round(one.condition.speed_mps / units.speed_mps, 1),
+                f"Front ({units.weight})": round(one.condition.front_weight_kg / units.weight_kg),
+                f"Rear ({units.weight})": round(one.condition.rear_weight_kg / units.weight_kg),
                 "Peak (g)": round(float(abs(one.pulse.accel_mps2).max()) / G, 1),
-                "Stops (ms)": round(float(motion.t0_s) / MS, 1),
+                "Stops (ms)": f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record",
                 "Crush (mm)": round(float(motion.displacement_m.max()) / MS),
             }
         )

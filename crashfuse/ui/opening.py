@@ -5,7 +5,7 @@ from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.errors import DataError
+from crashfuse.errors import DataError, Problem
 from crashfuse.ui import campaigns, frame, importing
 from crashfuse.ui.foreign import Source, begin, leave, source_at
 from crashfuse.ui.problems import show_problems
@@ -38,7 +38,7 @@ def show_doors() -> None:
         )
         st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
     if problems := st.session_state.get(frame.REFUSED):
-        show_problems(problems)
+        show_problems(problems, place="doors")
     importing.show_unfinished()
     with st.expander("What does a campaign folder look like?", icon=":material/help:"):
         st.code(
@@ -78,6 +78,8 @@ def _open_folder() -> None:
 
 def _campaign_or_source(path: Path) -> str | Source:
     """Put a campaign folder on the shelf; what is none, but can be imported, is a source."""
+    if _is_file(path):
+        return _source_or_advice(path)
     try:
         return campaigns.open_folder(path)
     except DataError:
@@ -88,6 +90,26 @@ def _campaign_or_source(path: Path) -> str | Source:
         except (DataError, OSError, RuntimeError, ValueError):
             pass
         raise
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.expanduser().is_file()
+    except (OSError, RuntimeError, ValueError):  # no such home, a name that no file can have
+        return False
+
+
+def _source_or_advice(file: Path) -> Source:
+    """Begin to import a file; what cannot be imported may be a campaign that is to be opened another way."""
+    try:
+        return source_at(file.expanduser())
+    except (DataError, OSError) as error:
+        expected, found = "a campaign folder, or a file that can be imported", "a file of another kind"
+        advice = "name the folder that holds tests.csv and cae.csv"
+        if file.suffix.lower() == ".zip":
+            found = error.problems[0].found if isinstance(error, DataError) else str(error)
+            advice = "upload it if it is a campaign, or unpack it and name its folder"
+        raise DataError(Problem(str(file), expected, found, advice)) from error
 
 
 def _open_upload() -> None:

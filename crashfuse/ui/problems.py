@@ -60,8 +60,13 @@ def show_problems(
     problems: Sequence[Problem],
     what: str = "This campaign cannot be used",
     result: str = "Nothing of it was opened.",
+    *,
+    place: str = "",
 ) -> None:
-    """Show everything that is wrong with the data, and offer it as a file for whoever has to mend them."""
+    """Show everything that is wrong with the data, and offer it as a file for whoever has to mend them.
+
+    The same problems may be shown at two places of a page.
+    """
     count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
     st.error(f"**{what}: {count}.** {result}", icon=":material/error:")
     table = short_table(problems)
@@ -76,6 +81,7 @@ def show_problems(
         mime="text/csv",
         icon=":material/download:",
         on_click="ignore",
+        key=f"problems {place} {hash((what, *problems))}",
     )
 
 

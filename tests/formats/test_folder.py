@@ -242,11 +242,12 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     "missing column": (
         _edit("tests.csv", lambda t: t.drop(columns="rear_weight_lb")),
         "tests.csv: expected one column rear_weight_lb or rear_weight_kg, found the columns id, speed_mph, "
-        "front_weight_lb, drive; let the column's name end in its unit.",
+        "front_weight_lb, drive; add the column.",
     ),
     "unknown unit": (
         _edit("cae.csv", lambda t: t.rename(columns={"speed_mph": "speed_knots"})),
-        "cae.csv: expected one column speed_mph or speed_kph or speed_mps, found speed_knots;",
+        "cae.csv: expected one column speed_mph or speed_kph or speed_mps, found speed_knots; let the column's name "
+        "end in its unit.",
     ),
     "two units": (
         _edit("cae.csv", lambda t: t.assign(speed_kph=1)),
@@ -476,6 +477,50 @@ def test_all_problems_are_listed_at_once(campaign_folder: Path) -> None:
     assert {problem.where for problem in raised.value.problems} == {"tests.csv", "cae_pulses.parquet", "campaign.toml"}
 
 
+def test_what_is_wrong_with_pulses_is_said_beside_what_is_wrong_with_their_table(campaign_folder: Path) -> None:
+    """An id twice, a word for a weight, a stretch without samples and a pulse that is missing: each is said."""
+    _set("tests.csv", 3, "id", "T1")(campaign_folder)
+    _set("tests.csv", 1, "rear_weight_lb", "heavy")(campaign_folder)
+    _edit("tests/T2.csv", lambda t: t.assign(acceleration_g=t.acceleration_g.where(~t.index.isin(range(20, 41)))))(
+        campaign_folder
+    )
+    (campaign_folder / "tests" / "T3.csv").unlink()
+    with pytest.raises(DataError) as raised:
+        load_campaign(campaign_folder)
+    assert [(problem.where, problem.column) for problem in raised.value.problems] == [
+        ("tests.csv", "id"),
+        ("tests.csv", "rear_weight_lb"),
+        ("tests/T2.csv", "acceleration_g"),
+        ("tests.csv", "id"),
+    ]
+
+
+def test_empty_cells_under_each_other_are_one_problem(campaign_folder: Path) -> None:
+    """21 of them and one elsewhere are two, with the first and the last row."""
+    gap = [*range(20, 41), 100]
+    _edit("tests/T2.csv", lambda t: t.assign(acceleration_g=t.acceleration_g.where(~t.index.isin(gap))))(
+        campaign_folder
+    )
+    with pytest.raises(DataError) as raised:
+        load_campaign(campaign_folder)
+    assert [(problem.row, problem.found) for problem in raised.value.problems] == [
+        (22, "rows 22–42, empty"),
+        (102, "an empty cell"),
+    ]
+
+
+def test_one_bad_cell_that_is_not_listed_is_counted_as_one(campaign_folder: Path) -> None:
+    """21 words for numbers: twenty are listed."""
+    words = range(100, 121)
+    _edit("tests/T2.csv", lambda t: t.assign(acceleration_g=t.acceleration_g.where(~t.index.isin(words), "x")))(
+        campaign_folder
+    )
+    with pytest.raises(DataError) as raised:
+        load_campaign(campaign_folder)
+    assert len(raised.value.problems) == 21
+    assert raised.value.problems[-1].found == "1 more of the cells that are no number"
+
+
 def test_a_thousand_bad_cells_are_counted_not_listed(campaign_folder: Path) -> None:
     """The list stays readable."""
     _edit("tests/T1.csv", lambda t: t.assign(acceleration_g="x"))(campaign_folder)
@@ -489,6 +534,12 @@ def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
     """The path is the message."""
     with pytest.raises(DataError, match=r"nowhere: expected a campaign folder, found no such folder; check the path\."):
         load_campaign(tmp_path / "nowhere")
+
+
+def test_a_file_in_place_of_a_folder_is_said_to_be_one(campaign_folder: Path) -> None:
+    """It is there, so nobody is to look for another path."""
+    with pytest.raises(DataError, match="expected a campaign folder, found a file; name the folder that it lies in"):
+        load_campaign(campaign_folder / "tests.csv")
 
 
 def test_a_table_sorted_by_time_is_one_problem(campaign_folder: Path) -> None:

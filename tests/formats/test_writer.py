@@ -140,13 +140,31 @@ def test_an_id_that_is_there_is_refused_and_nothing_changes(campaign_folder: Pat
     for ids, message in (
         (["New", "T1"], "an id that is not there yet, found 'T1'"),
         (["New", "New"], "each id once"),
-        (["New", "../x"], "a plain name"),
+        (["New", "../x"], "an id that can name a file, found '../x', a slash"),
+        (["New", "=1+1"], "an id that no spreadsheet takes for a formula, found '=1\\+1'"),
+        (["-20C Versuch"], "an id that no spreadsheet takes for a formula"),
         (["New", " x"], "ends in a dot or a space"),
         (["New", "x:y"], "a drive letter or a colon"),
     ):
         with pytest.raises(DataError, match=message):
             add_to_campaign(campaign_folder, "tests", [addition(i) for i in ids])
         assert content_of(campaign_folder) == before
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        (replace(CONDITION, factors=(("drive", "=cmd"),)), "drive, row 6: expected plain text"),
+        (replace(CONDITION, speed_mps=0.01), "speed_mph, row 6: expected a number of at least"),
+        (replace(CONDITION, rear_weight_kg=1e6), "rear_weight_lb, row 6: expected a number up to"),
+    ],
+)
+def test_what_could_not_be_read_back_is_not_written(campaign_folder: Path, condition: Condition, message: str) -> None:
+    """A campaign that can be opened stays one."""
+    before = content_of(campaign_folder)
+    with pytest.raises(DataError, match=message):
+        add_to_campaign(campaign_folder, "tests", [replace(addition(), condition=condition)])
+    assert content_of(campaign_folder) == before
 
 
 def test_a_folder_of_other_things_does_not_become_a_campaign(tmp_path: Path) -> None:

@@ -130,6 +130,29 @@ def test_a_folder_that_is_none_breaks_nothing(visit: Visit, text: str) -> None:
     assert session.app.sidebar.selectbox(key="campaign").value is None
 
 
+@pytest.mark.parametrize(
+    ("name", "found", "advice"),
+    [
+        ("car.zip", "tables in a zip", "Upload it if it is a campaign, or unpack it and name its folder"),
+        ("prog.exe", "a file of another kind", "Name the folder that holds tests.csv and cae.csv"),
+    ],
+)
+def test_a_file_in_the_field_for_a_folder_is_said_to_be_one(
+    visit: Visit, campaign_folder: Path, tmp_path: Path, name: str, found: str, advice: str
+) -> None:
+    """It is there, so nobody is to check the path."""
+    (tmp_path / name).write_bytes(zipped(campaign_folder))
+    (table,) = open_folder(visit(), str(tmp_path / name)).tables
+    assert (table["Found"].tolist(), table["What to do"].tolist()) == ([found], [advice])
+
+
+def test_the_same_problems_are_shown_at_two_places(visit: Visit, open_campaign: Path) -> None:
+    """The open campaign went bad, and is opened again."""
+    session = visit()
+    (open_campaign / "tests.csv").unlink()
+    assert len(open_folder(session, str(open_campaign)).tables) == 2
+
+
 def test_a_campaign_whose_files_change_is_read_anew(visit: Visit, open_campaign: Path) -> None:
     """Nobody looks at yesterday's data."""
     session = visit()
@@ -187,6 +210,19 @@ def test_a_strangers_file_name_is_shown_as_text(visit: Visit) -> None:
     (raw,) = session.app.table[0].value["File"]
     for mark in ("![", "](", "$a$", "www.", "<i>"):
         assert mark not in raw
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "where"),
+    [
+        ("prog.exe", b"MZ", "prog.exe"),
+        ("report.pdf", b"%PDF", "report.pdf"),
+        ("T1.parquet", b"PAR1", "T1.parquet"),
+    ],
+)
+def test_a_file_that_is_refused_is_named(visit: Visit, name: str, content: bytes, where: str) -> None:
+    """Who dropped it knows which it was."""
+    assert upload(visit(), (name, content)).tables[0]["File"].tolist() == [where]
 
 
 def test_nothing_dropped_or_all_too_large_is_said(visit: Visit) -> None:

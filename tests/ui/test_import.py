@@ -104,7 +104,11 @@ def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -
     assert added(tmp_path / "nova") == ["00005"]
     assert "1 test added to" in session.words
     assert "cae.csv" in session.words
+    assert "what is imported next goes to the same folder" in session.words
     assert kept() == []
+    session = drop(session, t1_csv=german(clock(), half_sine_g(clock())))
+    assert field(session, "Take it as").value == "cae"
+    assert field(session, "Campaign folder").value == str(tmp_path / "nova")
 
 
 def test_an_isomme_zip_says_what_it_lacks(visit: Visit, tmp_path: Path) -> None:
@@ -126,6 +130,17 @@ def test_tdms_is_read(visit: Visit) -> None:
     assert "TDMS" in session.words
     field(session, "Front weight").set_value(950.0)
     field(session, "Rear weight").set_value(750.0)
+    assert "Add as test" in session.run().buttons
+    assert "The vehicle stops at" in session.words
+
+
+def test_weights_that_do_not_add_up_are_a_sentence(visit: Visit) -> None:
+    """800 kg with 950 of them in front: said on the page, and mended there."""
+    session = drop(visit(), t_tdms=nhtsa_test())
+    field(session, "Front weight").set_value(950.0)
+    field(session, "Mass").set_value(800.0)
+    assert "950 kg in front with a mass of 800 kg" in session.run().words
+    field(session, "Mass").set_value(1700.0)
     assert "Add as test" in session.run().buttons
     assert "The vehicle stops at" in session.words
 
@@ -208,6 +223,61 @@ def test_what_is_filled_in_overrules_what_was_found(visit: Visit, tmp_path: Path
     assert float(row.split(",")[1]) == pytest.approx(36.0 * MPH / KPH)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.57, 100.0, 150.0])
+def test_a_front_share_that_no_vehicle_has_breaks_nothing(visit: Visit, share: float) -> None:
+    """0 and 100 % of the mass, more than all of it, and 0.57 for 57: none can be added, each is said."""
+    session = drop(visit(), m_zip=zipped(isomme("M1")))
+    field(session, "Front share").set_value(share)
+    session.run()
+    assert "It cannot be added yet" in session.words or "Before it can be added" in session.words
+    (button,) = [button for button in session.app.button if button.label.startswith("Add")]
+    assert button.disabled
+    assert (field(session, "Front share").proto.min, field(session, "Front share").proto.max) == (20, 80)
+
+
+def test_another_unit_converts_what_is_typed_in(visit: Visit) -> None:
+    """Numbers stay what they mean: 90 km/h are 25 m/s, 1000 lb are 453.59 kg; the preview is in these units."""
+    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
+    field(session, "Weights in").set_value("lb")
+    session.run()
+    for label, value in (("Speed (", 90.0), ("Front weight", 1000.0), ("Rear weight", 1000.0)):
+        field(session, label).set_value(value)
+    session.run()
+    field(session, "Speed in").set_value("m/s")
+    field(session, "Weights in").set_value("kg")
+    session.run()
+    assert field(session, "Speed (m/s)").value == pytest.approx(25.0)
+    assert field(session, "Front weight (kg)").value == pytest.approx(453.592, abs=1e-3)
+    field(session, "Speed (m/s)").set_value(SPEED_MPS)
+    assert f"{SPEED_MPS:.1f} m/s, front 454 kg, rear 454 kg" in session.run().words
+
+
+def test_what_follows_from_a_number_is_found(visit: Visit) -> None:
+    """The file knows a mass of 1700 kg: 60 % of it in front are 1020 and 680 kg."""
+    session = drop(visit(), m_zip=zipped(isomme("M1")))
+    assert field(session, "Front weight").placeholder == "not found"
+    field(session, "Front share").set_value(60.0)
+    session.run()
+    assert field(session, "Front weight").placeholder == "1020"
+    assert field(session, "Rear weight").placeholder == "680"
+    assert "front 1020 kg, rear 680 kg" in session.words
+
+
+def test_a_new_session_goes_on_with_an_import(visit: Visit) -> None:
+    """The browser loads the page anew: files and what was filled in are still there, until it is left."""
+    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
+    field(session, "Speed (").set_value(56.0)
+    field(session, "Take it as").set_value("cae")
+    key = session.run().app.query_params["import"]
+    again = visit(**{"import": key})
+    assert "Nothing is added before you say so" in again.words
+    assert field(again, "Speed (").value == 56.0
+    assert field(again, "Take it as").value == "cae"
+    again.press("Back without importing")
+    assert "import" not in again.app.query_params
+    assert "Nothing is added" not in visit(**{"import": key}).words
+
+
 def test_choices_outlive_a_visit_to_another_page(visit: Visit) -> None:
     """Turning the page loses nothing."""
     session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
@@ -232,6 +302,25 @@ def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(visit: Visit, t
     assert "'hundred'" in session.tables[0]["Found"].tolist()
     session.press("Add 3 tests")
     assert added(tmp_path / "many") == ["t0", "t1", "t2"]
+
+
+def test_records_without_conditions_are_told_of_the_table_that_gives_them(visit: Visit) -> None:
+    """One speed for all is seldom right."""
+    session = drop(visit(), **{f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)})
+    assert "A table of conditions, dropped along with the files, gives each record its own" in session.words
+
+
+def test_two_lists_of_problems_stand_on_one_page(visit: Visit, tmp_path: Path) -> None:
+    """A record that is left out, and a folder that is refused."""
+    files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)}
+    files["t1_csv"] = files["t1_csv"].replace(b"\n100,000000;", b"\nhundred;")
+    (tmp_path / "letter.txt").write_text("Dear")
+    session = drop(visit(), **files)
+    for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
+        field(session, label).set_value(value)
+    session = into(session.run(), tmp_path).press("Add as test")
+    assert len(session.tables) == 2
+    assert [button.label for button in session.app.download_button] == ["problems.csv"] * 2
 
 
 def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_path: Path) -> None:
@@ -264,6 +353,27 @@ def test_the_open_campaign_is_added_to(visit: Visit, open_campaign: Path) -> Non
     session = session.press("Add as test")
     assert session.numbers["Tests"] == "5"
     assert load_campaign(open_campaign).test_ids[-1] == "00005"
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_factor_of_the_campaign_is_asked_for(visit: Visit, open_campaign: Path) -> None:
+    """Its tests are told apart by the drive: the new one says what it has."""
+    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    drive = field(session, "drive")
+    assert set(drive.options) == set(load_campaign(open_campaign).factors["drive"])
+    drive.set_value(drive.options[0])
+    session.run().press("Add as test")
+    assert load_campaign(open_campaign).tests[-1].condition.factors == (("drive", drive.options[0]),)
+
+
+@pytest.mark.parametrize("bad_id", ["=1+1", "-20C Versuch"])
+def test_an_id_that_would_spoil_the_campaign_is_refused(visit: Visit, open_campaign: Path, bad_id: str) -> None:
+    """It stays open."""
+    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    field(session, "Id in").set_value(bad_id)
+    session = session.run().press("Add as test")
+    assert session.tables[-1]["Expected"].tolist() == ["an id that no spreadsheet takes for a formula"]
+    assert len(load_campaign(open_campaign).tests) == 4
 
 
 def test_a_campaign_that_filters_gets_the_record_raw(visit: Visit, open_campaign: Path) -> None:
@@ -347,3 +457,9 @@ def test_bad_files_are_said_and_leave_nothing(visit: Visit, name: str, content: 
     if "Back without importing" in session.buttons:
         session.press("Back without importing")
     assert kept() == []
+
+
+def test_nobody_is_sent_to_the_command_line(visit: Visit) -> None:
+    """Columns are chosen on the page."""
+    session = drop(visit(), x_csv=b"a;b\n1;2\n")
+    assert "COLUMN=ROLE" not in session.words + session.tables[0].to_string()
