@@ -525,7 +525,7 @@ def test_a_series_of_studies_gives_what_each_gives_alone(
     shutil.copytree(campaign_on_disk, other)
     options = ["--held-out", "T2", "T4", "--approach", "cae", "lf_tcn", "--workers", "1"]
     campaigns, out = [str(campaign_on_disk), str(other)], tmp_path / "series"
-    assert cli.main(["study", *campaigns, "--out", str(out), "--seed", "0", "1", *options]) == cli.DONE
+    assert cli.main(["study", *campaigns, "--out", str(out), "--seed", "0,1", *options]) == cli.DONE
     assert "Study 4 of 4: campaign-2/fast-seed-1" in capsys.readouterr().out
     assert {path.relative_to(out).as_posix() for path in out.rglob("study.json")} == {
         f"{name}/fast-seed-{seed}/study.json" for name in ("campaign", "campaign-2") for seed in (0, 1)
@@ -552,21 +552,32 @@ def test_a_series_goes_on_where_it_was_and_says_first_what_is_impossible(
     options = ["--held-out", "T2", "--approach", "lf_tcn", "--workers", "1"]
     other, out = tmp_path / "other", tmp_path / "series"
     write_campaign(replace(make_campaign(), tests=make_campaign().tests[:1]), other)
-    command = ["study", str(campaign_on_disk), str(other), "--out", str(out), *options]
+    command = [
+        "study",
+        "--preset",
+        "fast",
+        "--seed",
+        "0",
+        str(campaign_on_disk),
+        str(other),
+        "--out",
+        str(out),
+        *options,
+    ]
     assert cli.main(command) != cli.DONE
     assert "T2" in capsys.readouterr().err
     assert not out.exists()
 
     series = ["study", str(campaign_on_disk), "--out", str(out), *options, "--seed"]
-    assert cli.main([*series, "0", "1"]) == cli.DONE
+    assert cli.main([*series, "0,1"]) == cli.DONE
     first = pd.read_csv(out / "studies.csv")
-    assert cli.main([*series, "2", "3"]) == cli.DONE
+    assert cli.main([*series, "2,3"]) == cli.DONE
     table = pd.read_csv(out / "studies.csv")
     assert table["seed"].tolist() == [seed for seed in range(4) for _ in range(3)]
     assert set(table["held_out"]) == {"T2"}
     fitting_is_an_error()
     (out / "campaign" / "fast-seed-1" / "study.json").unlink()  # as if it had been killed before the second began
-    assert cli.main([*series, "0", "1", "--resume"]) == cli.DONE
+    assert cli.main([*series, "0,1", "--resume"]) == cli.DONE
     again = pd.read_csv(out / "studies.csv")
     pd.testing.assert_frame_equal(again[again["seed"] < 2].reset_index(drop=True), first)
     assert set(again["seed"]) == {0, 1, 2, 3}

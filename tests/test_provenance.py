@@ -17,7 +17,7 @@ def test_the_command_of_a_study_is_parsed_back_to_its_settings(campaign: Campaig
     parsed = parser().parse_args(shlex.split(command)[1:])
     assert parsed.held_out == ["T2", "T4"]
     assert tuple(parsed.approach) == config.approaches
-    assert (parsed.preset, parsed.seed, parsed.device, parsed.hold_out) == ("fast", 3, "auto", "speed-group")
+    assert (parsed.preset, parsed.seed, parsed.device, parsed.hold_out) == (["fast"], [3], "auto", "speed-group")
     assert tuple(parsed.windows_ms) == config.windows_ms
 
 

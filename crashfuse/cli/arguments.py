@@ -3,10 +3,12 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from crashfuse.cli import data, imports, models, studies
 from crashfuse.version import __version__
+
+T = TypeVar("T")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -113,18 +115,46 @@ def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
-    many: dict[str, Any] = {"nargs": "+"} if several else {}
+    preset, seed = _one_of("fast", "paper"), _whole(0, 2**32 - 1)
+    more = "; several with commas between them" if several else ""
     parser.add_argument(
         "--approach",
         nargs="+",
         metavar="NAME",
         help="cae, lf_tcn, time_domain, displacement_domain, fused (default: all)",
     )
-    parser.add_argument("--preset", choices=("fast", "paper"), help="settings: ours (default) or the paper's", **many)
-    parser.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)", **many)
+    parser.add_argument(
+        "--preset",
+        type=_listed(preset) if several else preset,
+        metavar="fast|paper",
+        help=f"settings: ours (default) or the paper's{more}",
+    )
+    parser.add_argument(
+        "--seed", type=_listed(seed) if several else seed, help=f"seed of everything random (default: 0){more}"
+    )
     parser.add_argument(
         "--device", choices=("auto", "cpu", "cuda"), help="where networks are trained (default: auto, CUDA if any)"
     )
+
+
+def _listed(parse: Callable[[str], T]) -> Callable[[str], list[T]]:
+    """Parser of values with commas between them: a list of words would take the campaign after it for one more."""
+
+    def values(text: str) -> list[T]:
+        return [parse(part) for part in text.split(",")]
+
+    return values
+
+
+def _one_of(*choices: str) -> Callable[[str], str]:
+    """Parser of a word that is one of these."""
+
+    def choice(text: str) -> str:
+        if text not in choices:
+            raise argparse.ArgumentTypeError(f"must be {' or '.join(choices)}, not {text!r}")
+        return text
+
+    return choice
 
 
 def _whole(low: int, high: int | None = None) -> Callable[[str], int]:
