@@ -26,7 +26,7 @@ _FLAGS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage", "--hide-scrollbars"),
 )
 _SHOTS = {  # page, height that shows it, theme, button that begins what it shows, words that end it
-    "data": ("data", 1610, "light", None, "CAE model"),
+    "data": ("data", 1900, "light", None, "CAE model"),
     "train": ("train", 760, "light", "Start", "are ready"),
     "compare": ("compare", 1690, "light", "Predict test", "Pulse metrics"),
     "study": ("study", 1440, "light", "Leave out each", "Every rating"),

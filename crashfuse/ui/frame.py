@@ -33,9 +33,13 @@ _LOGO = (
     f'<svg viewBox="0 0 156 32" width="156" height="32">{_PULSE % _BLUE}<text x="40" y="23" font-size="23" '
     f'font-weight="600" font-family="Helvetica, Arial, sans-serif" fill="{_BLUE}">crashfuse</text></svg>'
 )
-# Streamlit writes white on the accent colour, which in the dark is too light for it
-_ACCENT_TEXT = '<style>button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F) }</style>'
-_SIDEBAR_PX = 320  # three windows stand side by side
+# Streamlit writes white on the accent colour, which in the dark is too light for it; on the first visit of a browser
+# its sidebar is narrower than asked for, and three windows would not stand side by side
+_STYLE = (
+    '<style>button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F) }'
+    '[data-testid="stSidebar"] [data-testid="stButtonGroup"] button { padding-inline: 0.6rem }</style>'
+)
+_SIDEBAR_PX = 320
 _NOT_FOUND = "not found"  # in the session: what its link asked for in vain
 REFUSED = "refused"  # in the session: what is wrong with the campaign that was last tried
 
@@ -151,7 +155,7 @@ def _navigate() -> Page:
     page = st.navigation([home, *pages().values()])
     st.set_page_config(page_title=f"{page.title} · crashfuse")
     st.logo(_LOGO, size="large")
-    st.html(_ACCENT_TEXT)
+    st.html(_STYLE)
     return page
 
 
