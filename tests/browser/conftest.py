@@ -17,10 +17,11 @@ from urllib.parse import quote_plus, urlsplit
 
 import pytest
 from selenium import webdriver
-from selenium.common.exceptions import StaleElementReferenceException
+from selenium.common.exceptions import ElementNotInteractableException, StaleElementReferenceException
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.chrome.webdriver import WebDriver
 from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
@@ -38,6 +39,7 @@ _FLAGS = (
     "--disable-dev-shm-usage",
     "--window-size=1440,1000",
 )
+_REDRAWN = (StaleElementReferenceException, ElementNotInteractableException)  # while the page changes
 MAIN, LINK = '[data-testid="stMain"]', '[data-testid="stSidebarNavLink"]'
 T = TypeVar("T")
 
@@ -64,9 +66,7 @@ class User:
 
     def wait(self, found: Callable[[], T], missing: str = "", timeout_s: float = SOON) -> T:
         """Wait until something is found; returns it."""
-        waiting = WebDriverWait(
-            self.browser, timeout_s, poll_frequency=0.1, ignored_exceptions=[StaleElementReferenceException]
-        )
+        waiting = WebDriverWait(self.browser, timeout_s, poll_frequency=0.1, ignored_exceptions=_REDRAWN)
         return waiting.until(lambda _: found(), missing)
 
     def open(self, server: Server, page: str, **view: str) -> None:
@@ -102,6 +102,18 @@ class User:
             return False
 
         self.wait(pressed, f"There is no {label!r} to click.")
+
+    def fill(self, label: str, text: str) -> None:
+        """Type into the field of this label, and leave it."""
+
+        def filled() -> bool:
+            for field in self.all(f'input[aria-label="{label}"]'):
+                field.send_keys(Keys.CONTROL, "a")
+                field.send_keys(f"{text}\t")
+                return True
+            return False
+
+        self.wait(filled, f"There is no field {label!r}.")
 
     def go(self, page: str) -> None:
         """Turn to a page by the link in the sidebar."""

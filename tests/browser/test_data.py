@@ -56,11 +56,11 @@ def test_a_german_table_is_mapped_seen_and_added(server: "Server", user: "User",
     user.sees("Before it can be added")
     user.press("", 'button[aria-label="Remove Kanal 1"]')
     for label, value in (("Speed (km/h)", "56"), ("Front weight (kg)", "950"), ("Rear weight (kg)", "750")):
-        user.find(f'input[aria-label="{label}"]').send_keys(value + "\t")
+        user.fill(label, value)
     user.sees("Column Kanal 2 is the acceleration")
     user.sees("The vehicle stops at")
     user.find('[data-testid="stPlotlyChart"] .scatterlayer')
-    user.find('input[aria-label="Campaign folder on this computer"]').send_keys(f"{campaign}\t")
+    user.fill("Campaign folder on this computer", str(campaign))
     user.press("Add as test")
     user.sees("Fingerprint")
     assert "campaign=campaign" in user.browser.current_url
