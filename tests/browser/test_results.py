@@ -2,9 +2,11 @@
 
 import csv
 import io
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import pytest
+from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -55,12 +57,19 @@ def test_a_click_on_a_cell_of_the_study_opens_its_test_on_compare(engineer: "Use
     """Anywhere in the cell, not only on the words; the frame then holds that test out."""
     engineer.go("Study")
     engineer.press("Leave out each of 4 tests")
-    figure = engineer.find(FIGURE, "Test T3")
-    engineer.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", figure)
-    cells = figure.find_element(By.CSS_SELECTOR, ".nsewdrag")  # 2 columns; 5 rows: the tests, and their mean
-    right, down = round(0.15 * cells.rect["width"]), round((2.3 / 5 - 0.5) * cells.rect["height"])  # of their centre
-    ActionChains(engineer.browser).move_to_element_with_offset(cells, right, down).pause(0.5).click().perform()
-    engineer.sees("Test T3: 26.0 mph")
+    engineer.sees("Fast settings")  # the end of the page: until then the figures move
+
+    def opened() -> bool:
+        figure = engineer.find(FIGURE, "Test T3")
+        engineer.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", figure)
+        cells = figure.find_element(By.CSS_SELECTOR, ".nsewdrag")  # 2 columns; 5 rows: the tests, and their mean
+        right, down = round(0.15 * cells.rect["width"]), round((2.3 / 5 - 0.5) * cells.rect["height"])  # of the centre
+        ActionChains(engineer.browser).move_to_element_with_offset(cells, right, down).pause(0.5).click().perform()
+        with suppress(TimeoutException):
+            return bool(engineer.sees("Test T3: 26.0 mph", timeout_s=15))
+        return False
+
+    engineer.wait(opened)
     assert "held_out=T3" in engineer.browser.current_url
 
 
