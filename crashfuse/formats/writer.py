@@ -160,9 +160,9 @@ def _table_to_extend(table: Path, source: str, additions: Sequence[Addition]) ->
     known = read_conditions(table, standstill_allowed=source == "cae", problems=problems)
     if known is None:
         raise DataError(problems)
-    there = set(known.ids)
+    there = {run_id.casefold() for run_id in known.ids}
     # file systems that take V1 for v1 would lose one of them
-    twice = [each.id for each in additions if each.id in there or each.id.casefold() in {i.casefold() for i in there}]
+    twice = [addition.id for addition in additions if addition.id.casefold() in there]
     if twice:
         advice = "give it another id, or remove the one that is there"
         raise DataError([Problem(table.name, "an id that is not there yet", repr(i), advice, "id") for i in twice[:20]])

@@ -4,8 +4,7 @@ import base64
 import io
 import json
 import tomllib
-import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,21 +19,13 @@ from tests.formats.lsdyna_files import Run
 from tests.formats.nhtsa_files import nhtsa_files
 from tests.formats.test_tdms import nhtsa_test
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g
+from tests.importing.test_draft import zipped
 from tests.importing.test_import import german, isomme, library
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
 
 Visit = Callable[..., "Session"]
-
-
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    """A zip of these files."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return stream.getvalue()
 
 
 def drop(session: "Session", **files: bytes) -> "Session":
