@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from crashfuse.approaches import LABELS
-from crashfuse.config import HoldOut, StudyConfig
-from crashfuse.formats.folder import load_campaign
-from crashfuse.rating_tables import TABLE_3, best, rating_table
-from crashfuse.recommendation import recommend, recommend_for
-from crashfuse.study import Study, run_study
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.reporting.paper_tables import TABLE_3, best, rating_table
+from crashfuse.study.config import HoldOut, StudyConfig
+from crashfuse.study.recommendation import recommend, recommend_for
+from crashfuse.study.study import Study, run_study
 
 _REPEATS = 0.975
 _WINDOW_MS = 60.0

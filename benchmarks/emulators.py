@@ -19,14 +19,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import RBFInterpolator
 
-from crashfuse.approaches.dynamics import integrate
-from crashfuse.approaches.lf_tcn import LfTcn
+from crashfuse.approaches.displacement_domain.dynamics import integrate
+from crashfuse.approaches.time_domain.lf_tcn import LfTcn
+from crashfuse.cae.emulator import Emulator
 from crashfuse.campaign import CaeLibrary, Campaign
-from crashfuse.emulator import Emulator
-from crashfuse.formats.folder import load_campaign
-from crashfuse.loading import loading_phase
-from crashfuse.pulse import DT_S, GRID_S, Condition, FloatArray, Pulse, kinematics
-from crashfuse.rating import rate_windows
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.condition import Condition
+from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
+from crashfuse.signals.rating import rate_windows
 from crashfuse.units import MPH
 
 _WINDOW_MS = 60.0

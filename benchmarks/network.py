@@ -19,16 +19,16 @@ from unittest.mock import patch
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.approaches.descent import Checkpoint, Problem, descend
-from crashfuse.approaches.lf_tcn import LfTcn
-from crashfuse.approaches.tcn import Tcn, TcnConfig
-from crashfuse.approaches.training import predict
+from crashfuse.approaches.time_domain.lf_tcn import LfTcn
+from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.training import Checkpoint, Problem, descend
+from crashfuse.approaches.time_domain.training_data import predict
 from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.errors import Cancelled
-from crashfuse.formats.folder import load_campaign
-from crashfuse.progress import Progress, Watch
-from crashfuse.pulse import GRID_S, FloatArray, Pulse
-from crashfuse.rating import rate_windows
+from crashfuse.execution.progress import Progress, Watch
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.rating import rate_windows
 from crashfuse.units import MPH, G
 
 _HELD_OUT = 0.1
@@ -55,7 +55,7 @@ class _Training:
         self._unseen, self._cpu_s, self._next_cpu_s = unseen, cpu_s, 0.0
         self._approach = LfTcn(config, device="cpu")
         self._start = _clocks()
-        with patch("crashfuse.approaches.training.descend", self._descend), suppress(Cancelled):
+        with patch("crashfuse.approaches.time_domain.training_data.descend", self._descend), suppress(Cancelled):
             self._approach.fit(Campaign("nine tenths", known, ()))
 
     def _descend(

@@ -3,7 +3,7 @@
 Each seed is another vehicle: the sample campaign's, with forces, gaps and folds of the CAE model and of the truth
 drawn anew, each on its own. Three tests have been run: two near 25 mph and one near 35 mph, or with ``--start paper``
 three drawn from the eleven of Zeng et al. 2023, Table 1, most of them near 25 and 35 mph too. Then one, two and three
-more are: chosen one after the other by :func:`crashfuse.next_test.rank_next_tests`, drawn at random from
+more are: chosen one after the other by :func:`crashfuse.study.next_test.rank_next_tests`, drawn at random from
 the range, or spaced evenly over its speeds at the middle weights. All predict the same further tests all over the
 range.
 """
@@ -18,13 +18,14 @@ from joblib import Parallel, delayed
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain
-from crashfuse.cache import Cache
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
-from crashfuse.filters import cfc_filter
-from crashfuse.next_test import ConditionRange, rank_next_tests
-from crashfuse.pulse import DT_S, GRID_S, N_SAMPLES, Condition, FloatArray, Pulse
-from crashfuse.rating import rate_windows
+from crashfuse.condition import Condition
+from crashfuse.execution.cache import Cache
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
+from crashfuse.signals.rating import rate_windows
+from crashfuse.study.next_test import ConditionRange, rank_next_tests
 from crashfuse.synthetic.models import CAE_MODEL, SENSOR_NOISE_MPS2, TRUTH, scattered
 from crashfuse.synthetic.sample import TABLE_1
 from crashfuse.synthetic.vehicle import CrushZone, Vehicle, simulate

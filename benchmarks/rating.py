@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from crashfuse.rating import rate_iso18571, rate_many
+from crashfuse.signals.rating import rate_iso18571, rate_many
 
 warnings.simplefilter("ignore")  # the package's own
 
@@ -22,7 +22,7 @@ TRIES = 3
 FIRST_RATING = {
     "crashfuse": """
 import numpy as np
-from crashfuse.rating import rate_iso18571
+from crashfuse.signals.rating import rate_iso18571
 t = np.sin(np.arange(600) / 90)
 rate_iso18571(t, 0.9 * t, dt_s=1e-4)
 """,

@@ -17,14 +17,14 @@ from pathlib import Path
 import psutil
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain
-from crashfuse.approaches.hierarchy import HierarchicalBias
-from crashfuse.approaches.lf_tcn import LfTcn
-from crashfuse.approaches.tcn import TcnConfig
-from crashfuse.cache import Cache
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.approaches.time_domain.lf_tcn import LfTcn
+from crashfuse.approaches.time_domain.network import TcnConfig
 from crashfuse.campaign import Campaign
-from crashfuse.formats.folder import load_campaign
-from crashfuse.progress import Watch
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Watch
 
 _STEPS = 4
 

@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.pulse import GRID_S, Condition, FloatArray, Pulse
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import LB, MPH
 
 _SAME_CONDITION = 1e-4  # relative: a table's rounding, well below any weighing
@@ -47,7 +48,7 @@ class CaeLibrary:
     ids : tuple of str
     conditions : tuple of Condition
     accel_mps2 : ndarray of float32, shape (n_runs, 1250)
-        Signed acceleration in m/s² on :data:`crashfuse.pulse.GRID_S`.
+        Signed acceleration in m/s² on :data:`crashfuse.signals.pulse.GRID_S`.
     """
 
     ids: tuple[str, ...]

@@ -5,15 +5,15 @@ from typing import Any
 import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.approaches import LABELS
-from crashfuse.metrics import pulse_metrics
-from crashfuse.plots.corridors import add_corridors
-from crashfuse.plots.pulses import motion
-from crashfuse.plots.residuals import residuals
-from crashfuse.recommendation import recommend_for
-from crashfuse.report import study_report
-from crashfuse.tables import pulses_table, scores_table, study_metrics
-from crashfuse.ui import displacement, evidence, frame, network, tables
+from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting.plots.corridors import add_corridors
+from crashfuse.reporting.plots.pulses import motion
+from crashfuse.reporting.plots.residuals import residuals
+from crashfuse.reporting.report import study_report
+from crashfuse.reporting.result_tables import pulses_table, scores_table, study_metrics
+from crashfuse.signals.metrics import pulse_metrics
+from crashfuse.study.recommendation import recommend_for
+from crashfuse.ui import displacement, evidence, frame, network, page_tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
 from crashfuse.ui.text import plain
@@ -49,7 +49,7 @@ predictions = {estimate.approach: estimate.prediction for estimate in fold.estim
 
 raw = fold.ratings["cae"][view.window_ms].overall if "cae" in fold.ratings else None
 beside = "" if raw is None else ", and its change against the CAE"
-st.markdown(f"ISO/TS 18571 rating over {tables.window_label(view.window_ms)}{beside}")
+st.markdown(f"ISO/TS 18571 rating over {page_tables.window_label(view.window_ms)}{beside}")
 cards = st.container(horizontal=True, gap="small")
 for name, by_window in fold.ratings.items():
     rating = by_window[view.window_ms]
@@ -98,12 +98,12 @@ network.show(view, fold, about)
 displacement.show(view, config, predictions, about)
 
 st.subheader("Rating by approach and window")
-st.table(tables.ratings(fold.ratings, view.window_ms), border="horizontal")
+st.table(page_tables.ratings(fold.ratings, view.window_ms), border="horizontal")
 
 st.subheader("Pulse metrics")
 measured = pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
 columns = [("Test", measured), *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates)]
-st.table(tables.metrics(columns, view.unit), border="horizontal")
+st.table(page_tables.metrics(columns, view.unit), border="horizontal")
 evidence.show_missing(columns)
 st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
 

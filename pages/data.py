@@ -2,12 +2,13 @@
 
 import streamlit as st
 
-from crashfuse.filters import cfc_filter
-from crashfuse.plots import pulses as plots
-from crashfuse.plots.canvas import accel_scale
-from crashfuse.plots.conditions import condition_space
-from crashfuse.ui import evidence, frame, importing, tables
-from crashfuse.ui.foreign import running
+from crashfuse.reporting.plots import pulses as plots
+from crashfuse.reporting.plots.canvas import accel_scale
+from crashfuse.reporting.plots.conditions import condition_space
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.ui import evidence, frame, page_tables
+from crashfuse.ui.importing import step as importing
+from crashfuse.ui.importing.session import running
 from crashfuse.ui.opening import show_doors
 from crashfuse.ui.text import plain
 from crashfuse.units import MPH
@@ -88,7 +89,7 @@ def show_conditions(view: frame.View) -> None:
         view.held_out.id,
     )
     st.markdown("**The tests, and how the CAE model rates against each before any correction** (ISO/TS 18571)")
-    st.table(tables.conditions(campaign), border="horizontal")
+    st.table(page_tables.conditions(campaign), border="horizontal")
 
 
 def show_library(view: frame.View) -> None:

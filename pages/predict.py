@@ -6,16 +6,16 @@ import plotly.graph_objects as go
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
-from crashfuse.approaches import LABELS
-from crashfuse.exports import isomme_prediction, parquet_bytes
-from crashfuse.nearest import nearest_sentences
-from crashfuse.plots.displacement import energy_over_crush, over_displacement
-from crashfuse.plots.pulses import motion
-from crashfuse.pulse import Condition
-from crashfuse.recommendation import recommend_for
-from crashfuse.report import prediction_report
-from crashfuse.tables import metrics_table, pulses_table
-from crashfuse.ui import evidence, frame, planning, tables
+from crashfuse.approaches.registry import LABELS
+from crashfuse.condition import Condition
+from crashfuse.reporting.exports import isomme_prediction, parquet_bytes
+from crashfuse.reporting.plots.displacement import energy_over_crush, over_displacement
+from crashfuse.reporting.plots.pulses import motion
+from crashfuse.reporting.report import prediction_report
+from crashfuse.reporting.result_tables import metrics_table, pulses_table
+from crashfuse.study.nearest import nearest_sentences
+from crashfuse.study.recommendation import recommend_for
+from crashfuse.ui import evidence, frame, page_tables, planning
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
 from crashfuse.ui.panel import result_of
 from crashfuse.units import LB, MPH
@@ -120,7 +120,7 @@ evidence.show_kept_figure(draw, alt, shown, request.key, condition, view.unit, v
 
 st.subheader("Pulse metrics")
 columns = [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
-st.table(tables.metrics(columns, view.unit), border="horizontal")
+st.table(page_tables.metrics(columns, view.unit), border="horizontal")
 evidence.show_missing(columns)
 st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
 

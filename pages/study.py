@@ -5,16 +5,16 @@ from functools import partial
 
 import streamlit as st
 
-from crashfuse.calibration import LEVELS
-from crashfuse.fits import coverage_table
-from crashfuse.plots.calibration import calibration_curves
-from crashfuse.plots.ratings import rating_heatmap, rating_spread
-from crashfuse.rating_tables import TABLE_3, TABLE_5
-from crashfuse.recommendation import recommend
-from crashfuse.report import study_report
-from crashfuse.study import Study
-from crashfuse.tables import scores_table, study_metrics
-from crashfuse.ui import evidence, frame, tables
+from crashfuse.approaches.calibration import LEVELS
+from crashfuse.reporting.fit_explanations import coverage_table
+from crashfuse.reporting.paper_tables import TABLE_3, TABLE_5
+from crashfuse.reporting.plots.calibration import calibration_curves
+from crashfuse.reporting.plots.ratings import rating_heatmap, rating_spread
+from crashfuse.reporting.report import study_report
+from crashfuse.reporting.result_tables import scores_table, study_metrics
+from crashfuse.study.recommendation import recommend
+from crashfuse.study.study import Study
+from crashfuse.ui import evidence, frame, page_tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
 from crashfuse.ui.text import plain
@@ -22,7 +22,7 @@ from crashfuse.ui.text import plain
 view = frame.enter_with_campaign("Study")
 campaign, config = view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
-window = tables.window_label(view.window_ms)
+window = page_tables.window_label(view.window_ms)
 st.markdown(
     "How well does each approach predict a test that it has not seen? Every test is left out in turn, predicted from "
     "all others, and rated; then once more without any other test at about its speed."
@@ -47,7 +47,7 @@ def open_test(test_id: str, study: Study) -> None:
 
 def show_ratings(study: Study, way: str) -> None:
     """Means by window, and every test by approach."""
-    st.table(tables.mean_ratings(study), border="horizontal")
+    st.table(page_tables.mean_ratings(study), border="horizontal")
     overall = {
         fold.held_out: {name: by_window[view.window_ms].overall for name, by_window in fold.ratings.items()}
         for fold in study.folds
@@ -99,8 +99,8 @@ if study.coverage:
     st.caption("Above the dotted line a band is wider than it need be, below it too narrow.")
 with st.expander("Every rating, in the form of the paper's tables", icon=":material/table:"):
     fifth, third = st.tabs(["Table 5: approaches against the CAE", "Table 3: the network before and after the tests"])
-    fifth.table(tables.paper_table(study, TABLE_5), border="horizontal")
-    third.table(tables.paper_table(study, TABLE_3), border="horizontal")
+    fifth.table(page_tables.paper_table(study, TABLE_5), border="horizontal")
+    third.table(page_tables.paper_table(study, TABLE_3), border="horizontal")
 with st.container(horizontal=True):
     evidence.download("scores.csv", lambda: scores_table(study))
     evidence.download("metrics.csv", lambda: study_metrics(study))

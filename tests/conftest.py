@@ -9,10 +9,16 @@ import pandas as pd
 import pytest
 import torch
 
-from crashfuse.approaches.tcn import TcnConfig
+from crashfuse.approaches.time_domain.network import TcnConfig
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
-from crashfuse.pulse import GRID_S, Condition, FloatArray, Pulse
+from crashfuse.condition import Condition
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import LB, MPH, MS, G
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT / "tests" / "data"
+SHARED = Path(os.environ.get("CRASHFUSE_SHARED", ROOT.parent / "shared"))
+"""Vectors, worlds and real records that are not part of the project; tests of them run where they are there."""
 
 N_RUNS = 24
 TEST_SPEEDS_MPH = (15.0, 25.0, 26.0, 35.0)
@@ -49,11 +55,11 @@ def fitting_is_an_error(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 
     def forbid() -> None:
         for name in (
-            "crashfuse.approaches.lf_tcn.train",
-            "crashfuse.approaches.time_domain.fine_tune",
-            "crashfuse.approaches.increments.Increments.fit",
-            "crashfuse.approaches.gaussian_process.GaussianProcess.fit",
-            "crashfuse.approaches.table4.Table4Bias.fit",
+            "crashfuse.approaches.time_domain.lf_tcn.train",
+            "crashfuse.approaches.time_domain.approach.fine_tune",
+            "crashfuse.approaches.time_domain.fine_tuning.Increments.fit",
+            "crashfuse.approaches.displacement_domain.gaussian_process.GaussianProcess.fit",
+            "crashfuse.approaches.displacement_domain.table4_bias.Table4Bias.fit",
         ):
             monkeypatch.setattr(name, forbidden)
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.pulse import Condition, Pulse
+from crashfuse.signals.pulse import Pulse
 from crashfuse.units import LB, MPH
 
 

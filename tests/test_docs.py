@@ -12,9 +12,8 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.campaign import Campaign
-from tests.conftest import condition_table, write_campaign
+from tests.conftest import ROOT, condition_table, write_campaign
 
-ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
 WITH_CODE = [page for page in PAGES if re.search(r"```(python|console)", (DOCS / page).read_text(encoding="utf-8"))]

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from crashfuse import cli
+from tests.conftest import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

@@ -6,11 +6,12 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from crashfuse.approaches.learned import Learned
+from crashfuse.approaches.fitted_state import Learned
 from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
 from crashfuse.errors import NotFittedError
-from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import GRID_S, Condition, FloatArray
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import GRID_S, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +22,7 @@ class Prediction:
     ----------
     condition : Condition
     accel_mps2 : ndarray, shape (1250,)
-        The central prediction on :data:`crashfuse.pulse.GRID_S`, m/s².
+        The central prediction on :data:`crashfuse.signals.pulse.GRID_S`, m/s².
     draws_mps2 : ndarray, shape (n_draws, 1250), optional
         Equally likely whole pulses; None where the approach has no band.
     notes : tuple of str

@@ -3,12 +3,13 @@
 from typing import Self
 
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.learned import Learned
-from crashfuse.cache import Cache
-from crashfuse.cae_model import CaeModel
+from crashfuse.approaches.fitted_state import Learned
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
-from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import Condition, FloatArray
+from crashfuse.condition import Condition
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import FloatArray
 
 
 class Cae(Approach):

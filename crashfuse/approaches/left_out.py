@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from crashfuse.approaches.learned import Learned
+from crashfuse.approaches.fitted_state import Learned
 from crashfuse.campaign import Campaign
-from crashfuse.pulse import GRID_S, FloatArray
+from crashfuse.signals.pulse import GRID_S, FloatArray
 
 STRIDE = 10  # samples of the study grid: a CFC 60 pulse holds no more
 _DRAWS = 100

@@ -26,7 +26,7 @@ def sample(arguments: argparse.Namespace) -> None:
 
 def check(arguments: argparse.Namespace) -> None:
     """Say what a campaign holds."""
-    from crashfuse.formats.folder import load_campaign
+    from crashfuse.campaign_folder.folder import load_campaign
 
     campaign = load_campaign(arguments.campaign)
     print(f"{campaign.name}: {len(campaign.tests)} tests, {len(campaign.cae)} CAE runs.")
@@ -46,8 +46,8 @@ def check(arguments: argparse.Namespace) -> None:
 
 def rate(arguments: argparse.Namespace) -> None:
     """Rate one pulse against another."""
-    from crashfuse.formats.pulses import read_pulse
-    from crashfuse.rating import rate_windows
+    from crashfuse.campaign_folder.pulse_files import read_pulse
+    from crashfuse.signals.rating import rate_windows
 
     reference, comparison = read_pulse(arguments.reference), read_pulse(arguments.comparison)
     ratings = rate_windows(reference, comparison, arguments.windows_ms or (20.0, 40.0, 60.0))

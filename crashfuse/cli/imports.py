@@ -10,8 +10,8 @@ _WEIGHTS = {"mass": "of the whole vehicle", "front-weight": "on the front axle",
 
 def import_(arguments: argparse.Namespace) -> None:
     """Add a source to a campaign, and say how its records were read."""
-    from crashfuse.formats.record import PartialCondition
     from crashfuse.importing import Choices, ColumnChoice, import_source
+    from crashfuse.readers.record import PartialCondition
     from crashfuse.units import KPH, LB, MPH, MS
 
     condition = PartialCondition(

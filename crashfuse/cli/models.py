@@ -11,20 +11,20 @@ from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
-    from crashfuse.config import StudyConfig
-    from crashfuse.estimate import Fit
-    from crashfuse.pulse import Condition
+    from crashfuse.condition import Condition
+    from crashfuse.study.config import StudyConfig
+    from crashfuse.study.estimate import Fit
 
 _BEST = 5
 
 
 def train(arguments: argparse.Namespace) -> None:
     """Learn from all tests and save the models."""
-    from crashfuse.estimate import Fit
-    from crashfuse.formats.folder import load_campaign
-    from crashfuse.models import save_model
-    from crashfuse.progress import Watch
-    from crashfuse.progress_bar import ProgressBar
+    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.cli.progress_bar import ProgressBar
+    from crashfuse.execution.progress import Watch
+    from crashfuse.study.estimate import Fit
+    from crashfuse.study.saved_models import save_model
 
     require_output(arguments.out, arguments.campaign)
     campaign = load_campaign(arguments.campaign)
@@ -39,11 +39,11 @@ def train(arguments: argparse.Namespace) -> None:
 
 def predict(arguments: argparse.Namespace) -> None:
     """Predict the pulse at a new condition."""
-    from crashfuse.estimate import estimates_at
-    from crashfuse.formats.folder import load_campaign
-    from crashfuse.nearest import nearest_sentences
-    from crashfuse.recommendation import recommend_for
-    from crashfuse.results import write_prediction
+    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.reporting.results import write_prediction
+    from crashfuse.study.estimate import estimates_at
+    from crashfuse.study.nearest import nearest_sentences
+    from crashfuse.study.recommendation import recommend_for
 
     _require_positive(arguments, "speed_mph", "front_weight_lb", "rear_weight_lb")
     require_output(arguments.out, arguments.campaign, "prediction")
@@ -66,11 +66,11 @@ def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
     import numpy as np
 
-    from crashfuse.formats.folder import load_campaign
-    from crashfuse.progress import Watch
-    from crashfuse.progress_bar import ProgressBar
-    from crashfuse.results import write_sweep
-    from crashfuse.sweep import sweep_speed, usual_speeds, weights_sentence
+    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.cli.progress_bar import ProgressBar
+    from crashfuse.execution.progress import Watch
+    from crashfuse.reporting.results import write_sweep
+    from crashfuse.study.sweep import sweep_speed, usual_speeds, weights_sentence
     from crashfuse.units import MPH
 
     _require_positive(arguments, "front_weight_lb", "rear_weight_lb")
@@ -94,14 +94,14 @@ def sweep(arguments: argparse.Namespace) -> None:
 
 def next_test(arguments: argparse.Namespace) -> None:
     """Rank tests to run next."""
-    from crashfuse.approaches.displacement_domain import DisplacementDomain
-    from crashfuse.estimate import Fit
-    from crashfuse.formats.folder import load_campaign
-    from crashfuse.formats.tables import read_candidates
-    from crashfuse.next_test import ConditionRange, next_tests_table, rank_next_tests
-    from crashfuse.progress import Watch
-    from crashfuse.progress_bar import ProgressBar
-    from crashfuse.results import write_next_tests
+    from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+    from crashfuse.campaign_folder.condition_tables import read_candidates
+    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.cli.progress_bar import ProgressBar
+    from crashfuse.execution.progress import Watch
+    from crashfuse.reporting.results import write_next_tests
+    from crashfuse.study.estimate import Fit
+    from crashfuse.study.next_test import ConditionRange, next_tests_table, rank_next_tests
     from crashfuse.units import LB, MPH
 
     require_output(arguments.out, arguments.campaign, "ranking of next tests")
@@ -133,7 +133,7 @@ def _require_positive(arguments: argparse.Namespace, *names: str) -> None:
 
 
 def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mph: float) -> "Condition":
-    from crashfuse.pulse import Condition
+    from crashfuse.condition import Condition
     from crashfuse.units import LB, MPH
 
     factors = tuple(_factor(text, campaign.factors) for text in arguments.factor or ())
@@ -146,12 +146,12 @@ def _model_path(folder: Path, approach: str) -> Path:
 
 def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     """The approaches that are asked for, from saved models if there is a folder of them, else trained."""
-    from crashfuse.approaches import APPROACHES
-    from crashfuse.cache import Cache
-    from crashfuse.estimate import Fit
-    from crashfuse.models import load_model
-    from crashfuse.progress import Watch
-    from crashfuse.progress_bar import ProgressBar
+    from crashfuse.approaches.registry import APPROACHES
+    from crashfuse.cli.progress_bar import ProgressBar
+    from crashfuse.execution.cache import Cache
+    from crashfuse.execution.progress import Watch
+    from crashfuse.study.estimate import Fit
+    from crashfuse.study.saved_models import load_model
 
     if arguments.models is None:
         config = _config(arguments)
@@ -170,7 +170,7 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
 
 
 def _config(arguments: argparse.Namespace) -> "StudyConfig":
-    from crashfuse.config import StudyConfig
+    from crashfuse.study.config import StudyConfig
 
     given = {name: getattr(arguments, name, None) for name in ("preset", "seed", "device")}
     if getattr(arguments, "approach", None):

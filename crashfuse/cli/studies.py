@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from crashfuse.cli.output import replacing, require_output
 from crashfuse.errors import CrashfuseError, UsageError
-from crashfuse.files import written_together
+from crashfuse.files.atomic import written_together
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from crashfuse.campaign import Campaign
-    from crashfuse.config import StudyConfig
+    from crashfuse.study.config import StudyConfig
 
 _FILES = ("scores.csv", "speed_groups.csv", "pulses.csv", "metrics.csv", "study.json", "report.html")
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
@@ -34,10 +34,10 @@ class _Run:
 
     def planned(self) -> tuple["Campaign", "StudyConfig", Sequence[str]]:
         """The campaign, the settings and the tests to leave out; raises what makes the study impossible."""
-        from crashfuse.config import StudyConfig
-        from crashfuse.formats.folder import load_campaign
-        from crashfuse.results import read_record
-        from crashfuse.study import check_study
+        from crashfuse.campaign_folder.folder import load_campaign
+        from crashfuse.reporting.results import read_record
+        from crashfuse.study.config import StudyConfig
+        from crashfuse.study.study import check_study
 
         require_output(self.out, self.campaign, "study")
         campaign = load_campaign(self.campaign)
@@ -125,12 +125,12 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 
 def _finish(run: _Run, arguments: argparse.Namespace) -> tuple["pd.DataFrame", list[str]]:
     """Compute a study, write it and tell what came out; returns its means and the names of its files."""
-    from crashfuse.progress import Watch
-    from crashfuse.progress_bar import ProgressBar
-    from crashfuse.recommendation import recommend
-    from crashfuse.results import begin_study, write_study
-    from crashfuse.study import run_study
-    from crashfuse.tables import scores_table, studies_table
+    from crashfuse.cli.progress_bar import ProgressBar
+    from crashfuse.execution.progress import Watch
+    from crashfuse.reporting.result_tables import scores_table, studies_table
+    from crashfuse.reporting.results import begin_study, write_study
+    from crashfuse.study.recommendation import recommend
+    from crashfuse.study.study import run_study
 
     campaign, config, held_out = run.planned()
     with _writing(run.out) as folder:
@@ -179,7 +179,7 @@ def _summary(tables: Sequence["pd.DataFrame"]) -> str:
     """Mean ratings of a series over its longest window, a row a campaign and preset."""
     import pandas as pd
 
-    from crashfuse.approaches import LABELS
+    from crashfuse.approaches.registry import LABELS
 
     table = pd.concat(tables)
     table = table[(table["window_ms"] == table["window_ms"].max()) & (table["left_out"] == table["left_out"].iloc[0])]
@@ -203,7 +203,7 @@ def _writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
 
 def _print_means(scores: "pd.DataFrame") -> None:
     """Print the mean overall rating of each approach over each window."""
-    from crashfuse.approaches import LABELS
+    from crashfuse.approaches.registry import LABELS
 
     means = scores.groupby(["approach", "window_ms"], sort=False)["overall"].mean().unstack(sort=False)
     means.index = [LABELS[name] for name in means.index]

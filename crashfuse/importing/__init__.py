@@ -9,15 +9,15 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from crashfuse.cache import Cache
+from crashfuse.campaign_folder.writer import Addition, add_to_campaign
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.formats.archive import refuse
-from crashfuse.formats.writer import Addition, add_to_campaign
+from crashfuse.execution.cache import Cache
+from crashfuse.files.archive import refuse
 from crashfuse.importing.choices import Choices, Role
 from crashfuse.importing.draft import named
+from crashfuse.importing.joined_tables import ColumnChoice
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Format, each_record, format_of, read_records
-from crashfuse.importing.tables import ColumnChoice
 from crashfuse.units import MS
 
 __all__ = [

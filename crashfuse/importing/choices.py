@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from crashfuse.formats.record import PartialCondition
+from crashfuse.readers.record import PartialCondition
 
 Role = Literal["tests", "cae"]
 """What a record becomes in the campaign."""
@@ -18,7 +18,7 @@ class Choices:
     channels : tuple of str
         Names of the channels to average.
     unit : str, optional
-        Of the acceleration, a key of :data:`crashfuse.formats.record.ACCELERATION_UNITS`.
+        Of the acceleration, a key of :data:`crashfuse.readers.record.ACCELERATION_UNITS`.
     braking : {"negative", "positive"}, optional
         How the file counts braking.
     time_zero_s : float, optional

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.formats.record import PartialCondition, Record
-from crashfuse.pulse import Condition
+from crashfuse.readers.record import PartialCondition, Record
 
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
 _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle

@@ -3,10 +3,10 @@
 import numpy as np
 
 from crashfuse.errors import DataError, Problem
-from crashfuse.filters import cfc_filter
-from crashfuse.formats.record import ACCELERATION_UNITS, Record, RecordedChannel
 from crashfuse.importing.choices import Choices, Role
-from crashfuse.pulse import FloatArray, kinematics
+from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import KPH, MPH, MS, G
 
 _DEFAULT_CFC = 60.0

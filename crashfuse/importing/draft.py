@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.formats.record import Record
 from crashfuse.importing.choices import Choices, Role
+from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Format, each_record
-from crashfuse.importing.tables import ColumnChoice, OneCrashOrSeveral
+from crashfuse.readers.record import Record
 
 
 @dataclass(frozen=True, slots=True)

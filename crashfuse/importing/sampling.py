@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from crashfuse.errors import DataError, Problem
-from crashfuse.formats.record import RecordedChannel
-from crashfuse.pulse import FloatArray
+from crashfuse.readers.record import RecordedChannel
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
 _UNEVEN = 0.02  # of a step: what rounding the times to a few digits can do

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.filters import cfc_filter
-from crashfuse.formats.record import ACCELERATION_UNITS, Record, RecordedChannel
 from crashfuse.importing.choices import Choices, Role
 from crashfuse.importing.condition import complete_condition
 from crashfuse.importing.detection import (
@@ -26,7 +25,9 @@ from crashfuse.importing.detection import (
     unit_and_sign,
 )
 from crashfuse.importing.sampling import even, on_one_clock
-from crashfuse.pulse import DT_S, GRID_S, Condition, FloatArray, Pulse, kinematics
+from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.units import MS
 
 _SHORTEST_S, _LONGEST_S = 60e-3, 0.2

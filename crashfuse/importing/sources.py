@@ -9,14 +9,14 @@ from tempfile import TemporaryDirectory
 from typing import Literal, get_args
 
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.formats.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
-from crashfuse.formats.isomme_record import isomme_record
-from crashfuse.formats.members import files_below
-from crashfuse.formats.nhtsa import read_nhtsa
-from crashfuse.formats.record import Record
-from crashfuse.formats.sheets import EXCEL_ENDINGS, TEXT_ENDINGS
-from crashfuse.importing.tables import ColumnChoice, read_tables
+from crashfuse.files.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
+from crashfuse.importing.joined_tables import ColumnChoice, read_tables
 from crashfuse.importing.unpacking import lay_out_source
+from crashfuse.readers.isomme_record import isomme_record
+from crashfuse.readers.members import files_below
+from crashfuse.readers.nhtsa import read_nhtsa
+from crashfuse.readers.record import Record
+from crashfuse.readers.tables.sheets import EXCEL_ENDINGS, TEXT_ENDINGS
 
 Format = Literal["csv", "nhtsa", "isomme", "lsdyna", "tdms"]
 
@@ -38,8 +38,8 @@ def _lazily(module: str, function: str) -> Callable[[Path], tuple[Record, ...]]:
 _READERS: Mapping[str, Callable[[Path], tuple[Record, ...]]] = {
     "nhtsa": lambda path: (read_nhtsa(path),),
     "isomme": lambda path: (isomme_record(path),),
-    "lsdyna": _lazily("crashfuse.formats.lsdyna", "read_lsdyna"),
-    "tdms": _lazily("crashfuse.formats.tdms", "read_tdms"),
+    "lsdyna": _lazily("crashfuse.readers.lsdyna.runs", "read_lsdyna"),
+    "tdms": _lazily("crashfuse.readers.tdms", "read_tdms"),
 }
 
 

@@ -4,9 +4,9 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
+from crashfuse.campaign_folder.upload import members_of_zip
 from crashfuse.errors import DataError, Problem
-from crashfuse.formats.archive import DEFAULT_LIMITS, Budget, Limits, name_trouble, refuse, shown, too_many, too_much
-from crashfuse.formats.upload import members_of_zip
+from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, name_trouble, refuse, shown, too_many, too_much
 
 
 def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:

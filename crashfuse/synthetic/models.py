@@ -14,9 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.filters import cfc_filter
-from crashfuse.pulse import DT_S, N_SAMPLES, Condition, FloatArray
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 from crashfuse.synthetic.vehicle import Coupling, CrushZone, Vehicle, simulate
 from crashfuse.units import G
 
@@ -139,7 +140,7 @@ def measured_pulses(conditions: Sequence[Condition], seed: int) -> FloatArray:
     Returns
     -------
     ndarray, shape (n, 1250)
-        X acceleration in m/s² on :data:`crashfuse.pulse.GRID_S`, CFC 60.
+        X acceleration in m/s² on :data:`crashfuse.signals.pulse.GRID_S`, CFC 60.
     """
     streams = [np.random.default_rng([seed, i]) for i in range(len(conditions))]
     specimens = [scattered(equipped(TRUTH, c), rng) for c, rng in zip(conditions, streams, strict=True)]

@@ -11,8 +11,9 @@ import pyarrow.parquet as pq
 from scipy.stats import qmc
 
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.pulse import GRID_S, Condition, Pulse
+from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.synthetic.models import cae_pulses, measured_pulses
 from crashfuse.units import LB, MPH, MS, G
 

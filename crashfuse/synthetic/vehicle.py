@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.pulse import DT_S, N_SAMPLES, Condition, FloatArray
+from crashfuse.condition import Condition
+from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 
 _CRUSH_GRID_M = np.linspace(0.0, 1.2, 1201)
 _COWPER_SYMONDS_Q = 5.0

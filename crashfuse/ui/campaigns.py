@@ -7,10 +7,10 @@ from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.cache import default_folder
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.errors import DataError, Problem
-from crashfuse.formats.folder import load_campaign
+from crashfuse.execution.cache import default_folder
 from crashfuse.synthetic import write_sample
 
 SAMPLE = "sample"

@@ -8,17 +8,17 @@ from typing import TypeVar
 
 import streamlit as st
 
-from crashfuse.approaches import APPROACHES
-from crashfuse.approaches.kept import is_kept
-from crashfuse.cache import Cache
+from crashfuse.approaches.fit_cache import is_kept
+from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
-from crashfuse.config import StudyConfig
+from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError
-from crashfuse.estimate import Estimate, Fit, estimates_at, find_estimate
-from crashfuse.progress import Watch
-from crashfuse.pulse import Condition
-from crashfuse.study import Study, run_study
-from crashfuse.sweep import Sweep, sweep_speed, usual_speeds
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Watch
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate
+from crashfuse.study.study import Study, run_study
+from crashfuse.study.sweep import Sweep, sweep_speed, usual_speeds
 from crashfuse.ui.jobs import Job, Jobs
 
 

@@ -5,17 +5,18 @@ from collections.abc import Hashable, Mapping
 import numpy as np
 import streamlit as st
 
-from crashfuse.approaches import Prediction
-from crashfuse.approaches.bias import BiasPart, BiasPoints
-from crashfuse.approaches.displacement_domain import DisplacementConfig, DisplacementDomain, measured_bias
-from crashfuse.approaches.kept import fitted
-from crashfuse.cache import Cache
-from crashfuse.cae_model import CaeModel
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
+from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
+from crashfuse.approaches.fit_cache import fitted
+from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
-from crashfuse.config import StudyConfig
-from crashfuse.plots import bias
-from crashfuse.plots import displacement as plots
-from crashfuse.pulse import Condition, FloatArray
+from crashfuse.condition import Condition
+from crashfuse.execution.cache import Cache
+from crashfuse.reporting.plots import bias
+from crashfuse.reporting.plots import displacement as plots
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.study.config import StudyConfig
 from crashfuse.ui import evidence
 from crashfuse.ui.frame import View
 

@@ -7,13 +7,14 @@ import pandas as pd
 import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.approaches import LABELS, Prediction
-from crashfuse.config import StudyConfig
-from crashfuse.estimate import Estimate
-from crashfuse.fits import fit_sentences, fit_table
-from crashfuse.metrics import Metric, missing_sentences
-from crashfuse.plots.canvas import darkened
-from crashfuse.plots.palette import GRADE_COLOURS
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting.fit_explanations import fit_sentences, fit_table
+from crashfuse.reporting.plots.canvas import darkened
+from crashfuse.reporting.plots.palette import GRADE_COLOURS
+from crashfuse.signals.metrics import Metric, missing_sentences
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
 from crashfuse.ui.text import plain
 
 _KEPT_FIGURES = 200  # of up to half a megabyte

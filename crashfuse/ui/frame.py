@@ -8,9 +8,9 @@ import streamlit as st
 from streamlit.navigation.page import Page
 
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.config import WINDOWS_MS
 from crashfuse.errors import DataError, Problem
-from crashfuse.plots.canvas import Unit
+from crashfuse.reporting.plots.canvas import Unit
+from crashfuse.study.config import WINDOWS_MS
 from crashfuse.ui import campaigns
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.problems import show_problems

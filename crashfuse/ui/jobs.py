@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import Cancelled, CrashfuseError
-from crashfuse.progress import Progress, Watch
+from crashfuse.execution.progress import Progress, Watch
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 T = TypeVar("T")

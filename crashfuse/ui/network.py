@@ -6,11 +6,11 @@ from typing import Any
 import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.approaches import LABELS
-from crashfuse.fold import Fold
-from crashfuse.plots.canvas import share_y_range
-from crashfuse.plots.learning import learning_curves, tuning_strength
-from crashfuse.plots.pulses import overlay
+from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting.plots.canvas import share_y_range
+from crashfuse.reporting.plots.learning import learning_curves, tuning_strength
+from crashfuse.reporting.plots.pulses import overlay
+from crashfuse.study.fold import Fold
 from crashfuse.ui import evidence
 from crashfuse.ui.frame import View
 

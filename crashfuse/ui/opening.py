@@ -6,8 +6,9 @@ from pathlib import Path
 import streamlit as st
 
 from crashfuse.errors import DataError, Problem
-from crashfuse.ui import campaigns, frame, importing
-from crashfuse.ui.foreign import Source, begin, leave, source_at
+from crashfuse.ui import campaigns, frame
+from crashfuse.ui.importing import step as importing
+from crashfuse.ui.importing.session import Source, begin, leave, source_at
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.uploads import open_uploads
 

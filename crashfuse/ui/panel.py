@@ -6,7 +6,7 @@ from typing import Any, Protocol, TypeVar
 import streamlit as st
 
 from crashfuse.campaign import Campaign
-from crashfuse.plots.learning import learning_curves
+from crashfuse.reporting.plots.learning import learning_curves
 from crashfuse.ui import evidence, frame
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.jobs import Job, Step

@@ -6,18 +6,18 @@ from collections.abc import Mapping
 
 import streamlit as st
 
-from crashfuse.approaches.displacement_domain import DisplacementDomain
-from crashfuse.approaches.hierarchy import HierarchicalBias
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.metrics import METRIC_LABELS
-from crashfuse.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
-from crashfuse.plots.next_test import next_tests
-from crashfuse.plots.sweep import sweep_figure
-from crashfuse.pulse import Condition
-from crashfuse.report import next_test_report, sweep_report
-from crashfuse.report.planning import NEXT_TEST_MEANING
-from crashfuse.sweep import missing_over_speed, sweep_table, weights_sentence
-from crashfuse.ui import evidence, tables
+from crashfuse.reporting.plots.next_test import next_tests
+from crashfuse.reporting.plots.sweep import sweep_figure
+from crashfuse.reporting.report import next_test_report, sweep_report
+from crashfuse.reporting.report.planning import NEXT_TEST_MEANING
+from crashfuse.signals.metrics import METRIC_LABELS
+from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
+from crashfuse.study.sweep import missing_over_speed, sweep_table, weights_sentence
+from crashfuse.ui import evidence, page_tables
 from crashfuse.ui.computation import FitRequest, Fitted, SweepRequest
 from crashfuse.ui.frame import View
 from crashfuse.ui.panel import result_or_none
@@ -87,7 +87,7 @@ def show_next_test(view: View, request: FitRequest, fitted: Fitted, factors: Map
         next_tests(ranked, campaign.tests), alt="How much each candidate would narrow the band, over its speed"
     )
     st.markdown(f"**The best {_BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
-    st.table(tables.next_tests(ranked[:_BEST]), border="horizontal")
+    st.table(page_tables.next_tests(ranked[:_BEST]), border="horizontal")
     with st.container(horizontal=True):
         evidence.download("next_tests.csv", lambda: next_tests_table(ranked))
         evidence.download_report(lambda: next_test_report(campaign, over, ranked, request.config), "next_test.html")

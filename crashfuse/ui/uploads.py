@@ -10,13 +10,13 @@ from typing import Protocol, TypeVar
 
 import streamlit as st
 
+from crashfuse.campaign_folder.upload import lay_out, members_of_zip
 from crashfuse.errors import DataError, Problem
-from crashfuse.formats.archive import DEFAULT_LIMITS
-from crashfuse.formats.upload import lay_out, members_of_zip
+from crashfuse.files.archive import DEFAULT_LIMITS
 from crashfuse.importing.sources import format_named
 from crashfuse.importing.unpacking import lay_out_source
 from crashfuse.ui import campaigns
-from crashfuse.ui.foreign import Source, source_at
+from crashfuse.ui.importing.session import Source, source_at
 
 T = TypeVar("T")
 

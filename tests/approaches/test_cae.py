@@ -5,8 +5,8 @@ import pytest
 
 from crashfuse.approaches.cae import Cae
 from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
 from crashfuse.errors import NotFittedError
-from crashfuse.pulse import Condition
 
 
 def test_it_gives_the_paired_run_and_says_so(campaign: Campaign) -> None:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from crashfuse.formats.record import PartialCondition, Record, RecordedChannel
-from crashfuse.pulse import FloatArray
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS, G
 
 SPEED_MPS = 56 * KPH

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from crashfuse.errors import DataError, UsageError
-from crashfuse.formats.record import PartialCondition, Record
 from crashfuse.importing.condition import complete_condition
+from crashfuse.readers.record import PartialCondition, Record
 from tests.importing.crashes import CONDITION, SPEED_MPS, channel, record
 
 

@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from crashfuse.errors import DataError
-from crashfuse.formats.archive import Limits
+from crashfuse.files.archive import Limits
 from crashfuse.importing import Choices, ColumnChoice, add_settled, own_filter_class
 from crashfuse.importing.draft import Reading, read_each, settle_each
-from crashfuse.importing.forms import table_forms
 from crashfuse.importing.sources import tables_of
+from crashfuse.importing.table_forms import table_forms
 from crashfuse.importing.unpacking import lay_out_source
-from tests.formats.nhtsa_files import nhtsa_files
 from tests.importing.crashes import clock, half_sine_g
 from tests.importing.test_import import GIVEN, german, library, write
+from tests.readers.nhtsa_files import nhtsa_files
 
 
 def zipped(files: dict[str, bytes]) -> bytes:

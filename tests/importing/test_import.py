@@ -10,19 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.errors import CrashfuseError, DataError, UsageError
-from crashfuse.formats.folder import load_campaign
-from crashfuse.formats.isomme import Channel, IsommeTest
-from crashfuse.formats.isomme_writer import isomme_files
-from crashfuse.formats.record import PartialCondition
 from crashfuse.importing import Choices, ColumnChoice, Format, format_of, import_source, read_records
-from crashfuse.pulse import GRID_S, FloatArray
+from crashfuse.readers.isomme import Channel, IsommeTest
+from crashfuse.readers.record import PartialCondition
+from crashfuse.reporting.isomme_writer import isomme_files
+from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.units import KPH, MS, G
-from tests.formats.lsdyna_files import MASS_KG, Run
-from tests.formats.nhtsa_files import nhtsa_files
+from tests.conftest import SHARED
 from tests.importing.crashes import CONDITION, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g
+from tests.readers.lsdyna_files import MASS_KG, Run
+from tests.readers.nhtsa_files import nhtsa_files
 
-REAL = Path(os.environ.get("CRASHFUSE_SHARED", Path(__file__).parents[3] / "shared")) / "real/nhtsa_10146_camry2018"
+REAL = SHARED / "real/nhtsa_10146_camry2018"
 GIVEN = Choices(condition=CONDITION)
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from crashfuse.errors import DataError, UsageError
-from crashfuse.filters import cfc_filter
-from crashfuse.formats.record import PartialCondition, RecordedChannel
 from crashfuse.importing import Choices, Settled, settle
-from crashfuse.pulse import Kinematics
+from crashfuse.readers.record import PartialCondition, RecordedChannel
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import Kinematics
 from crashfuse.units import MS, G
 from tests.importing.crashes import (
     CONDITION,

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import streamlit as st
 
-from crashfuse.cache import default_folder
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.errors import Problem
-from crashfuse.filters import cfc_filter
-from crashfuse.formats.folder import load_campaign
-from crashfuse.pulse import GRID_S, Pulse
-from crashfuse.rating import rate_windows
+from crashfuse.execution.cache import default_folder
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.rating import rate_windows
 from crashfuse.ui import campaigns, uploads
 from crashfuse.ui.problems import problem_table, short_table
 from crashfuse.units import G

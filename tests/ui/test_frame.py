@@ -8,7 +8,7 @@ import pytest
 import streamlit as st
 from streamlit.runtime.context import ContextProxy, StreamlitTheme
 
-from crashfuse.plots.palette import IN_THE_DARK, PAPER
+from crashfuse.reporting.plots.palette import IN_THE_DARK, PAPER
 from crashfuse.ui import campaigns
 
 if TYPE_CHECKING:

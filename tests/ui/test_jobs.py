@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from crashfuse.errors import DataError, Problem
-from crashfuse.progress import Watch
+from crashfuse.execution.progress import Watch
 from crashfuse.ui.jobs import Job, Jobs
 
 SOON = 10.0

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from crashfuse import cli
+from tests.conftest import ROOT
 
-ROOT = Path(__file__).parents[2]
 SAFE = {
     "server.address": "127.0.0.1",
     "server.enableXsrfProtection": True,

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,19 +14,21 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from crashfuse.approaches import Approach, Prediction
-from crashfuse.approaches.learned import Learned
+from crashfuse.approaches.base import Approach, Prediction
+from crashfuse.approaches.fitted_state import Learned
 from crashfuse.campaign import CaeLibrary, Campaign
-from crashfuse.config import StudyConfig
+from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.estimate import Estimate
-from crashfuse.fold import Fold
-from crashfuse.progress import SILENT, Watch
-from crashfuse.pulse import GRID_S, Condition, Pulse
-from crashfuse.study import Study
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.fold import Fold
+from crashfuse.study.study import Study
 from crashfuse.ui import computation, displacement
+from tests.conftest import ROOT
 
-APP = Path(__file__).parents[2] / "app.py"
+APP = ROOT / "app.py"
 PAGES = ("data", "train", "compare", "study", "predict")
 SOON = 30.0
 FAST = ("cae", "lf_tcn")
@@ -454,7 +455,7 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
         fits.append(name)
         return Quick()
 
-    monkeypatch.setattr("crashfuse.config.create", create)
+    monkeypatch.setattr("crashfuse.study.config.create", create)
     app = start("predict")
     finish(press(app, "Predict"))
     assert charts(app) == 1
@@ -494,7 +495,7 @@ def test_a_real_prediction_appears_and_a_new_server_finds_it_in_the_cache() -> N
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
 def test_without_an_approach_the_other_pages_take_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Train says that one is missing; no page dies of it."""
-    monkeypatch.setattr("crashfuse.config.create", lambda *_, **__: Quick())
+    monkeypatch.setattr("crashfuse.study.config.create", lambda *_, **__: Quick())
     app = start("train")
     app.button_group(key="approaches").set_value([]).run()
     assert "Choose at least one test and one approach." in words(app)
@@ -511,7 +512,7 @@ def test_what_cannot_be_computed_is_told_by_its_job(monkeypatch: pytest.MonkeyPa
     def gone(*_: object, **__: object) -> Approach:
         raise UsageError("There is no CUDA device.")
 
-    monkeypatch.setattr("crashfuse.config.create", gone)
+    monkeypatch.setattr("crashfuse.study.config.create", gone)
     app = start("compare")
     finish(press(app, "Predict test T1"))
     assert app.error[0].value == "There is no CUDA device."

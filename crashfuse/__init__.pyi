@@ -1,0 +1,32 @@
+from .campaign import Campaign as Campaign
+from .campaign_folder.folder import load_campaign as load_campaign
+from .condition import Condition as Condition
+from .errors import CrashfuseError as CrashfuseError
+from .errors import DataError as DataError
+from .errors import UsageError as UsageError
+from .reporting.report import prediction_report as prediction_report
+from .reporting.report import study_report as study_report
+from .reporting.results import write_prediction as write_prediction
+from .reporting.results import write_study as write_study
+from .signals.energy import energy_crush as energy_crush
+from .signals.metrics import pulse_metrics as pulse_metrics
+from .signals.pulse import Pulse as Pulse
+from .signals.rating import Rating as Rating
+from .signals.rating import rate_iso18571 as rate_iso18571
+from .study.config import StudyConfig as StudyConfig
+from .study.estimate import Fit as Fit
+from .study.estimate import estimate_at as estimate_at
+from .study.estimate import estimates_at as estimates_at
+from .study.expected_rating import expected_rating as expected_rating
+from .study.next_test import ConditionRange as ConditionRange
+from .study.next_test import rank_next_tests as rank_next_tests
+from .study.recommendation import recommend as recommend
+from .study.recommendation import recommend_for as recommend_for
+from .study.saved_models import load_model as load_model
+from .study.saved_models import save_model as save_model
+from .study.study import Study as Study
+from .study.study import run_study as run_study
+from .study.sweep import sweep_speed as sweep_speed
+from .version import __version__ as __version__
+
+__all__: list[str]

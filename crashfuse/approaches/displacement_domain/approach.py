@@ -1,0 +1,314 @@
+"""The displacement-domain approach: correct the CAE model over displacement, then let the vehicle move (Sect. 3.2)."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Self
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from crashfuse.approaches.base import MOST_TESTS, Approach, Prediction, thinning_notes
+from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
+from crashfuse.approaches.displacement_domain.bias import (
+    BiasDraws,
+    BiasPart,
+    BiasPoints,
+    bijective_projection,
+    uniform_points,
+)
+from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
+from crashfuse.approaches.displacement_domain.dynamics import integrate
+from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
+from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
+from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.left_out import LeftOut
+from crashfuse.cae.model import CaeModel, LoadingCurve
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+
+_SHARES = np.linspace(0.0, 1.0, 101)  # of the impact speed, at which what depends on velocity is drawn
+_LEAST_POINTS = 8  # of a test, however many there are
+_CHECK_DRAWS = 200  # for each test that the band is checked on
+_MOST_CHECKED = 20  # tests: more tell the widening no better
+_LEAST_CHECKED = 3  # tests: with fewer there is nothing left to learn from
+
+
+@dataclass(frozen=True, slots=True)
+class DisplacementConfig:
+    """Hyperparameters of the displacement-domain approach.
+
+    Parameters
+    ----------
+    bias : {"hierarchical", "table 4"}
+        The bias model.
+    n_draws : int
+        Whole pulses drawn for the band.
+    step_s : float
+        Spacing of the bias points of a test: the way the vehicle goes at impact speed in this time. A CFC 60 pulse
+        holds little more; closer points would repeat each other, and the fit would count them as evidence.
+    max_points : int
+        About the most bias points of all tests together; more tests have fewer each. The fit's time grows with the
+        cube of their number.
+    projected_points : int
+        For Table 4: points for each of a test's two projections.
+    restarts : int
+        For Table 4: starts beside the first.
+    """
+
+    bias: Literal["hierarchical", "table 4"] = "hierarchical"
+    n_draws: int = 500
+    step_s: float = 0.002
+    max_points: int = 400
+    projected_points: int = 75
+    restarts: int = 10
+
+    @classmethod
+    def fast(cls) -> Self:
+        """The default: a hierarchical Gaussian process, a second a fit."""
+        return cls()
+
+    @classmethod
+    def paper(cls) -> Self:
+        """Table 4 as it stands: minutes a fit."""
+        return cls(bias="table 4")
+
+
+def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
+    """What the CAE model got wrong in a test, over displacement, as the hierarchical model is told but finer."""
+    condition = test.condition
+    phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
+    return uniform_points(condition, phase, model.loading_curve(condition), step_m, HierarchicalBias.end_share)
+
+
+class DisplacementDomain(Approach):
+    """Bias of the CAE model over displacement, learned from the tests, and Eq. 29 with it.
+
+    Parameters
+    ----------
+    config : DisplacementConfig
+    seed : int
+        For the draws and the optimiser's starts.
+    cache : Cache, optional
+        Where the trained emulator of the CAE model is kept.
+
+    Attributes
+    ----------
+    model_ : CaeModel
+    points_ : tuple of BiasPoints
+        One for each test.
+    bias_ : HierarchicalBias or Table4Bias
+    rebound_ : Rebound
+    calibration_ : Calibration
+        Of the band, on each of these tests predicted from the others.
+    left_out_ : LeftOut
+        Those predictions.
+    """
+
+    name = "displacement_domain"
+    label = "Displacement domain"
+
+    def __init__(
+        self, config: DisplacementConfig = DisplacementConfig(), *, seed: int = 0, cache: Cache | None = None
+    ) -> None:
+        self.config = config
+        self.seed = seed
+        self.cache = cache
+
+    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+        """Learn the bias from the campaign's tests.
+
+        Raises
+        ------
+        UsageError
+            If the campaign has no test.
+        DataError
+            If it has no CAE run.
+        Cancelled
+            If the watch was told to stop.
+        """
+        if not campaign.tests:
+            raise UsageError("The displacement domain learns from tests; this campaign has none.")
+        campaign = self._seen(campaign)
+        unloadings = self._begin(campaign, watch)
+        start = time.perf_counter()
+        with threadpool_limits(1):  # two contended threads cost many times the work of one
+            self.rebound_ = Rebound().fit(unloadings)
+            self.bias_.fit(self.points_, watch)
+            self.calibration_ = self._calibrate(campaign.tests, watch)
+        self._seconds = time.perf_counter() - start
+        return self
+
+    def _seen(self, campaign: Campaign) -> Campaign:
+        """What is learned from: more tests than that only where Table 4 asks for all."""
+        if self.config.bias == "table 4":
+            self._thinning: tuple[str, ...] = ()
+            return campaign
+        self._thinning = thinning_notes(campaign)
+        return campaign.evenly_over_speed(MOST_TESTS)
+
+    def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> list[Unloading]:
+        """Lay the tests beside the CAE model, as both ways to learn need it; returns how they bounced back."""
+        self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
+        self._paired = float(np.mean([view.paired for view in self._views]))
+        both = list(zip(campaign.tests, self._views, strict=True))
+        by_table_4 = self.config.bias == "table 4"
+        self.bias_: HierarchicalBias | Table4Bias = (
+            Table4Bias(self.config.restarts, seed=self.seed) if by_table_4 else HierarchicalBias(seed=self.seed)
+        )
+        self._most_points = max(self.config.max_points // len(campaign.tests), _LEAST_POINTS)
+        self.points_ = tuple(self._points(test, view.curve) for test, view in both)
+        return [] if by_table_4 else [view.beside(test) for test, view in both]
+
+    def learned(self) -> Learned:
+        """Hyperparameters of bias and rebound, and the check of the band."""
+        self._require("calibration_")
+        values = {"seconds": self._seconds, "widening": self.calibration_.widening}
+        parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned(), "left_out": self.left_out_.learned()}
+        return Learned.of(values, {"inside": self.calibration_.inside}, **parts)
+
+    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+        """Take up hyperparameters, and condition on the tests again."""
+        unloadings = self._begin(self._seen(campaign))
+        with threadpool_limits(1):
+            self.rebound_ = Rebound().restore(unloadings, learned.part("rebound"))
+            self.bias_.restore(self.points_, learned.part("bias"))
+        self.calibration_ = Calibration.of(learned.values["widening"], learned.arrays["inside"])
+        self.left_out_ = LeftOut.restored(learned.part("left_out"))
+        self._seconds = learned.values["seconds"]
+        return self
+
+    def _points(self, test: CrashTest, curve: LoadingCurve) -> BiasPoints:
+        condition = test.condition
+        phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
+        if self.config.bias == "table 4":
+            return bijective_projection(condition, phase, curve, self.config.projected_points)
+        step = max(self.config.step_s * condition.speed_mps, phase.crush_m / self._most_points)
+        return uniform_points(condition, phase, curve, step, self.bias_.end_share)
+
+    def foreseen(self, condition: Condition) -> BiasPoints:
+        """Where a test at this condition would tell the bias, if it crushed as the CAE model does; the bias left zero.
+
+        Raises
+        ------
+        NotFittedError
+            If called before :meth:`fit`.
+        """
+        self._require("bias_")
+        test = CrashTest("", condition, Pulse(GRID_S, self.model_.pulse(condition).accel_mps2))
+        own = LoadingCurve(loading_phase(test.pulse.accel_mps2, condition.speed_mps))
+        return self._points(test, own)
+
+    def predict(self, condition: Condition) -> Prediction:
+        """Predict the pulse at a condition: Eq. 29 with the mean bias, and with whole functions drawn of it.
+
+        Raises
+        ------
+        NotFittedError
+            If called before :meth:`fit`.
+        """
+        self._require("bias_")
+        rng = np.random.default_rng(self.seed)
+        view = CaeView.of(self.model_, condition)
+        with threadpool_limits(1):
+            bias = self._sample(view, self.bias_, self.config.n_draws, rng)
+            pulses = self._simulate(view, bias, self.rebound_, rng, self.calibration_.widening)
+        notes = (*self.model_.notes(condition), *self._thinning, *self.bias_.notes)
+        if isinstance(self.bias_, HierarchicalBias) and (unknown := self.bias_.unknown_factors(condition)):
+            notes += (f"Of no known {' and '.join(unknown)}: the band allows for any, so it is wide.",)
+        if len(self.points_) == 1:
+            notes += ("Only one test: how much tests differ from each other is assumed, not learned.",)
+        if self.calibration_.tests and not self.calibration_.holds:
+            notes += ("The band holds less than it should on left-out tests, although it was widened.",)
+        return Prediction(condition, pulses[0], pulses[1:], notes)
+
+    def _sample(
+        self, cae: CaeView, model: HierarchicalBias | Table4Bias, n_draws: int, rng: np.random.Generator
+    ) -> BiasDraws:
+        """The bias expected at a condition, and draws of it, over displacement and shares of the impact speed."""
+        grid = cae.grid_m[::FINER]
+        force = cae.curve.accel_at(grid, model.end_share)
+        bias = model.sample(cae.condition, grid, force, _SHARES, n_draws, rng)
+        if not cae.paired and self._paired:
+            # The bias of tests without a paired run has the emulator's error in it already, as what each test has of
+            # its own: only the share that the tests had paired runs for comes on top.
+            errors = np.sqrt(self._paired) * self.model_.errors(cae.condition, n_draws, rng)
+            bias.over_displacement_mps2[1:] += cae.at_displacement(errors, grid)
+        return bias
+
+    def _simulate(
+        self, cae: CaeView, bias: BiasDraws, rebound: Rebound, rng: np.random.Generator, widening: float
+    ) -> FloatArray:
+        """The expected pulse in row 0, then pulses drawn, shape (1 + n_draws, 1250)."""
+        speed, curve, end_share, fine = cae.condition.speed_mps, cae.curve, self.bias_.end_share, cae.grid_m
+        wide = bias.widened(widening)
+        force = curve.accel_at(fine, end_share)
+        over_displacement = force + [np.interp(fine, fine[::FINER], f) for f in wide.over_displacement_mps2]
+        over_speed = curve.stopping_accel(_SHARES, end_share) + wide.over_speed_mps2
+        motion = integrate(over_displacement, fine[1], over_speed, speed)
+        return rebound.follow(motion.accel_mps2, speed, cae.accel_mps2, curve.own, rng, widening)
+
+    def _calibrate(self, tests: Sequence[CrashTest], watch: Watch) -> Calibration:
+        """Check the band on each test, predicted from the others with the same hyperparameters; widen it if needed."""
+        if isinstance(self.bias_, Table4Bias) or len(tests) < _LEAST_CHECKED:
+            self.left_out_ = LeftOut.of({})
+            return Calibration(1.0, ())
+        checked = np.unique(np.linspace(0, len(tests) - 1, min(len(tests), _MOST_CHECKED)).astype(int)).tolist()
+        left_out = []
+        for done, number in enumerate(checked):
+            watch.report("Check of the band", done, len(checked))
+            rng = np.random.default_rng([self.seed, number])
+            left_out.append(self._sample(self._views[number], self.bias_.without(number), _CHECK_DRAWS, rng))
+
+        pulses: dict[int, FloatArray] = {}
+
+        def check(widening: float) -> list[Coverage]:
+            for number, bias in zip(checked, left_out, strict=True):
+                watch.report("Check of the band", len(checked), len(checked))  # so that it can be cancelled
+                rng = np.random.default_rng([self.seed, number, 1])
+                rebound = self.rebound_.without(number)
+                pulses[number] = self._simulate(self._views[number], bias, rebound, rng, widening)
+            return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
+
+        calibration = calibrate(check)
+        self.left_out_ = LeftOut.of(pulses)
+        return calibration
+
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """As the check of the band predicted them."""
+        self._require("left_out_")
+        return self.left_out_.expected(campaign.evenly_over_speed(MOST_TESTS))
+
+    def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
+        """Take the bias that is expected at a condition apart; empty for Table 4, which is all of one piece.
+
+        Parameters
+        ----------
+        condition : Condition
+        displacement_m : ndarray, shape (n,)
+
+        Raises
+        ------
+        NotFittedError
+            If called before :meth:`fit`.
+        """
+        self._require("bias_")
+        if isinstance(self.bias_, Table4Bias):
+            return ()
+        cae = self.model_.loading_curve(condition).accel_at(displacement_m, self.bias_.end_share)
+        return self.bias_.parts(condition, displacement_m, cae)
+
+    @property
+    def state(self) -> dict[str, object]:
+        """What the fit found: hyperparameters, likelihood, borders touched, points, seconds."""
+        if not hasattr(self, "bias_"):
+            return {}
+        checked = {"band_check": self.calibration_.state} if self.calibration_.tests else {}
+        return {"seconds": round(self._seconds, 2), **checked, **self.bias_.state}

@@ -1,0 +1,128 @@
+"""What the CAE model gets wrong, over displacement: the points that a bias model learns from, and what it answers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crashfuse.cae.model import LoadingCurve
+from crashfuse.condition import Condition
+from crashfuse.signals.loading import LoadingPhase
+from crashfuse.signals.pulse import FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BiasPoints:
+    """The bias δ = test - CAE at moments of one test's loading phase.
+
+    Attributes
+    ----------
+    condition : Condition
+    displacement_m, speed_share, cae_mps2, bias_mps2 : ndarray, shape (n,)
+        Displacement, velocity over impact speed, the CAE model's acceleration, and what has to be added to it.
+    """
+
+    condition: Condition
+    displacement_m: FloatArray
+    speed_share: FloatArray
+    cae_mps2: FloatArray
+    bias_mps2: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BiasDraws:
+    """The bias of a crash that was never run: the mean function in row 0, then whole functions drawn.
+
+    Attributes
+    ----------
+    over_displacement_mps2 : ndarray, shape (1 + n_draws, n_displacements)
+    over_speed_mps2 : ndarray, shape (1 + n_draws, n_shares)
+        What comes on top while the vehicle stops, over its velocity as a share of the impact speed.
+    """
+
+    over_displacement_mps2: FloatArray
+    over_speed_mps2: FloatArray
+
+    def widened(self, factor: float) -> "BiasDraws":
+        """The same draws, this many times as far from the mean."""
+
+        def widen(functions: FloatArray) -> FloatArray:
+            wide: FloatArray = functions[:1] + factor * (functions - functions[:1])
+            return wide
+
+        return BiasDraws(widen(self.over_displacement_mps2), widen(self.over_speed_mps2))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BiasPart:
+    """One part of the bias expected at a condition, or their sum, with the middle 95 % of what it may be.
+
+    Attributes
+    ----------
+    name : str
+    mean_mps2, lower_mps2, upper_mps2 : ndarray, shape (n,)
+        Over displacement.
+    """
+
+    name: str
+    mean_mps2: FloatArray
+    lower_mps2: FloatArray
+    upper_mps2: FloatArray
+
+
+def bijective_projection(condition: Condition, test: LoadingPhase, curve: LoadingCurve, n_points: int) -> BiasPoints:
+    """Project the CAE pulse on the test and the test on the CAE pulse (Eqs. 16 to 22).
+
+    Both are taken at moments evenly spaced in their own loading phase; the CAE pulse only as far as the test crushed,
+    for there is no acceleration of the test beyond.
+
+    Parameters
+    ----------
+    condition : Condition
+    test : LoadingPhase
+    curve : LoadingCurve
+        Where the test crushed further than the CAE pulse it says how that goes on.
+    n_points : int
+        Points for each of the two projections.
+
+    Returns
+    -------
+    BiasPoints
+        ``2 n_points`` of them, first at the test's displacements (Eq. 18), then at the CAE's (Eq. 21).
+    """
+    cae = curve.own
+    test_s = np.linspace(0.0, test.end_s, n_points)
+    cae_s = np.linspace(0.0, np.interp(test.crush_m, cae.displacement_m, cae.time_s), n_points)
+    at_test = np.interp(test_s, test.time_s, test.displacement_m)
+    at_cae = np.interp(cae_s, cae.time_s, cae.displacement_m)
+    displacement = np.concatenate([at_test, at_cae])  # Eq. 22
+    shares = np.interp(displacement, test.displacement_m, test.speed_share)
+    model = curve.accel_at(displacement)  # Eq. 16
+    return BiasPoints(condition, displacement, shares, model, test.accel_at(displacement) - model)  # Eqs. 17, 19, 20
+
+
+def uniform_points(
+    condition: Condition, test: LoadingPhase, curve: LoadingCurve, step_m: float, end_share: float
+) -> BiasPoints:
+    """Take the bias at even steps in displacement, from contact to the test's maximum crush.
+
+    Points that are even in time would pile up at maximum crush, where the bias is many-valued in displacement.
+
+    Parameters
+    ----------
+    condition : Condition
+    test : LoadingPhase
+    curve : LoadingCurve
+        What its vehicle does while it stops is taken where the test stops.
+    step_m : float
+        At most this far apart.
+    end_share : float
+        Share of the impact speed below which a vehicle counts as stopping.
+
+    Returns
+    -------
+    BiasPoints
+    """
+    displacement = np.linspace(0.0, test.crush_m, max(int(np.ceil(test.crush_m / step_m)), 1) + 1)
+    shares = np.interp(displacement, test.displacement_m, test.speed_share)
+    model = curve.accel_at(displacement, end_share) + curve.stopping_accel(shares, end_share)
+    return BiasPoints(condition, displacement, shares, model, test.accel_at(displacement) - model)

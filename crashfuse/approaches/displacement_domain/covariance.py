@@ -1,0 +1,121 @@
+r"""The covariance of a function that is a sum of parts: shared by all tests, by like tests, by none.
+
+A :class:`Part` is one term of the covariance between rows x and x',
+
+.. math::
+
+    \sigma^2 \; w(x)\,w(x') \; [\text{same}] \;
+    \prod_g k\Big(\sqrt{\textstyle\sum_{i \in g} (x_i - x_i')^2 / \ell_i^2}\Big),
+
+with the Matérn-5/2 correlation k in each group g of columns, an optional known factor w, and an optional restriction
+to rows that agree in one column: of one test, say, or of one powertrain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crashfuse.signals.pulse import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class LogNormal:
+    """Prior of a positive hyperparameter: its median, and the standard deviation of its logarithm."""
+
+    median: float
+    spread: float
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One term of the covariance.
+
+    Parameters
+    ----------
+    name : str
+        What it stands for.
+    scale : LogNormal
+        Prior of its standard deviation σ, relative to the root mean square of the training output.
+    groups : tuple of tuple of (int, LogNormal)
+        Groups of columns, one correlation each; every column has a length scale of its own.
+    times : int, optional
+        Column of w, which multiplies the function.
+    same : int, optional
+        Column whose every value has a function of its own, independent of the others.
+    """
+
+    name: str
+    scale: LogNormal
+    groups: tuple[tuple[tuple[int, LogNormal], ...], ...]
+    times: int | None = None
+    same: int | None = None
+
+    @property
+    def priors(self) -> tuple[LogNormal, ...]:
+        """Priors of the scale and of the length scales, in the order of the hyperparameters."""
+        return (self.scale, *(prior for group in self.groups for _, prior in group))
+
+
+class Covariance:
+    """Covariance between two sets of rows; what hyperparameters don't change (distances, masks) is computed once.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    x, z : ndarray, shape (n, n_columns + 1) and (m, n_columns + 1)
+    """
+
+    def __init__(self, parts: Sequence[Part], x: FloatArray, z: FloatArray) -> None:
+        self.parts = tuple(parts)
+        self._ends = np.cumsum([len(part.priors) for part in self.parts])
+        columns = {column for part in parts for group in part.groups for column, _ in group}
+        self._squares = {column: np.subtract.outer(x[:, column], z[:, column]) ** 2 for column in columns}
+        self._factors = [_factor(part, x, z) for part in parts]
+
+    def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
+        """Covariance at the logarithms of σ and the length scales, part by part; shape (n, m)."""
+        return np.asarray(sum(self.terms(log_hyperparameters)))
+
+    def terms(self, log_hyperparameters: FloatArray) -> list[FloatArray]:
+        """Each part's own term of the covariance, in their order; shape (n, m) each."""
+        return self._terms(log_hyperparameters)
+
+    def with_derivatives(self, log_hyperparameters: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
+        """Covariance, and its derivatives by each logarithm."""
+        derivatives: list[FloatArray] = []
+        terms = self._terms(log_hyperparameters, derivatives)
+        return np.asarray(sum(terms)), derivatives
+
+    def _terms(self, logs: FloatArray, derivatives: list[FloatArray] | None = None) -> list[FloatArray]:
+        terms = []
+        for part, factor, own in zip(self.parts, self._factors, np.split(logs, self._ends[:-1]), strict=True):
+            scaled, inverse_squares = np.exp(2 * own[0]) * factor, iter(np.exp(-2 * own[1:]))
+            shares = [[self._squares[column] * next(inverse_squares) for column, _ in group] for group in part.groups]
+            groups = [_matern(np.sum(own_shares, axis=0)) for own_shares in shares]
+            term = scaled * np.prod([value for value, _ in groups], axis=0)
+            terms.append(term)
+            if derivatives is None:
+                continue
+            derivatives.append(2 * term)
+            for g, own_shares in enumerate(shares):
+                others = [value for h, (value, _) in enumerate(groups) if h != g]
+                common = scaled * groups[g][1] * np.prod(others, axis=0)
+                derivatives.extend(common * share for share in own_shares)
+        return terms
+
+
+def _factor(part: Part, x: FloatArray, z: FloatArray) -> FloatArray:
+    factor = np.ones((len(x), len(z)))
+    if part.times is not None:
+        factor *= np.multiply.outer(x[:, part.times], z[:, part.times])
+    if part.same is not None:
+        factor *= np.equal.outer(x[:, part.same], z[:, part.same])
+    return factor
+
+
+def _matern(square: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Matérn-5/2 of a squared distance r², and -2 dk/d(r²): times a column's share of r² it is dk/d(log length)."""
+    u = np.sqrt(5 * square)
+    decay = np.exp(-u)
+    return (1 + u + u**2 / 3) * decay, 5 / 3 * (1 + u) * decay

@@ -1,0 +1,113 @@
+"""Eq. 29: integrate the vehicle's motion when its acceleration is known over displacement, all draws at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crashfuse.signals.loading import LoadingPhase
+from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
+
+_REPLAY_STEPS = 1600  # about as fine as the displacement-domain approach reads the CAE model
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Motion:
+    """Motions from contact on; each row is one draw, valid up to its t0.
+
+    Attributes
+    ----------
+    accel_mps2, velocity_mps, displacement_m : ndarray, shape (n_draws, n_times)
+    """
+
+    accel_mps2: FloatArray
+    velocity_mps: FloatArray
+    displacement_m: FloatArray
+
+
+def integrate(
+    over_displacement_mps2: FloatArray,
+    step_m: float,
+    over_speed_mps2: FloatArray,
+    speed_mps: float,
+    *,
+    dt_s: float = DT_S,
+    n_times: int = N_SAMPLES,
+) -> Motion:
+    """Move the vehicle through each draw of its acceleration, the sum of a function of s and one of v / v0.
+
+    Whole functions are drawn, not fresh noise at every step, so the spread does not depend on the time step. Eq. 29 is
+    of first order in it; this is Verlet's rule in its velocity form, of second order at the same cost, whose velocity
+    is the trapezoidal integral of the acceleration.
+
+    Parameters
+    ----------
+    over_displacement_mps2 : ndarray, shape (n_draws, n_grid)
+        G_a(s, x) + δ(s, x) of Eq. 10 at s = 0, step_m, 2 step_m, …; between them linear, beyond them constant.
+    step_m : float
+    over_speed_mps2 : ndarray, shape (n_draws, n_shares)
+        What is added to it, at even steps of v / v0 from 0 to 1.
+    speed_mps : float
+        Impact speed v0.
+    dt_s, n_times : float, int
+        Time step and number of times, the first being contact.
+
+    Returns
+    -------
+    Motion
+    """
+    n_draws = len(over_displacement_mps2)
+    by_displacement = _Table(over_displacement_mps2, step_m)
+    by_speed = _Table(over_speed_mps2, speed_mps / (over_speed_mps2.shape[1] - 1))
+
+    def accel_at(s: FloatArray, v: FloatArray) -> FloatArray:
+        return by_displacement(s) + by_speed(v)
+
+    accel, velocity, displacement = (np.empty((n_times, n_draws)) for _ in range(3))
+    s, v = np.zeros(n_draws), np.full(n_draws, speed_mps)
+    a = accel_at(s, v)
+    for i in range(n_times):
+        accel[i], velocity[i], displacement[i] = a, v, s
+        s = s + (v + 0.5 * a * dt_s) * dt_s
+        a_next = accel_at(s, v + a * dt_s)
+        v = v + 0.5 * (a + a_next) * dt_s
+        a = a_next
+    return Motion(accel.T, velocity.T, displacement.T)
+
+
+def replay(phase: LoadingPhase) -> FloatArray:
+    """Displacement over time that Eq. 29 gives back for a pulse that is known over displacement only.
+
+    It should be the pulse's own, integrated over time: what differs is what the way over displacement loses.
+
+    Parameters
+    ----------
+    phase : LoadingPhase
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In m, at the times of the phase.
+    """
+    grid = np.linspace(0.0, phase.crush_m, _REPLAY_STEPS + 1)
+    n_times = int(np.ceil(phase.end_s / DT_S)) + 1
+    speed = float(phase.velocity_mps[0])
+    motion = integrate(phase.accel_at(grid)[None], grid[1], np.zeros((1, 2)), speed, n_times=n_times)
+    return np.asarray(np.interp(phase.time_s, np.arange(n_times) * DT_S, motion.displacement_m[0]))
+
+
+class _Table:
+    """One function a row, at even steps from 0: linear between them, constant beyond."""
+
+    def __init__(self, values: FloatArray, step: float) -> None:
+        self.n_rows, self.n = values.shape
+        self.flat = np.ravel(values)
+        self.first = np.arange(self.n_rows) * self.n
+        self.step = step
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """Look up one value of each row."""
+        place = np.clip(x / self.step, 0.0, self.n - 1.0)
+        left = np.minimum(place.astype(np.intp), self.n - 2)
+        share = place - left
+        left += self.first
+        return np.asarray(self.flat[left] * (1 - share) + self.flat[left + 1] * share)

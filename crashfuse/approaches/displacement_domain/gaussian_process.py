@@ -1,0 +1,293 @@
+"""A hierarchical Gaussian process: a sum of parts with priors, fitted by maximum a posteriori.
+
+All hyperparameters, the noise too, have log-normal priors, and the most probable ones are taken: with ten tests the
+likelihood alone has many optima, and some of them are dead. The likelihood is exact and costs O(n³) time and O(n²)
+memory; its gradient is analytic.
+"""
+
+import copy
+from collections.abc import Sequence
+from typing import Literal, Self, overload
+
+import numpy as np
+from scipy.linalg import cho_solve, lapack, solve_triangular
+from scipy.optimize import minimize
+
+from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
+from crashfuse.approaches.draws import draw
+from crashfuse.approaches.fitted_state import Learned
+from crashfuse.errors import NotFittedError
+from crashfuse.signals.pulse import FloatArray
+
+_BOUND = 4.0  # prior standard deviations within which a hyperparameter is searched
+_JITTER = 1e-10
+_GAIN_A_POINT = 0.25  # nats: what takes less than a fifth off the error, exp(-0.25), is no pattern
+
+
+class GaussianProcess:
+    """Regression with a zero-mean sum of parts; scikit-learn's estimator interface.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    noise : LogNormal
+        Prior of the noise's standard deviation, relative to the root mean square of the training output.
+    restarts : int
+        How often a fit that explains nothing is tried again from another start.
+    seed : int
+        For those starts.
+
+    Attributes
+    ----------
+    theta_ : ndarray
+        Logarithms of the hyperparameters: scale and length scales part by part, then the noise.
+    touched_ : ndarray of bool
+        Which of them ended at the border of what was searched.
+    output_scale_ : float
+        Root mean square of the training output.
+    log_marginal_likelihood_ : float
+        Of the output in units of ``output_scale_``, without the priors.
+    retries_ : int
+    dead_ : bool
+        Whether the fit explains no more than noise would.
+    """
+
+    def __init__(self, parts: Sequence[Part], noise: LogNormal, *, restarts: int = 3, seed: int = 0) -> None:
+        self.parts = tuple(parts)
+        self.noise = noise
+        self.restarts = restarts
+        self.seed = seed
+
+    def fit(self, x: FloatArray, y: FloatArray) -> Self:
+        """Find the most probable hyperparameters and condition on the data.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, n_columns + 1)
+            The last column numbers the test that a row belongs to.
+        y : ndarray, shape (n,)
+        """
+        self._take(x, y)
+        rng = np.random.default_rng(self.seed)
+        best, self.retries_ = self._climb(self._median), 0
+        while self._is_dead(best) and self.retries_ < self.restarts:
+            self.retries_ += 1
+            start = self._median + self._spread * rng.standard_normal(self._spread.size)
+            best = min(best, self._climb(start), key=lambda theta: self._loss(theta)[0])
+        return self._settle(best)
+
+    def restore(self, x: FloatArray, y: FloatArray, learned: Learned) -> Self:
+        """Condition on the data that hyperparameters were learned from, as :meth:`fit` does at its end."""
+        self._take(x, y)
+        self.retries_ = learned.values["retries"]
+        return self._settle(learned.arrays["theta"])
+
+    def learned(self) -> Learned:
+        """The hyperparameters."""
+        return Learned({"retries": self.retries_}, {"theta": self.theta_})
+
+    def _take(self, x: FloatArray, y: FloatArray) -> None:
+        self.x_ = np.asarray(x, dtype=np.float64)
+        self.output_scale_ = float(np.sqrt(np.mean(np.square(y)))) or 1.0
+        self._y = np.asarray(y, dtype=np.float64) / self.output_scale_
+        self._covariance = Covariance(self.parts, self.x_, self.x_)
+        priors = (*(prior for part in self.parts for prior in part.priors), self.noise)
+        self._median = np.log([prior.median for prior in priors])
+        self._spread = np.array([prior.spread for prior in priors])
+
+    def _settle(self, theta: FloatArray) -> Self:
+        self.theta_ = theta
+        self.touched_ = np.abs(theta - self._median) > 0.999 * _BOUND * self._spread
+        self.dead_ = self._is_dead(theta)
+        self.log_marginal_likelihood_ = self.log_marginal_likelihood(theta)[0]
+        self._condition()
+        return self
+
+    def _condition(self) -> None:
+        self._lower = self._cholesky(self._covariance(self.theta_[:-1]), self.theta_[-1])
+        self._alpha = cho_solve((self._lower, True), self._y)
+
+    def without(self, test: int) -> Self:
+        """The same process with the same hyperparameters, as it would be if this test had not been run."""
+        rest, other = self.x_[:, -1] != test, copy.copy(self)
+        other.x_, other._y = self.x_[rest], self._y[rest]
+        other._covariance = Covariance(other.parts, other.x_, other.x_)
+        other._condition()
+        return other
+
+    def also_at(self, x: FloatArray) -> Self:
+        """The same process with the same hyperparameters, had it found at these rows what it expects there.
+
+        The mean stays as it is. The variance, which depends on where was measured and not on what, is that after any
+        outcome.
+        """
+        other = copy.copy(self)
+        other.x_, other._y = np.vstack([self.x_, x]), np.append(self._y, self.predict(x) / self.output_scale_)
+        other._covariance = Covariance(other.parts, other.x_, other.x_)
+        other._condition()
+        return other
+
+    def std_given(self, x: FloatArray, further: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Standard deviation of the function now, and with each set of further rows measured, noise and all.
+
+        What :meth:`also_at` would give for each set, by the Schur complement of the posterior covariance: many sets
+        cost little more than one.
+
+        Parameters
+        ----------
+        x : ndarray, shape (m, n_columns + 1)
+        further : sequence of ndarray, shapes (n_i, n_columns + 1)
+
+        Returns
+        -------
+        now : ndarray, shape (m,)
+        then : ndarray, shape (len(further), m)
+        """
+        theta = self.theta_[:-1]
+
+        def known(rows: FloatArray) -> FloatArray:
+            cross = Covariance(self.parts, self.x_, rows)(theta)
+            return np.asarray(solve_triangular(self._lower, cross, lower=True))
+
+        at_x = known(x)
+        some = np.array_split(x, len(x) // 50 + 1)  # of the prior only the diagonal is asked for
+        prior = np.concatenate([np.diag(Covariance(self.parts, rows, rows)(theta)) for rows in some])
+        now = prior - np.sum(at_x**2, axis=0)
+        then = np.empty((len(further), len(x)))
+        for variance, rows in zip(then, further, strict=True):
+            at_rows = known(rows)
+            own = Covariance(self.parts, rows, rows)(theta) - at_rows.T @ at_rows
+            shared = Covariance(self.parts, rows, x)(theta) - at_rows.T @ at_x
+            told = solve_triangular(self._cholesky(own, self.theta_[-1]), shared, lower=True)
+            variance[:] = now - np.sum(told**2, axis=0)
+        return self.output_scale_ * np.sqrt(np.maximum(now, 0)), self.output_scale_ * np.sqrt(np.maximum(then, 0))
+
+    def left_out_log_density(self) -> FloatArray:
+        """Log density of each test's output (as scaled) given all other tests, shape (n_tests,), by ascending number.
+
+        The blocks of the inverse covariance give what leaving each test out in turn would (Rasmussen & Williams,
+        Sect. 5.4.2, for blocks); hyperparameters stay those of all tests.
+        """
+        inverse = cho_solve((self._lower, True), np.eye(self._y.size))
+        densities = []
+        for test in np.unique(self.x_[:, -1]):
+            own = np.flatnonzero(self.x_[:, -1] == test)
+            lower = np.linalg.cholesky(inverse[np.ix_(own, own)])
+            away = solve_triangular(lower, self._alpha[own], lower=True)
+            constant = 0.5 * own.size * np.log(2 * np.pi)
+            densities.append(np.log(np.diag(lower)).sum() - 0.5 * away @ away - constant)
+        return np.array(densities)
+
+    def spread(self) -> FloatArray:
+        """Standard deviations of the logarithms of the hyperparameters: Laplace's approximation at their optimum."""
+        step = 1e-4
+        _, here = self._loss(self.theta_)
+        curvature = [(self._loss(self.theta_ + step * unit)[1] - here) / step for unit in np.eye(here.size)]
+        values, vectors = np.linalg.eigh(0.5 * (np.array(curvature) + np.array(curvature).T))
+        values = np.maximum(values, 1e-2 / self._spread.max() ** 2)  # flat at a border: hardly more than the prior knew
+        return np.asarray(np.sqrt(np.sum(vectors**2 / values, axis=1)))
+
+    def _climb(self, start: FloatArray) -> FloatArray:
+        reach = _BOUND * self._spread
+        bounds = np.column_stack([self._median - reach, self._median + reach])
+        return np.asarray(minimize(self._loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
+
+    def _loss(self, theta: FloatArray) -> tuple[float, FloatArray]:
+        """Negative logarithm of likelihood times priors, and its gradient."""
+        value, gradient = self.log_marginal_likelihood(theta)
+        away = (theta - self._median) / self._spread
+        return 0.5 * float(away @ away) - value, away / self._spread - gradient
+
+    def _is_dead(self, theta: FloatArray) -> bool:
+        """Whether the likelihood is within a nat a hyperparameter of that of noise alone; less where points are few."""
+        power = float(np.mean(self._y**2))
+        noise_alone = -0.5 * self._y.size * (np.log(2 * np.pi * power) + 1) if power else np.inf
+        gain = min(theta.size, _GAIN_A_POINT * self._y.size)
+        return bool(power) and bool(self.log_marginal_likelihood(theta)[0] < noise_alone + gain)
+
+    @staticmethod
+    def _cholesky(covariance: FloatArray, log_noise: float) -> FloatArray:
+        covariance[np.diag_indices_from(covariance)] += np.exp(2 * log_noise) + _JITTER
+        return np.linalg.cholesky(covariance)
+
+    def log_marginal_likelihood(self, theta: FloatArray) -> tuple[float, FloatArray]:
+        """Log marginal likelihood of the scaled training output and its gradient.
+
+        Rasmussen & Williams, Gaussian Processes for Machine Learning (2006), Eqs. 2.30 and 5.9.
+        """
+        covariance, derivatives = self._covariance.with_derivatives(theta[:-1])
+        lower = self._cholesky(covariance, theta[-1])
+        alpha = cho_solve((lower, True), self._y)
+        n = self._y.size
+        value = -0.5 * self._y @ alpha - np.log(np.diag(lower)).sum() - 0.5 * n * np.log(2 * np.pi)
+        inverse = lapack.dpotri(lower, lower=1)[0]
+        inverse = np.tril(inverse) + np.tril(inverse, -1).T
+        outer = np.multiply.outer(alpha, alpha) - inverse
+        gradient = [0.5 * np.vdot(outer, derivative) for derivative in derivatives]
+        gradient.append(np.exp(2 * theta[-1]) * np.trace(outer))
+        return float(value), np.array(gradient)
+
+    @overload
+    def predict(self, x: FloatArray) -> FloatArray: ...
+    @overload
+    def predict(self, x: FloatArray, *, return_std: Literal[True]) -> tuple[FloatArray, FloatArray]: ...
+    @overload
+    def predict(self, x: FloatArray, *, return_cov: Literal[True]) -> tuple[FloatArray, FloatArray]: ...
+    def predict(
+        self, x: FloatArray, *, return_std: bool = False, return_cov: bool = False
+    ) -> FloatArray | tuple[FloatArray, FloatArray]:
+        """Posterior mean of the function, with its standard deviation or covariance; noise is no part of it.
+
+        Parameters
+        ----------
+        x : ndarray, shape (m, n_columns + 1)
+            A test number that no training row has stands for a new test.
+
+        Returns
+        -------
+        ndarray, shape (m,), and where asked for ndarray, shape (m,) or (m, m)
+
+        Raises
+        ------
+        NotFittedError
+            If called before :meth:`fit`.
+        """
+        if not hasattr(self, "theta_"):
+            raise NotFittedError("The Gaussian process has not been fitted; call fit(x, y) first.")
+        x = np.asarray(x, dtype=np.float64)
+        cross = Covariance(self.parts, x, self.x_)(self.theta_[:-1])
+        mean = np.asarray(self.output_scale_ * (cross @ self._alpha))
+        if not (return_std or return_cov):
+            return mean
+        known = solve_triangular(self._lower, cross.T, lower=True)
+        prior = Covariance(self.parts, x, x)(self.theta_[:-1])
+        covariance = self.output_scale_**2 * (prior - known.T @ known)
+        return mean, covariance if return_cov else np.sqrt(np.maximum(np.diag(covariance), 0.0))
+
+    def predict_parts(self, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+        """Posterior mean and standard deviation of each part alone; the means add up to what :meth:`predict` gives.
+
+        The standard deviations don't add up in any way: the data tell what the sum is more than what each part is.
+
+        Parameters
+        ----------
+        x : ndarray, shape (m, n_columns + 1)
+
+        Returns
+        -------
+        list of (ndarray, ndarray), shapes (m,)
+            In the order of the parts.
+        """
+        cross = Covariance(self.parts, x, self.x_).terms(self.theta_[:-1])
+        prior = Covariance(self.parts, x, x).terms(self.theta_[:-1])
+        known = [solve_triangular(self._lower, term.T, lower=True) for term in cross]
+        left = [np.diag(before) - np.sum(told**2, axis=0) for before, told in zip(prior, known, strict=True)]
+        return [
+            (self.output_scale_ * (term @ self._alpha), self.output_scale_ * np.sqrt(np.maximum(variance, 0.0)))
+            for term, variance in zip(cross, left, strict=True)
+        ]
+
+    def sample_y(self, x: FloatArray, n_samples: int = 1, random_state: int = 0) -> FloatArray:
+        """Draw whole functions from the posterior, shape (m, n_samples)."""
+        mean, covariance = self.predict(x, return_cov=True)
+        return draw(mean, covariance, n_samples, np.random.default_rng(random_state)).T

@@ -1,0 +1,327 @@
+"""Our model of the bias: a hierarchy of what all tests share, what like tests share, and what each has alone."""
+
+import copy
+from collections import Counter
+from collections.abc import Sequence
+from typing import ClassVar, Self
+
+import numpy as np
+from scipy.special import stdtrit
+
+from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPart, BiasPoints
+from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
+from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
+from crashfuse.approaches.draws import student_draws
+from crashfuse.approaches.fitted_state import Learned
+from crashfuse.condition import Condition
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import G
+
+_S, _V0, _FRONT, _REAR, _CAE, _SHARE, _STOPPING, _CRUSHING, _FIRST_FACTOR = range(9)
+_TEST = -1
+_LENGTH_UNITS = {
+    _S: "s in m",
+    _V0: "v0 in m/s",
+    _FRONT: "front weight in kg",
+    _REAR: "rear weight in kg",
+    _SHARE: "v/v0",
+}
+_FORCE_UNIT = 10 * G  # so that the ratio counts with its standard deviation where the CAE model brakes with 10 g
+
+# The medians are orders of magnitude of a car's front end, fitted to none: 0.1 m is what a CFC 60 pulse resolves at
+# 35 mph; 5 m/s tells crashes apart, weights hardly do, for the CAE model knows about mass.
+_REACH = (_S, LogNormal(0.1, 0.3))
+_SPEED = (_V0, LogNormal(5.0, 0.5))
+_WEIGHT = LogNormal(300.0, 0.5)
+_STOP_REACH = (_SHARE, LogNormal(0.15, 0.4))
+_OVER_DISPLACEMENT = (
+    Part("shared", LogNormal(0.7, 0.7), ((_REACH,),), times=_CRUSHING),
+    Part("by speed", LogNormal(0.5, 0.7), ((_REACH,), (_SPEED,)), times=_CRUSHING),
+    Part("by weight", LogNormal(0.3, 0.7), ((_REACH,), ((_FRONT, _WEIGHT), (_REAR, _WEIGHT))), times=_CRUSHING),
+    Part("ratio", LogNormal(0.2, 0.7), (((_S, LogNormal(0.5, 0.3)),),), times=_CAE),
+    Part("own", LogNormal(0.2, 0.7), (((_S, LogNormal(0.07, 0.4)),),), times=_CRUSHING, same=_TEST),
+)
+_OVER_VELOCITY = (
+    Part("stop by speed", LogNormal(0.4, 0.7), ((_STOP_REACH,), (_SPEED,)), times=_STOPPING),
+    Part("own stop", LogNormal(0.5, 0.5), ((_STOP_REACH,),), times=_STOPPING, same=_TEST),
+)
+_FACTOR_SCALE = LogNormal(0.3, 0.7)
+_NOISE = LogNormal(0.07, 0.8)
+_LEAST_FREEDOM = 3
+
+
+class HierarchicalBias:
+    """δ(s, x, k) = (f0(s) + f1(s, v0) + f2(s, weights) + r_k(s)) m̄/m + ρ(s) G_a(s, x) + stop(v/v0) + noise.
+
+    f0 is what all tests share, f1 and f2 what varies with the condition, ρ what is proportional to the CAE model's own
+    force (a stiffer material, say), and r_k is test k's own, its repeatability; they are forces, so a heavier vehicle
+    of mass m feels less of them than the tests' mean m̄. Near a stop displacement hardly grows while acceleration
+    changes: what happens there is kept apart, over velocity, as a part that varies with the speed and one of each
+    test's own. Where like tests contradict each other r_k grows, and a prediction shrinks to the CAE model. A new test
+    has parts of its own, so they are in its band.
+
+    A factor of the tests table (powertrain, say) adds a function of displacement for each of its values, if the tests
+    are more probable with it when each is predicted from the others.
+
+    Parameters
+    ----------
+    seed : int
+        For further starts of the optimiser, should the first be dead.
+
+    Attributes
+    ----------
+    end_share : float
+        Below this share of its impact speed a vehicle is stopping: 6 % of its energy is left.
+    process_ : GaussianProcess
+    factors_ : tuple of str
+        The factors in use.
+    densities_ : dict of str to float
+        Log density of the tests, each given all others, for every choice of factors that was compared.
+    freedom_ : int
+        Degrees of freedom of the draws, one less than there are tests: how much tests differ is known from so few.
+    """
+
+    end_share: ClassVar[float] = 0.25
+
+    def __init__(self, *, seed: int = 0) -> None:
+        self.seed = seed
+
+    def fit(self, tests: Sequence[BiasPoints], watch: Watch = SILENT) -> Self:
+        """Learn from the bias of each test.
+
+        Raises
+        ------
+        Cancelled
+            If the watch was told to stop.
+        """
+        rows, y = self._take(tests)
+        choices: list[tuple[str, ...]] = [(), *((name,) for name in self._levels)]
+        choices += [tuple(self._levels)] * (len(self._levels) > 1)
+        self.densities_: dict[str, float] = {}
+        for number, factors in enumerate(choices):
+            watch.report("Bias model", number, len(choices))
+            process = self._process(factors).fit(rows, y)
+            density = float(process.left_out_log_density().sum())
+            if not self.densities_ or density > max(self.densities_.values()):
+                self.process_, self.factors_ = process, factors
+            self.densities_[" and ".join(factors) or "none"] = density
+        watch.report("Bias model", len(choices), len(choices))
+        return self
+
+    def learned(self) -> Learned:
+        """Hyperparameters, and the factors with what was compared to choose them."""
+        values = {"factors": list(self.factors_), "densities": self.densities_}
+        return Learned.of(values, {}, process=self.process_.learned())
+
+    def restore(self, tests: Sequence[BiasPoints], learned: Learned) -> Self:
+        """Take up what was learned from the bias of these tests."""
+        rows, y = self._take(tests)
+        self.factors_, self.densities_ = tuple(learned.values["factors"]), dict(learned.values["densities"])
+        self.process_ = self._process(self.factors_).restore(rows, y, learned.part("process"))
+        return self
+
+    def _process(self, factors: Sequence[str]) -> GaussianProcess:
+        return GaussianProcess(self._parts(factors), _NOISE, seed=self.seed)
+
+    def _take(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
+        """Rows and output for the process."""
+        self.mass_kg_ = float(np.mean([test.condition.mass_kg for test in tests]))
+        self._levels = _levels([test.condition for test in tests])
+        self.tests_, self.freedom_ = len(tests), _freedom(len(tests))
+        rows = np.concatenate([self._test_rows(test, number) for number, test in enumerate(tests)])
+        return rows, np.concatenate([test.bias_mps2 for test in tests])
+
+    def without(self, number: int) -> Self:
+        """The same model, hyperparameters and factors kept, as if the test of this number had not been run."""
+        other = copy.copy(self)
+        other.process_ = self.process_.without(number)
+        other.tests_, other.freedom_ = self.tests_ - 1, _freedom(self.tests_ - 1)
+        return other
+
+    def also(self, tests: Sequence[BiasPoints]) -> Self:
+        """The same model, hyperparameters and factors kept, had these tests been run and shown what is expected.
+
+        Parameters
+        ----------
+        tests : sequence of BiasPoints
+            Only where they lie counts, not their bias.
+        """
+        other = copy.copy(self)
+        for number, test in enumerate(tests, start=self._next_number):
+            other.process_ = other.process_.also_at(self._test_rows(test, number))
+        other.tests_ = self.tests_ + len(tests)
+        other.freedom_ = _freedom(other.tests_)
+        return other
+
+    def half_widths(
+        self, targets: Sequence[BiasPoints], further: Sequence[BiasPoints]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Half the width of the 95 % band of new tests' bias, now and had one more test been run.
+
+        Parameters
+        ----------
+        targets : sequence of BiasPoints
+            New tests; only where they lie counts, here and below, not their bias.
+        further : sequence of BiasPoints
+            The tests of which one is run.
+
+        Returns
+        -------
+        now : ndarray, shape (n,)
+            In m/s², at the targets' n points one after the other.
+        then : ndarray, shape (len(further), n)
+        """
+        at = np.concatenate([self._test_rows(target, -1) for target in targets])
+        tests = [self._test_rows(test, self._next_number) for test in further]
+        now, then = self.process_.std_given(at, tests)
+        return _reach(self.freedom_) * now, _reach(_freedom(self.tests_ + 1)) * then
+
+    @property
+    def _next_number(self) -> int:
+        return int(self.process_.x_[:, _TEST].max()) + 1
+
+    def _test_rows(self, test: BiasPoints, number: int) -> FloatArray:
+        return self._rows(test.condition, test.displacement_m, test.cae_mps2, test.speed_share, test=number)
+
+    def _parts(self, factors: Sequence[str]) -> tuple[Part, ...]:
+        columns = {name: _FIRST_FACTOR + place for place, name in enumerate(self._levels)}
+        by_factor = (
+            Part(f"by {name}", _FACTOR_SCALE, ((_REACH,),), times=_CRUSHING, same=columns[name]) for name in factors
+        )
+        return (*_OVER_DISPLACEMENT[:-1], *by_factor, _OVER_DISPLACEMENT[-1], *_OVER_VELOCITY)
+
+    def _rows(
+        self,
+        condition: Condition,
+        displacement_m: FloatArray,
+        cae_mps2: FloatArray,
+        speed_share: FloatArray,
+        *,
+        test: int = -1,
+        crushing: bool = True,
+    ) -> FloatArray:
+        """Columns in the order of their constants above, the factors' values as numbers, then the test's number."""
+        n, mass = displacement_m.size, self.mass_kg_ / condition.mass_kg
+        values = dict(condition.factors)
+        stopping = mass * np.maximum(1 - speed_share / self.end_share, 0.0)
+        known = (levels.get(values.get(name, ""), -1) for name, levels in self._levels.items())
+        x, alike = np.tile(condition.vector, (n, 1)), np.tile([mass * crushing, *known, test], (n, 1))
+        return np.column_stack([displacement_m, x, cae_mps2 / _FORCE_UNIT, speed_share, stopping, alike])
+
+    def sample(
+        self,
+        condition: Condition,
+        displacement_m: FloatArray,
+        cae_mps2: FloatArray,
+        speed_share: FloatArray,
+        n_draws: int,
+        rng: np.random.Generator,
+    ) -> BiasDraws:
+        """Mean and draws of a new test's bias, with its own deviation and stop, without noise.
+
+        The draws have Student's t distribution: hyperparameters are estimates, from a handful of tests.
+
+        Parameters
+        ----------
+        condition : Condition
+        displacement_m, cae_mps2 : ndarray, shape (n,)
+            Displacements, and the CAE model's acceleration there.
+        speed_share : ndarray, shape (m,)
+            Velocities as shares of the impact speed.
+        n_draws : int
+        rng : numpy.random.Generator
+        """
+        zero = np.zeros_like(speed_share)
+        moving = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
+        stop = self._rows(condition, zero, zero, speed_share, crushing=False)
+        mean, covariance = self.process_.predict(np.vstack([moving, stop]), return_cov=True)
+        functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
+        return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
+
+    def parts(self, condition: Condition, displacement_m: FloatArray, cae_mps2: FloatArray) -> tuple[BiasPart, ...]:
+        """Take the bias of a new test apart, as long as it moves: what comes with its stop is zero until then.
+
+        Parameters
+        ----------
+        condition : Condition
+        displacement_m, cae_mps2 : ndarray, shape (n,)
+            As for :meth:`sample`.
+
+        Returns
+        -------
+        tuple of BiasPart
+            Shared, by speed, by weight, ratio, by each factor in use, own; then their total, which is the mean that
+            :meth:`sample` gives.
+        """
+        x = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
+        over_displacement = self.process_.parts[: -len(_OVER_VELOCITY)]
+        moments = self.process_.predict_parts(x)[: len(over_displacement)]
+        moments.append(self.process_.predict(x, return_std=True))
+        names = (*(part.name for part in over_displacement), "total")
+        reach = _reach(self.freedom_)
+        return tuple(
+            BiasPart(name, mean, mean - reach * std, mean + reach * std)
+            for name, (mean, std) in zip(names, moments, strict=True)
+        )
+
+    @property
+    def state(self) -> dict[str, object]:
+        """Hyperparameters (standard deviations relative to the bias, lengths in SI) and how the fit went."""
+        process, names = self.process_, []
+        for part in process.parts:
+            columns = [column for group in part.groups for column, _ in group]
+            names.append(f"{part.name}, standard deviation")
+            names += [f"{part.name}, length in {_LENGTH_UNITS[column]}" for column in columns]
+        names.append("noise, standard deviation")
+
+        def by_name(values: FloatArray) -> dict[str, float]:
+            return dict(zip(names, values.round(4).tolist(), strict=True))
+
+        return {
+            "points": len(process.x_),
+            "bias_rms_g": round(process.output_scale_ / G, 3),
+            "hyperparameters": by_name(np.exp(process.theta_)),
+            "spread_factors": by_name(np.exp(process.spread())),
+            "touched_bounds": [name for name, touched in zip(names, process.touched_, strict=True) if touched],
+            "log_marginal_likelihood": round(process.log_marginal_likelihood_, 2),
+            "dead": process.dead_,
+            "retries": process.retries_,
+            "factors": list(self.factors_),
+            "left_out_log_density": {name: round(value, 1) for name, value in self.densities_.items()},
+        }
+
+    def unknown_factors(self, condition: Condition) -> tuple[str, ...]:
+        """Factors in use whose value at a condition is not given, or is that of no test."""
+        values = dict(condition.factors)
+        return tuple(name for name in self.factors_ if values.get(name, "") not in self._levels[name])
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was decided about factors, and a warning if the fit explains nothing."""
+        notes = ("The bias model found nothing in the tests that noise would not explain.",) * self.process_.dead_
+        if self._levels:
+            used = f"{' and '.join(self.factors_)} told them apart" if self.factors_ else "they were not told apart"
+            notes += (f"Bias of tests that differ in {' or '.join(self._levels)}: {used}, by what left-out tests say.",)
+        return notes
+
+
+def _freedom(n_tests: int) -> int:
+    """Degrees of freedom of what was learned from so many tests."""
+    return max(n_tests - 1, _LEAST_FREEDOM)
+
+
+def _reach(freedom: int) -> float:
+    """Half the width of the 95 % band in standard deviations: the draws have Student's t distribution."""
+    return float(stdtrit(freedom, 0.975))
+
+
+def _levels(conditions: Sequence[Condition]) -> dict[str, dict[str, int]]:
+    """Values of each factor that may tell tests apart: all tests have it, and two of its values stand for two tests."""
+    names = [name for name, _ in conditions[0].factors]
+    levels = {}
+    for name in names:
+        counts = Counter(dict(condition.factors).get(name, "") for condition in conditions)
+        if counts[""] == 0 and sum(count > 1 for count in counts.values()) > 1:
+            levels[name] = {value: number for number, value in enumerate(sorted(counts))}
+    return levels

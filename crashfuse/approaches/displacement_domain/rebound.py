@@ -1,0 +1,187 @@
+"""After t0 the vehicle bounces back: along the CAE model's own unloading branch, and what tests add to it."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
+from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
+from crashfuse.approaches.draws import student_draws
+from crashfuse.approaches.fitted_state import Learned
+from crashfuse.signals.loading import LoadingPhase
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+from crashfuse.units import G
+
+_JOIN_S = 0.005  # time constant with which a step at t0 fades
+_SCALES = (1 / 3, 3.0)  # how much the branch may be scaled to meet the pulse at t0
+
+_STEP_S = 0.002  # a CFC 60 pulse holds no more
+_LEAST_S = 0.006  # of rebound that has to be on record
+_LEAST_UNIT = 5 * G  # a rebound is told in units of the braking at t0, but of no less than this
+_TIME, _SPEED, _EARLY, _LATE = range(4)
+_RISE_S, _FADE_S = 0.004, 0.012
+_QUICK, _SLOW = (_TIME, LogNormal(0.005, 0.4)), (_TIME, LogNormal(0.01, 0.4))
+# Most of what CAE and test differ by is over when they let go of each other; the little that stays has a part of its
+# own, or the band would stay as wide as it is at its widest.
+_PARTS = (
+    Part("shared", LogNormal(0.7, 0.7), ((_QUICK,),), times=_EARLY),
+    Part("by speed", LogNormal(0.5, 0.7), ((_QUICK,), ((_SPEED, LogNormal(5.0, 0.5)),)), times=_EARLY),
+    Part("own", LogNormal(0.4, 0.7), ((_QUICK,),), times=_EARLY, same=-1),
+    Part("late", LogNormal(0.2, 0.7), ((_SLOW,),), times=_LATE),
+    Part("own late", LogNormal(0.2, 0.7), ((_QUICK,),), times=_LATE, same=-1),
+)
+_NOISE = LogNormal(0.1, 0.8)
+_LEAST_FREEDOM = 3
+
+
+def follow_unloading(
+    accel_mps2: FloatArray, speed_mps: float, cae: FloatArray, cae_loading: LoadingPhase
+) -> FloatArray:
+    """Replace what comes after t0 by the CAE pulse's unloading, shifted to t0 and scaled to join without a jump.
+
+    Parameters
+    ----------
+    accel_mps2 : ndarray, shape (n_draws, n)
+        Pulses on the study grid; one that does not stop the vehicle within it is left as it is.
+    speed_mps : float
+    cae : ndarray, shape (n,)
+        The CAE pulse at this condition; beyond its end it keeps its last value.
+    cae_loading : LoadingPhase
+        Of that pulse. One that never stops the vehicle has no unloading: the acceleration then just fades.
+
+    Returns
+    -------
+    ndarray, shape (n_draws, n)
+    """
+    time = np.arange(accel_mps2.shape[-1]) * DT_S
+    t0 = kinematics(accel_mps2, speed_mps, DT_S).t0_s[:, None]
+    after = np.maximum(time - t0, 0.0)  # NaN where there is no t0
+    at_t0 = np.array([np.interp(t, time, accel) for t, accel in zip(t0[:, 0], accel_mps2, strict=True)])[:, None]
+    if np.isnan(cae_loading.t0_s):
+        branch, end = np.zeros_like(accel_mps2), 0.0
+    else:
+        branch, end = np.interp(cae_loading.t0_s + after, time, cae), cae_loading.accel_mps2[-1]
+    scale = np.clip(at_t0 / end, *_SCALES) if end < 0 else np.ones_like(at_t0)
+    unloading = scale * branch + (at_t0 - scale * end) * np.exp(-after / _JOIN_S)
+    return np.where(time > t0, unloading, accel_mps2)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Unloading:
+    """A test beside the CAE pulse at its condition, for what comes after t0.
+
+    Attributes
+    ----------
+    speed_mps : float
+    accel_mps2, cae_mps2 : ndarray, shape (1250,)
+    cae_loading : LoadingPhase
+    """
+
+    speed_mps: float
+    accel_mps2: FloatArray
+    cae_mps2: FloatArray
+    cae_loading: LoadingPhase
+
+
+class Rebound:
+    """What tests add to the CAE model's unloading branch, over the time since t0: a hierarchy as that of the bias.
+
+    Attributes
+    ----------
+    process_ : GaussianProcess or None
+        None if no test stops early enough to show a rebound.
+    freedom_ : int
+        Degrees of freedom of the draws.
+    """
+
+    process_: GaussianProcess | None
+
+    def fit(self, tests: Sequence[Unloading]) -> Self:
+        """Learn from tests; those whose record ends with their t0 are passed over."""
+        x, y = self._rows_of(tests)
+        self.process_ = GaussianProcess(_PARTS, _NOISE).fit(x, y) if len(x) else None
+        return self
+
+    def learned(self) -> Learned:
+        """The hyperparameters."""
+        return Learned({}, {}) if self.process_ is None else self.process_.learned()
+
+    def restore(self, tests: Sequence[Unloading], learned: Learned) -> Self:
+        """Take up hyperparameters that were learned from these tests."""
+        x, y = self._rows_of(tests)
+        self.process_ = GaussianProcess(_PARTS, _NOISE).restore(x, y, learned) if len(x) else None
+        return self
+
+    def _rows_of(self, tests: Sequence[Unloading]) -> tuple[FloatArray, FloatArray]:
+        x: list[FloatArray] = [np.empty((0, _LATE + 2))]
+        y: list[FloatArray] = [np.empty(0)]
+        for number, test in enumerate(tests):
+            t0 = float(kinematics(test.accel_mps2, test.speed_mps, DT_S).t0_s)
+            if not t0 <= GRID_S[-1] - _LEAST_S:
+                continue
+            branch = follow_unloading(test.accel_mps2[None], test.speed_mps, test.cae_mps2, test.cae_loading)[0]
+            after = np.arange(0.0, GRID_S[-1] - t0, _STEP_S)
+            x.append(_rows(after, test.speed_mps, number))
+            extra = np.interp(t0 + after, GRID_S, test.accel_mps2 - branch)
+            y.append(extra / _unit(np.interp(t0, GRID_S, test.accel_mps2)))
+        self.freedom_ = max(len(x) - 2, _LEAST_FREEDOM)
+        return np.concatenate(x), np.concatenate(y)
+
+    def without(self, number: int) -> Self:
+        """The same model, hyperparameters kept, as if the test of this number had not been run."""
+        other = copy.copy(self)
+        if self.process_ is not None:
+            known = np.unique(self.process_.x_[:, -1])
+            other.process_ = None if (known == number).all() else self.process_.without(number)
+        return other
+
+    def follow(
+        self,
+        pulses_mps2: FloatArray,
+        speed_mps: float,
+        cae_mps2: FloatArray,
+        cae_loading: LoadingPhase,
+        rng: np.random.Generator,
+        widening: float = 1.0,
+    ) -> FloatArray:
+        """Replace what comes after t0; the first pulse goes on as expected, the others each in a way of its own.
+
+        Parameters
+        ----------
+        pulses_mps2 : ndarray, shape (1 + n_draws, 1250)
+        speed_mps, cae_mps2, cae_loading :
+            As in :func:`follow_unloading`.
+        rng : numpy.random.Generator
+        widening : float
+            Factor on the draws' deviations.
+
+        Returns
+        -------
+        ndarray, shape (1 + n_draws, 1250)
+        """
+        pulses = follow_unloading(pulses_mps2, speed_mps, cae_mps2, cae_loading)
+        if self.process_ is None:
+            return pulses
+        after = np.arange(0.0, GRID_S[-1] + _STEP_S, _STEP_S)
+        mean, covariance = self.process_.predict(_rows(after, speed_mps, -1), return_cov=True)
+        draws = student_draws(mean, widening**2 * covariance, self.freedom_, len(pulses) - 1, rng)
+        t0 = kinematics(pulses, speed_mps, DT_S).t0_s
+        for pulse, start, extra in zip(pulses, t0, np.vstack([mean, draws]), strict=True):
+            later = start < GRID_S  # nowhere if there is no t0
+            pulse[later] += _unit(np.interp(start, GRID_S, pulse)) * np.interp(GRID_S[later] - start, after, extra)
+        return pulses
+
+
+def _unit(accel_at_t0: float) -> float:
+    return max(abs(accel_at_t0), _LEAST_UNIT)
+
+
+def _rows(after_s: FloatArray, speed_mps: float, test: int) -> FloatArray:
+    rise = 1 - np.exp(-after_s / _RISE_S)  # at t0 itself there is no step
+    n = after_s.size
+    return np.column_stack(
+        [after_s, np.full(n, speed_mps), rise * np.exp(-after_s / _FADE_S), rise, np.full(n, float(test))]
+    )

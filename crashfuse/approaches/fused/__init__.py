@@ -1,0 +1,1 @@
+"""Beyond the paper: both approaches and the raw CAE model, weighted by left-out tests."""

@@ -1,0 +1,254 @@
+"""Both approaches and the raw CAE in one prediction, each trusted as far as left-out tests say (beyond the paper)."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from crashfuse.approaches.base import MOST_TESTS, Approach, Prediction, thinning_notes
+from crashfuse.approaches.calibration import WIDENINGS, Calibration, Coverage, calibrate
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.fit_cache import fitted
+from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fused.weights import Pool, Scores
+from crashfuse.approaches.left_out import STRIDE, LeftOut, in_full
+from crashfuse.approaches.time_domain.approach import TimeDomain
+from crashfuse.approaches.time_domain.lf_tcn import Device
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.units import MPH
+
+VOICES = ("time domain", "displacement domain", "raw CAE")
+_REACH_MPS = 3 * MPH  # a test this far away in speed is neither near nor far
+_JUDGED_S = 0.06  # the time that is rated: what comes later must not decide who is trusted there
+_N_DRAWS = 400
+_WIDENINGS = (0.6, 0.7, 0.8, 0.9, *WIDENINGS)
+# Before anything was left out: the displacement domain before the time domain, both far before the CAE, the more so
+# beside a test.
+_PRIOR = np.array([[-0.5, -0.5], [0.0, 0.0], [-3.0, -5.0]])
+_SPREAD, _STRENGTH = 1.0, 10.0
+
+
+class _Voice(NamedTuple):
+    """The pulse that is expected, and whole pulses drawn, shape (n_draws, n_times)."""
+
+    mean: FloatArray
+    draws: FloatArray
+
+
+class Fused(Approach):
+    """A mixture of the time domain, the displacement domain and the raw CAE.
+
+    The expected accelerations are averaged with the weights of :class:`crashfuse.approaches.fused.weights.Pool`, so
+    velocity and displacement, which are integrated from the mean, agree with it. Each whole pulse of the band is drawn
+    from one of the three. The CAE's own draws are its pulse with the error that it had in some test, of either sign.
+
+    It is made of the fast forms of both approaches, whatever the preset: the paper has none like it.
+
+    Parameters
+    ----------
+    seed : int
+    device : {"auto", "cpu", "cuda"}
+        Where the time domain's networks are trained.
+    cache : Cache, optional
+        Where what both approaches learn is kept.
+
+    Attributes
+    ----------
+    time_domain_ : TimeDomain
+    displacement_domain_ : DisplacementDomain
+    pool_ : Pool
+    calibration_ : Calibration
+        Of the band, on tests that both approaches predicted from the others.
+    """
+
+    name = "fused"
+    label = "Fused"
+
+    def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:
+        self.seed = seed
+        self.device = device
+        self.cache = cache
+
+    def _parts(self) -> tuple[TimeDomain, DisplacementDomain]:
+        return (
+            TimeDomain(seed=self.seed, device=self.device, cache=self.cache),
+            DisplacementDomain(seed=self.seed, cache=self.cache),
+        )
+
+    @property
+    def hardware(self) -> str:
+        """That of the time domain."""
+        return self._parts()[0].hardware
+
+    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+        """Fit both approaches, and learn how far to trust each from how it predicts each test without having seen it.
+
+        Raises
+        ------
+        UsageError
+            If the campaign has no test or fewer than two CAE runs.
+        Cancelled
+            If the watch was told to stop.
+        """
+        self._thinning, campaign = thinning_notes(campaign), campaign.evenly_over_speed(MOST_TESTS)
+        time_domain, displacement_domain = self._parts()
+        self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
+        self.displacement_domain_, _ = fitted(displacement_domain, campaign, self.cache, watch)
+        self._begin(campaign)
+        watch.report("Weights of the mixture", 0, 1)
+        one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
+        judged = self._judged()
+        voices = [self._left_out_voices(number, one, other) for number in judged]
+        nearness = [self._nearness(self._speeds[number], without=number) for number in judged]
+        rated = slice(round(_JUDGED_S / (STRIDE * DT_S)))
+        measured = self._measured[judged][:, ::STRIDE][:, rated]
+        scores = [Scores.of(y, [v.draws[:, rated] for v in said]) for y, said in zip(measured, voices, strict=True)]
+        self.pool_ = Pool(_PRIOR, spread=_SPREAD, strength=_STRENGTH).fit(scores, np.array(nearness))
+        mixed = [self._mix(said, self.pool_.weights(near)) for said, near in zip(voices, nearness, strict=True)]
+
+        def check(widening: float) -> list[Coverage]:
+            found = []
+            for number, mixture in zip(judged, mixed, strict=True):
+                draws = mixture.mean + widening * (mixture.draws - mixture.mean)
+                found.append(Coverage.of(campaign.tests[number], in_full(draws)))
+            return found
+
+        # A mixture of bands that hold is wider than it need be, where the voices agree.
+        self.calibration_ = calibrate(check, _WIDENINGS) if judged else Calibration(1.0, ())
+        watch.report("Weights of the mixture", 1, 1)
+        return self
+
+    def _begin(self, campaign: Campaign) -> None:
+        self._speeds = np.array([test.condition.speed_mps for test in campaign.tests])
+        model = self.displacement_domain_.model_
+        self._measured = np.array([test.pulse.accel_mps2 for test in campaign.tests])
+        self._cae = np.array([model.pulse(test.condition).accel_mps2 for test in campaign.tests])
+
+    def _nearness(self, speed_mps: float, without: int = -1) -> float:
+        """From 0, far from all other tests in speed, to 1, beside one."""
+        others = np.delete(self._speeds, [without] if without >= 0 else [])
+        return float(np.exp(-np.abs(others - speed_mps).min() / _REACH_MPS)) if others.size else 0.0
+
+    def _left_out_voices(self, number: int, one: LeftOut, other: LeftOut) -> list["_Voice"]:
+        """What each voice says of a test that it has not seen, thinned out."""
+        cae = self._cae_draws(self._cae[number], self._speeds[number], without=number)[:, ::STRIDE]
+        said = [(left, left.numbers == number) for left in (one, other)]
+        drawn = [_Voice(left.mean_mps2[own][0], left.draws_mps2[own][0].astype(np.float64)) for left, own in said]
+        return [*drawn, _Voice(self._cae[number, ::STRIDE], cae)]
+
+    def _mix(self, voices: Sequence["_Voice"], weights: FloatArray) -> "_Voice":
+        """The weighted mean, and draws of each voice in proportion to its weight."""
+        rng = np.random.default_rng(self.seed)
+        shares = np.diff(np.floor(np.cumsum(weights) * _N_DRAWS + 0.5).astype(int), prepend=0)
+        chosen = [
+            voice.draws[rng.choice(len(voice.draws), size=share, replace=bool(share > len(voice.draws)))]
+            for voice, share in zip(voices, shares, strict=True)
+        ]
+        return _Voice(weights @ np.array([voice.mean for voice in voices]), np.concatenate(chosen))
+
+    def _cae_draws(self, cae_mps2: FloatArray, speed_mps: float, without: int = -1) -> FloatArray:
+        """The CAE pulse with the errors that it had in all other tests, scaled with the speed, of either sign."""
+        others = np.arange(len(self._speeds)) != without
+        if not others.any():
+            return cae_mps2[None]
+        errors = (self._measured - self._cae)[others] * (speed_mps / self._speeds[others])[:, None]
+        draws: FloatArray = cae_mps2 + np.concatenate([errors, -errors])
+        return draws
+
+    def predict(self, condition: Condition) -> Prediction:
+        """Average what the three expect at a condition, and mix their draws.
+
+        Raises
+        ------
+        NotFittedError
+            If called before :meth:`fit`.
+        """
+        one, other = self.parts
+        return self.mixed(one.predict(condition), other.predict(condition))
+
+    @property
+    def parts(self) -> tuple[Approach, Approach]:
+        """What it is made of, fitted: the time domain, the displacement domain.
+
+        Raises
+        ------
+        NotFittedError
+            If asked before :meth:`fit`.
+        """
+        self._require("pool_")
+        return self.time_domain_, self.displacement_domain_
+
+    def mixed(self, one: Prediction, other: Prediction) -> Prediction:
+        """What :meth:`predict` makes of the predictions of its parts at a condition."""
+        condition = one.condition
+        cae = self.displacement_domain_.model_.pulse(condition).accel_mps2
+        cae_draws = self._cae_draws(cae, condition.speed_mps)
+        weights = self.pool_.weights(self._nearness(condition.speed_mps))
+        voices = [_Voice(said.accel_mps2, said.draws_mps2) for said in (one, other) if said.draws_mps2 is not None]
+        mixture = self._mix([*voices, _Voice(cae, cae_draws)], weights)
+        draws = mixture.mean + self.calibration_.widening * (mixture.draws - mixture.mean)
+        notes = dict.fromkeys((self._reason(condition, weights), *self._thinning, *one.notes, *other.notes))
+        return Prediction(condition, mixture.mean, draws, tuple(notes))
+
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """What both approaches expect of tests that they have not seen, mixed with the weights that were learned."""
+        self._require("pool_")
+        campaign = campaign.evenly_over_speed(MOST_TESTS)
+        one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
+        expected = {}
+        for number in self._judged():
+            weights = self.pool_.weights(self._nearness(self._speeds[number], without=number))
+            voices = self._left_out_voices(number, one, other)
+            expected[campaign.tests[number].id] = in_full(self._mix(voices, weights).mean)
+        return expected
+
+    def _judged(self) -> list[int]:
+        """Numbers of the tests that both approaches predicted from the others."""
+        one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
+        return [int(number) for number in other.numbers if number in one.numbers]
+
+    def _reason(self, condition: Condition, weights: FloatArray) -> str:
+        """The weights, and what decides them."""
+        away = np.abs(self._speeds - condition.speed_mps).min() / MPH
+        shown = np.round(weights, 2)
+        shown[weights.argmax()] += 1 - shown.sum()  # they add up to what they are shares of
+        parts = ", ".join(f"{name} {weight:.2f}" for name, weight in zip(VOICES, shown, strict=True))
+        n = len(self.calibration_.tests)
+        source = f"weights learned from {n} tests, each predicted from the others" if n else "weights not learned"
+        return f"Nearest test {away:.1f} mph away: {parts} ({source})."
+
+    def learned(self) -> Learned:
+        """What both approaches learned, and the weights."""
+        self._require("pool_")
+        parts = {"time": self.time_domain_.learned(), "displacement": self.displacement_domain_.learned()}
+        check = self.calibration_
+        return Learned.of({"widening": check.widening}, {"logits": self.pool_.logits_, "inside": check.inside}, **parts)
+
+    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+        """Take up both approaches and the weights."""
+        self._thinning, campaign = thinning_notes(campaign), campaign.evenly_over_speed(MOST_TESTS)
+        time_domain, displacement_domain = self._parts()
+        self.time_domain_ = time_domain.restore(campaign, learned.part("time"))
+        self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"))
+        self._begin(campaign)
+        self.pool_ = Pool(_PRIOR, spread=_SPREAD, strength=_STRENGTH)
+        self.pool_.logits_ = learned.arrays["logits"]
+        self.calibration_ = Calibration.of(learned.values["widening"], learned.arrays["inside"])
+        return self
+
+    @property
+    def state(self) -> dict[str, object]:
+        """Weights far from all tests and beside one, and how the band holds on left-out tests."""
+        if not hasattr(self, "pool_"):
+            return {}
+        far, beside = (self.pool_.weights(nearness).round(4).tolist() for nearness in (0.0, 1.0))
+        check = self.calibration_
+        return {
+            **({"band_check": check.state} if check.tests else {}),
+            "weights_far_from_tests": dict(zip(VOICES, far, strict=True)),
+            "weights_beside_a_test": dict(zip(VOICES, beside, strict=True)),
+        }

@@ -1,0 +1,106 @@
+"""How much to trust each of several predictions: weights that left-out tests decide, by how near their neighbours are.
+
+Each voice gives draws. A mixture takes a share of its draws from each, and is judged by the continuous ranked
+probability score over time, E|X - y| - E|X - X'|/2 (Gneiting & Raftery 2007, Eq. 21): zero for whoever knows the pulse,
+and in the unit of the acceleration. In the weights it is a quadratic function, so nothing has to be drawn twice.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import softmax
+
+from crashfuse.signals.pulse import FloatArray
+
+_PAIRS = 100  # draws of either voice that are compared
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Scores:
+    """What the score of any mixture of voices is made of, for one left-out test.
+
+    Attributes
+    ----------
+    away : ndarray, shape (n_voices,)
+        Mean distance of each voice's draws from the measured pulse, E|X - y|.
+    apart : ndarray, shape (n_voices, n_voices)
+        Mean distance between draws of one voice and another, E|X - X'|.
+    """
+
+    away: FloatArray
+    apart: FloatArray
+
+    @classmethod
+    def of(cls, measured: FloatArray, voices: list[FloatArray]) -> "Scores":
+        """Compare a measured pulse, shape (n_times,), with each voice's draws, shape (n_draws, n_times)."""
+        some = [draws[:_PAIRS].astype(np.float64) for draws in voices]
+        away = np.array([np.abs(draws - measured).mean() for draws in some])
+        apart = np.array([[_apart(a, b) for b in some] for a in some])
+        return cls(away, apart)
+
+    def crps(self, weights: FloatArray) -> float:
+        """Score of the mixture with these weights."""
+        return float(weights @ self.away - 0.5 * weights @ self.apart @ weights)
+
+
+def _apart(a: FloatArray, b: FloatArray) -> float:
+    """E|X - X'| at each time, averaged over time; draws of one voice with itself without the pairs of the same draw."""
+    if a is b:
+        ordered = np.sort(a, axis=0)
+        n = len(a)
+        ranks = 2 * np.arange(n) - n + 1
+        return float(2 * (ranks[:, None] * ordered).sum(axis=0).mean() / max(n * (n - 1), 1))
+    joined = np.sort(np.concatenate([a, b]), axis=0)
+    n = len(joined)
+    total = ((2 * np.arange(n) - n + 1)[:, None] * joined).sum(axis=0).mean()  # over unordered pairs
+    own = sum(_apart(x, x) * len(x) * (len(x) - 1) / 2 for x in (a, b))
+    return float((total - own) / (len(a) * len(b)))
+
+
+class Pool:
+    """Weights of voices as a softmax of what is learned for a test far from all others, and for one beside another.
+
+    Parameters
+    ----------
+    prior : ndarray, shape (n_voices, 2)
+        Where the logits of the weights are expected before anything was left out: far from, and beside, another test.
+    spread : float
+        Their prior standard deviation.
+    strength : float
+        What a score that is better by its whole size counts, in nats a test, against the prior.
+
+    Attributes
+    ----------
+    logits_ : ndarray, shape (n_voices, 2)
+    """
+
+    def __init__(self, prior: FloatArray, *, spread: float, strength: float) -> None:
+        self.prior = prior
+        self.spread = spread
+        self.strength = strength
+
+    def fit(self, scores: list[Scores], nearness: FloatArray) -> "Pool":
+        """Learn from left-out tests.
+
+        Parameters
+        ----------
+        scores : list of Scores
+        nearness : ndarray, shape (n_tests,)
+            From 0, far from all other tests, to 1, beside one.
+        """
+        size = np.array([score.crps(np.full(len(self.prior), 1 / len(self.prior))) for score in scores])
+
+        def loss(flat: FloatArray) -> float:
+            self.logits_ = flat.reshape(self.prior.shape)
+            found = np.array([s.crps(self.weights(near)) for s, near in zip(scores, nearness, strict=True)])
+            away = (self.logits_ - self.prior) / self.spread
+            return float(self.strength * (found / size).sum() + 0.5 * (away**2).sum())
+
+        best = minimize(loss, self.prior.ravel(), method="L-BFGS-B").x if scores else self.prior.ravel()
+        self.logits_ = np.asarray(best).reshape(self.prior.shape)
+        return self
+
+    def weights(self, nearness: float) -> FloatArray:
+        """Weights of the voices for a crash this near to a test; they add up to 1."""
+        return np.asarray(softmax(self.logits_ @ np.array([1 - nearness, nearness])))

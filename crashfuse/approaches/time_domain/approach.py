@@ -1,0 +1,260 @@
+"""The time-domain approach: TCNs trained on the CAE runs, then fine-tuned on the tests (MF TCN, Sect. 3.1)."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from crashfuse.approaches.base import MOST_TESTS, Prediction, thinning_notes
+from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
+from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.left_out import LeftOut
+from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Outlook
+from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
+from crashfuse.approaches.time_domain.stopping import SMOOTH_S, Stopping, stopping_notes
+from crashfuse.approaches.time_domain.tangent_kernel import Tangent, tangent_kernel, tangents
+from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
+from crashfuse.approaches.time_domain.training_data import fine_tune, mean_outputs
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import DT_S, FloatArray
+
+_DRIFT_MPS = 12.0  # over which increments change: what 10 mph tell of 35 mph is not all that 30 mph tell
+_LEAST_FREEDOM = 3  # of the draws: with fewer their tails have no end
+_HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
+
+
+class TimeDomain(TcnApproach):
+    """The MF TCN: the LF networks with increments learned from the tests (Eq. 6). Parameters as :class:`LfTcn`.
+
+    Attributes
+    ----------
+    lf_ : LfTcn
+    network_ : Tcn
+        The LF networks, or where Adam did the fine-tuning, what it made of them.
+    scaling_ : Scaling
+        The LF networks' own.
+    increments_ : Increments
+        Posterior over θ_HF; only if it was learned in closed form.
+    calibration_ : Calibration
+        How its band holds on tests left out one by one; likewise.
+    left_out_ : LeftOut
+        Likewise.
+    losses_ : ndarray, shape (n_members, n_steps)
+        Loss on the tests before each step; only after fine-tuning by Adam.
+    """
+
+    name = "time_domain"
+    label = "Time domain"
+
+    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+        """Fine-tune the LF networks, which are trained before if the cache does not have them, on the tests.
+
+        Raises
+        ------
+        UsageError
+            If the campaign has no test.
+        Cancelled
+            If the watch was told to stop.
+        """
+        if not campaign.tests:
+            raise UsageError("The time domain learns from tests; this campaign has none.")
+        campaign = self._seen(campaign)
+        accel = self._begin(campaign, self._lf().fit(campaign, watch))
+        if self.config.tuning == "gradient":
+            key = {"campaign": campaign.fingerprint, "config": self.config, "seed": self.seed, "device": self.hardware}
+            checkpoint = Checkpoint(self.cache, {**key, "training": self.name})
+            self.network_, self.losses_ = fine_tune(
+                self.network_, self.scaling_, self._vectors, accel, self.config, checkpoint, watch
+            )
+            return self
+        self._learn(campaign, accel, watch)
+        return self
+
+    def _lf(self) -> LfTcn:
+        return LfTcn(self.config, seed=self.seed, device=self.device, cache=self.cache)
+
+    def _seen(self, campaign: Campaign) -> Campaign:
+        """What is learned from: more tests than that only by steps of Adam."""
+        if self.config.tuning == "gradient":
+            self._thinning: tuple[str, ...] = ()
+            return campaign
+        self._thinning = thinning_notes(campaign)
+        return campaign.evenly_over_speed(MOST_TESTS)
+
+    def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
+        """Start from the LF networks; returns the tests' pulses."""
+        self.lf_, self._library, self.scaling_, self.network_ = lf, campaign.cae, lf.scaling_, lf.network_
+        self.__dict__.pop("_tangents", None)  # those of tests that it learned from before
+        self._vectors = np.array([test.condition.vector for test in campaign.tests])
+        accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
+        shares = self._targets(accel)
+        self._end_shares = np.array(
+            [self._stopping(t.condition).end_share(s) for t, s in zip(campaign.tests, shares, strict=True)]
+        )
+        return accel
+
+    def _targets(self, accel_mps2: FloatArray) -> FloatArray:
+        """What the network should put out for the tests, shape (n_tests, n_times)."""
+        return self.scaling_.targets(self._vectors, accel_mps2, self.config).numpy().T.astype(np.float64)
+
+    def learned(self) -> Learned:
+        """What the LF networks learned, and the increments."""
+        self._require("network_")
+        lf = self.lf_.learned()
+        if self.config.tuning == "gradient":
+            return Learned.of({}, {"losses": self.losses_}, lf=lf, network=Learned({}, weights_of(self.network_)))
+        check = self.calibration_
+        values = {
+            "widening": check.widening,
+            "late_widening": check.late_widening,
+            "delta_v_misfit": self._delta_v_misfit,
+        }
+        parts = {"lf": lf, "increments": self.increments_.learned(), "left_out": self.left_out_.learned()}
+        return Learned.of(values, {"inside": check.inside}, **parts)
+
+    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+        """Take up networks and increments."""
+        self._begin(self._seen(campaign), self._lf().restore(campaign, learned.part("lf")))
+        if self.config.tuning == "gradient":
+            self.losses_, self.network_ = learned.arrays["losses"], copy.deepcopy(self.network_)
+            load_weights(self.network_, learned.part("network").arrays)
+            return self
+        self.increments_ = Increments().restore(learned.part("increments"))
+        values = learned.values
+        self.calibration_ = Calibration.of(values["widening"], learned.arrays["inside"], values["late_widening"])
+        self._delta_v_misfit = values["delta_v_misfit"]
+        self.left_out_ = LeftOut.restored(learned.part("left_out"))
+        return self
+
+    def _learn(self, campaign: Campaign, accel_mps2: FloatArray, watch: Watch) -> None:
+        targets = self._targets(accel_mps2)
+        lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors, self.config))
+        watch.report("Fine-tuning on tests", 0, 1)
+        kernel = self._kernel_with(self._tangents, self._vectors)
+        watch.report("Fine-tuning on tests", 1, 1)
+        self.increments_ = increments = Increments().fit(kernel, targets - lf)
+        for number, rho in enumerate(reversed(PENALTIES), start=1):
+            errors = {"tests_learned_from": increments.error_[rho], "tests_left_out": increments.left_out_error_[rho]}
+            watch.report("Strength of the fine-tuning", number, len(PENALTIES), **errors)
+
+        tests = campaign.tests
+        left_out = [
+            self._stopped(test.condition, lf[i], self.increments_.left_out_[i], np.delete(self._end_shares, i))
+            for i, test in enumerate(tests)
+        ]
+
+        pulses: dict[int, FloatArray] = {}
+
+        def check(widening: float, late: float) -> list[Coverage]:
+            watch.report("Checking the band on left-out tests", 0, 1)
+            for number, (test, outlook) in enumerate(zip(tests, left_out, strict=True)):
+                pulses[number] = self._pulses(test.condition, outlook, widening, late)
+            return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
+
+        # Wider draws have higher peaks: a measured peak below its interval must not widen the band, only be reported.
+        # What comes after t0 is less certain, and has a factor of its own.
+        first = calibrate(lambda w: [replace(c, rebound=np.nan, peak=True) for c in check(w, w)]).widening
+        late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
+        self.calibration_ = Calibration(first, tuple(check(first, late)), late)
+        self.left_out_ = LeftOut.of(pulses)
+        ends = [self._stopping(test.condition).end_share(o.mean) for test, o in zip(tests, left_out, strict=True)]
+        self._delta_v_misfit = float(np.abs(np.array(ends) - self._end_shares).mean())
+
+    @cached_property
+    def _tangents(self) -> list[Tangent]:
+        """At the tests: every prediction needs them."""
+        return self._tangents_at(self._vectors)
+
+    def _tangents_at(self, vectors: FloatArray) -> list[Tangent]:
+        return tangents(self.network_, self.config, self.scaling_.inputs(vectors, self.config))
+
+    def _kernel_with(self, others: Sequence[Tangent], vectors: FloatArray) -> FloatArray:
+        """Tangent kernel between the tests and other conditions, shape (n_tests, n_times, n, n_times)."""
+        kernel = tangent_kernel(self.network_, self._tangents, others)
+        return kernel * self._alike(vectors)[:, None, :, None]
+
+    def _stopping(self, condition: Condition) -> Stopping:
+        return Stopping.of(condition, self.scaling_, self.config)
+
+    def _stopped(self, condition: Condition, lf: FloatArray, outlook: Outlook, end_shares: FloatArray) -> Outlook:
+        """LF networks and increments together, no rougher than cars are, of a vehicle that stops."""
+        outlook = Outlook(lf + outlook.mean, outlook.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
+        return self._stopping(condition).imposed(outlook, end_shares)
+
+    def _alike(self, vectors: FloatArray) -> FloatArray:
+        """How alike increments at the tests and at other conditions are, shape (n_tests, n): they drift with speed."""
+        apart = self._vectors[:, None, 0] - vectors[:, 0]
+        correlation: FloatArray = np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2)
+        return correlation
+
+    def _pulses(self, condition: Condition, outlook: Outlook, widening: float, late: float) -> FloatArray:
+        """The mean pulse, then drawn ones with wider deviations: shape (1 + n_draws, 1250), m/s²."""
+        n_draws, n_times = self.config.n_draws, outlook.mean.size
+        dof = max(len(self._vectors), _LEAST_FREEDOM)
+        rng = np.random.default_rng(self.seed)
+        normal = outlook.draw(n_draws, rng)
+        # the variance itself is learned from a handful of tests: Student's t
+        factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
+        wide = widening + (late - widening) * self._stopping(condition).after_t0(outlook.mean)
+        deviations = factors[:, None] * normal * wide
+        outputs = outlook.mean + np.vstack([np.zeros(n_times), deviations])
+        return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
+
+    def predict(self, condition: Condition) -> Prediction:
+        """Predict the pulse at a condition, and where the increments were learned in closed form, draw pulses.
+
+        Raises
+        ------
+        NotFittedError
+            If called before ``fit``.
+        """
+        lf = super().predict(condition)
+        if not hasattr(self, "increments_"):
+            return lf
+        vector, check = condition.vector[None], self.calibration_
+        here = self._tangents_at(vector)
+        across = self._kernel_with(here, vector)[:, :, 0]
+        own = tangent_kernel(self.network_, here, here)[0, :, 0]
+        expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
+        with threadpool_limits(1):  # small matrices, and the same numbers whatever the machine has
+            outlook = self._stopped(condition, expected, self.increments_.outlook(across, own), self._end_shares)
+            pulses = self._pulses(condition, outlook, check.widening, check.late_widening or check.widening)
+        notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
+        return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
+
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """As the check of the band predicted them; empty after fine-tuning by Adam."""
+        self._require("network_")
+        return self.left_out_.expected(campaign.evenly_over_speed(MOST_TESTS)) if hasattr(self, "left_out_") else {}
+
+    @property
+    def state(self) -> dict[str, object]:
+        """What the LF training found, what was chosen for the fine-tuning and why, and how the band holds."""
+        if not hasattr(self, "network_"):
+            return {}
+        if self.config.tuning == "gradient":
+            curve = thinned(self.losses_.mean(axis=0)[:, None], ("train_loss",))
+            return {
+                **self.lf_.state,
+                "tuning_curve": curve,
+                "tuning_steps": self.losses_.shape[1],
+                "loss_on_tests_before": float(self.losses_[:, 0].mean()),
+                "loss_on_tests_after": float(self.losses_[:, -1].mean()),
+                "penalty": self.config.penalty,
+            }
+        return {
+            **self.lf_.state,
+            "penalty": self.increments_.penalty_,
+            "band_penalty": self.increments_.band_penalty_,
+            "rmse": {str(rho): round(error, 4) for rho, error in self.increments_.error_.items()},
+            "left_out_rmse": {str(rho): round(error, 4) for rho, error in self.increments_.left_out_error_.items()},
+            "left_out_delta_v_misfit": round(self._delta_v_misfit, 4),
+            "band_check": self.calibration_.state,
+        }

@@ -1,0 +1,186 @@
+"""Fine-tuning in closed form: what tests say about the increments θ_HF of an ensemble of LF networks (Eq. 6).
+
+The increments are small, so the networks are taken as linear in them: f(x, θ_LF + θ_HF) = f(x, θ_LF) + J(x) θ_HF. Then
+the penalty λ‖θ_HF‖² is a Gaussian prior, the penalised least squares have one exact minimum without any step of an
+optimiser, every left-out test's prediction comes from the same matrix, and the posterior over θ_HF is the band.
+All that enters is the tangent kernel J(x) J(x')ᵀ of :mod:`crashfuse.approaches.time_domain.tangent_kernel`
+(Jacot et al. 2018; as a posterior, Immer et al. 2021).
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from crashfuse.approaches.draws import draw
+from crashfuse.approaches.fitted_state import Learned
+from crashfuse.signals.pulse import FloatArray
+
+PENALTIES = (0.02, 0.06, 0.2, 0.6)
+"""Choices of ρ: variance of the increments that a single test has to itself, relative to those that all share.
+
+The weakest comes first and is preferred: the mean square likes a pulse that is shrunk to the CAE's, the rating
+does not.
+"""
+
+_UNRESOLVED = 0.01  # variance, relative to the kernel's mean: what a network cannot follow
+_FEW = 3  # tests: with fewer, leaving one out says nothing about ρ
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Outlook:
+    """What is expected at one condition before a test there: mean and covariance of the network's output."""
+
+    mean: FloatArray
+    covariance: FloatArray
+
+    def given(
+        self, functional: FloatArray, value: float, variance: float, where: FloatArray | None = None
+    ) -> "Outlook":
+        """What is left to expect once functional · output is known to be this value, give or take this variance.
+
+        Parameters
+        ----------
+        functional : ndarray, shape (n_times,)
+        value, variance : float
+        where : ndarray, shape (n_times,), optional
+            Weights from 0 to 1 of the output's deviations: where they are 0, everything is known already.
+        """
+        covariance = self.covariance if where is None else self.covariance * where[:, None] * where
+        with_all = covariance @ functional
+        gain = with_all / (functional @ with_all + variance)
+        mean = self.mean + gain * (value - functional @ self.mean)
+        return Outlook(mean, covariance - np.outer(gain, with_all))
+
+    def smoothed(self, n_steps: float) -> "Outlook":
+        """The same variance at each time, but deviations averaged over about this many steps (Gaussian, one sigma)."""
+        step = np.arange(self.mean.size)
+        average = np.exp(-0.5 * ((step[:, None] - step) / n_steps) ** 2)
+        smooth = average @ self.covariance @ average.T
+        scale = np.sqrt(np.diag(self.covariance) / np.diag(smooth))
+        return Outlook(self.mean, smooth * scale[:, None] * scale)
+
+    def draw(self, n_draws: int, rng: np.random.Generator) -> FloatArray:
+        """Draw whole functions: their deviations from the mean, shape (n_draws, n_times)."""
+        return draw(np.zeros_like(self.mean), self.covariance, n_draws, rng)
+
+
+class Increments:
+    """Increments that all tests share, and those each test has to itself (repeats differ): θ_HF + θ_k.
+
+    Minimises ‖θ_HF‖² + Σ‖θ_k‖² / ρ + misfit² / unresolved variance; ρ is taken from :data:`PENALTIES` by leaving out
+    each test in turn: the first whose error is within one standard error of the least. That is for the mean; the
+    covariance takes the ρ by which the errors on left-out tests were likeliest.
+
+    Attributes
+    ----------
+    penalty_, band_penalty_ : float
+        ρ of the mean and of the covariance.
+    left_out_ : tuple of Outlook
+        For each test, from all the others.
+    left_out_error_, error_ : dict of float to float
+        Root mean square error for each ρ, in units of the network's output: on each test as predicted from the others,
+        and as predicted with it.
+    """
+
+    def fit(self, kernel: FloatArray, misfit: FloatArray) -> Self:
+        """Learn from tests.
+
+        Parameters
+        ----------
+        kernel : ndarray, shape (n, n_times, n, n_times)
+            Tangent kernel between the tests.
+        misfit : ndarray, shape (n, n_times)
+            Measured minus LF prediction, in units of the network's output.
+        """
+        n, n_times = misfit.shape
+        unit = float(np.trace(kernel.reshape(n * n_times, -1))) / misfit.size
+        trials = {rho: _Trial.of(kernel / unit, misfit, rho) for rho in PENALTIES}
+        squares = {rho: np.mean(trial.errors**2, axis=1) for rho, trial in trials.items()}
+        self.left_out_error_ = {rho: float(np.sqrt(square.mean())) for rho, square in squares.items()}
+        misfits = {
+            rho: misfit.ravel() - kernel.reshape(misfit.size, -1) @ (trial.inverse @ misfit.ravel()) / unit
+            for rho, trial in trials.items()
+        }
+        self.error_ = {rho: float(np.sqrt(np.mean(left**2))) for rho, left in misfits.items()}
+        self.penalty_ = _one_standard_error(squares) if n >= _FEW else PENALTIES[0]
+        errors = trials[self.penalty_].errors
+        sizes = {rho: np.mean(errors**2 / trial.variances) for rho, trial in trials.items()}
+        surprise = {rho: np.log(sizes[rho] * trial.variances).mean() for rho, trial in trials.items()}
+        self.band_penalty_ = min(PENALTIES, key=lambda rho: float(surprise[rho])) if n >= _FEW else PENALTIES[-1]
+        band = trials[self.band_penalty_]
+        self._unit, self._size, self._inverse = unit, float(sizes[self.band_penalty_]), band.inverse
+        self._weights = trials[self.penalty_].inverse @ misfit.ravel()
+        resolved = band.covariances - _UNRESOLVED * np.eye(n_times)
+        self.left_out_ = tuple(Outlook(*pair) for pair in zip(misfit - errors, self._size * resolved, strict=True))
+        return self
+
+    def outlook(self, across: FloatArray, own: FloatArray) -> Outlook:
+        """What a new test would add to the LF prediction.
+
+        Parameters
+        ----------
+        across : ndarray, shape (n, n_times, n_times)
+            Tangent kernel between the tests and the new condition.
+        own : ndarray, shape (n_times, n_times)
+            That of the new condition with itself.
+        """
+        n_times = own.shape[0]
+        across, own = across.reshape(-1, n_times) / self._unit, own / self._unit
+        mean = across.T @ self._weights
+        covariance = (1 + self.band_penalty_) * own - across.T @ self._inverse @ across
+        return Outlook(mean, self._size * covariance)
+
+    def learned(self) -> Learned:
+        """All that :meth:`outlook` needs, and how the choice was made."""
+        values = {
+            "penalty": self.penalty_,
+            "band_penalty": self.band_penalty_,
+            "left_out_error": list(self.left_out_error_.items()),
+            "error": list(self.error_.items()),
+            "unit": self._unit,
+            "size": self._size,
+        }
+        return Learned(values, {"inverse": self._inverse, "weights": self._weights})
+
+    def restore(self, learned: Learned) -> Self:
+        """Take up what was learned before, but for the outlooks on tests left out."""
+        values, arrays = learned.values, learned.arrays
+        self.penalty_, self.band_penalty_ = values["penalty"], values["band_penalty"]
+        self.left_out_error_, self.error_ = dict(values["left_out_error"]), dict(values["error"])
+        self._unit, self._size = values["unit"], values["size"]
+        self._inverse, self._weights = arrays["inverse"], arrays["weights"]
+        return self
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Trial:
+    """One ρ: the inverse covariance of the tests, and error and covariance of each as predicted from the others."""
+
+    inverse: FloatArray
+    errors: FloatArray
+    covariances: FloatArray
+
+    @property
+    def variances(self) -> FloatArray:
+        """Of each test's output at each time, as predicted from the others, shape (n, n_times)."""
+        return np.diagonal(self.covariances, axis1=1, axis2=2)
+
+    @classmethod
+    def of(cls, kernel: FloatArray, misfit: FloatArray, rho: float) -> Self:
+        """Leave out blocks of the inverse (Rasmussen & Williams 2006, Eqs. 5.10–5.12, a whole test at a time)."""
+        n, n_times = misfit.shape
+        same_test = np.eye(n)[:, None, :, None]
+        covariance = (kernel * (1 + rho * same_test)).reshape(misfit.size, -1) + _UNRESOLVED * np.eye(misfit.size)
+        inverse = np.linalg.inv(covariance)
+        weights = (inverse @ misfit.ravel()).reshape(n, n_times)
+        blocks = inverse.reshape(n, n_times, n, n_times)
+        covariances = np.linalg.inv(np.array([blocks[i, :, i] for i in range(n)]))
+        return cls(inverse, np.einsum("itu,iu->it", covariances, weights), covariances)
+
+
+def _one_standard_error(squares: dict[float, FloatArray]) -> float:
+    """The first ρ whose mean square error on left-out tests exceeds the least by no more than its standard error."""
+    best = min(squares, key=lambda rho: float(squares[rho].mean()))
+    excess = {rho: square - squares[best] for rho, square in squares.items()}
+    return next(rho for rho, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(len(e)))

@@ -1,0 +1,180 @@
+"""The TCN before it has seen a test: an emulator of the CAE model in time (LF TCN, Eq. 5)."""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, Self, get_args
+
+import numpy as np
+import torch
+
+from crashfuse.approaches.base import Approach, Prediction
+from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.scaling import Scaling
+from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
+from crashfuse.approaches.time_domain.training_data import predict, train
+from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import FloatArray
+
+Device = Literal["auto", "cpu", "cuda"]
+DEVICES: tuple[Device, ...] = get_args(Device)
+
+_KIND = "lf_tcn"
+_MOST_POINTS = 200  # of a learning curve that is shown
+
+
+class TcnApproach(Approach):
+    """What both approaches share: hyperparameters, and a prediction once there is a network."""
+
+    network_: Tcn
+    scaling_: Scaling
+    _library: CaeLibrary
+
+    def __init__(
+        self, config: TcnConfig | None = None, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None
+    ) -> None:
+        self.config = TcnConfig.fast() if config is None else config
+        self.seed = seed
+        self.device = device
+        self.cache = cache
+
+    @property
+    def _device(self) -> torch.device:
+        there_is_cuda = torch.cuda.is_available()
+        if self.device == "cuda" and not there_is_cuda:
+            raise UsageError("There is no CUDA device that this torch can use; leave it to auto, or take cpu.")
+        return torch.device("cuda" if there_is_cuda and self.device != "cpu" else "cpu")
+
+    @property
+    def hardware(self) -> str:
+        """The kind of device it trains on: its numbers differ in the last bits."""
+        return self._device.type
+
+    def predict(self, condition: Condition) -> Prediction:
+        """Predict the pulse at a condition: the mean of the members.
+
+        Raises
+        ------
+        NotFittedError
+            If called before ``fit``.
+        """
+        self._require("network_")
+        accel = predict(self.network_, self.scaling_, condition.vector[None], self.config)[0]
+        return Prediction(condition, accel, notes=self._library.extrapolation(condition))
+
+
+class LfTcn(TcnApproach):
+    """The networks before they have seen a test: an emulator of the CAE model in time (Eq. 5).
+
+    Parameters
+    ----------
+    config : TcnConfig, optional
+        Default: :meth:`TcnConfig.fast`.
+    seed : int
+    device : {"auto", "cpu", "cuda"}
+        ``auto`` takes CUDA if there is any, else the CPU.
+    cache : Cache, optional
+        Where the trained networks are kept, by fingerprint of the CAE runs, settings of the training and seed; and
+        checkpoints of a training that has not come to its end.
+
+    Attributes
+    ----------
+    network_ : Tcn
+        All members of the ensemble.
+    scaling_ : Scaling
+    losses_ : ndarray, shape (n_members, n_epochs, 2)
+        Training and validation loss after each epoch.
+    """
+
+    name = "lf_tcn"
+    label = "LF TCN"
+
+    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+        """Train on the CAE runs of the campaign, or take networks from the cache; tests are not looked at.
+
+        Raises
+        ------
+        UsageError
+            If there are fewer than two runs.
+        Cancelled
+            If the watch was told to stop.
+        """
+        cae, config = campaign.cae, self.config
+        if len(cae) < 2:
+            raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
+        key = {"cae": cae.fingerprint, "config": config.lf_settings, "seed": self.seed, "device": self._device.type}
+        if self.cache is None:
+            return self._train(cae, key, watch)
+        if (entry := self.cache.get(_KIND, key)) is None:
+            with self.cache.alone(_KIND, key, watch):
+                if (entry := self.cache.get(_KIND, key)) is None:  # another process may have come first
+                    self._train(cae, key, watch)
+                    self.cache.put(_KIND, key, self.learned().arrays)
+                    return self
+        return self.restore(campaign, Learned({}, entry))
+
+    def _train(self, cae: CaeLibrary, key: Mapping[str, object], watch: Watch) -> Self:
+        vectors, accel = self._begin(cae)
+        checkpoint = Checkpoint(self.cache, {**key, "training": _KIND})
+        self.network_, self.losses_ = train(
+            vectors, accel, self.scaling_, self.config, self.seed, self._device, checkpoint, watch
+        )
+        return self
+
+    def _begin(self, cae: CaeLibrary) -> tuple[FloatArray, FloatArray]:
+        """Take up the library; returns conditions and pulses of the runs to learn from."""
+        most = self.config.max_runs or len(cae)
+        used = slice(None) if len(cae) <= most else np.linspace(0, len(cae) - 1, most).astype(int)
+        vectors, accel = cae.vectors[used], cae.accel_mps2[used]
+        self._library, self.scaling_ = cae, Scaling.of(vectors, accel, self.config)
+        return vectors, accel
+
+    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+        """Its pulse at every test: it has seen none."""
+        return {test.id: self.predict(test.condition).accel_mps2 for test in campaign.tests}
+
+    def learned(self) -> Learned:
+        """Weights and learning curves."""
+        self._require("network_")
+        return Learned({}, {**weights_of(self.network_), "losses": self.losses_})
+
+    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+        """Take up weights; the scaling is the library's."""
+        self._begin(campaign.cae)
+        weights = dict(learned.arrays)
+        self.losses_ = weights.pop("losses")
+        self.network_ = Tcn(self.config, torch.Generator()).to(self._device).eval()
+        load_weights(self.network_, weights)
+        return self
+
+    @property
+    def state(self) -> dict[str, object]:
+        """Number of members, weights and epochs, losses (mean of the members), device."""
+        if not hasattr(self, "network_"):
+            return {}
+        train_loss, validation_loss = self.losses_[:, -1].mean(axis=0).tolist()
+        return {
+            "members": self.network_.members,
+            "weights": self.network_.size,
+            "epochs": self.losses_.shape[1],
+            "train_loss": train_loss,
+            "validation_loss": validation_loss,
+            "device": self._device.type,
+            "learning_curve": thinned(self.losses_.mean(axis=0), ("train_loss", "validation_loss")),
+        }
+
+
+def thinned(curve: FloatArray, columns: Sequence[str]) -> dict[str, list[float]]:
+    """A learning curve of at most 200 epochs, as plain JSON values: ``epoch`` and each column.
+
+    Parameters
+    ----------
+    curve : ndarray, shape (n_epochs, n_columns)
+    columns : sequence of str
+    """
+    chosen = np.unique(np.linspace(0, len(curve) - 1, min(len(curve), _MOST_POINTS)).astype(int))
+    values = {name: [float(f"{value:.4g}") for value in curve[chosen, i]] for i, name in enumerate(columns)}
+    return {"epoch": (chosen + 1).tolist(), **values}

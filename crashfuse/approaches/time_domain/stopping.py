@@ -1,0 +1,85 @@
+"""Physics that a network in time does not know: a crash pulse has to bring its vehicle to a stop (Eq. 11)."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from crashfuse.approaches.time_domain.fine_tuning import Outlook
+from crashfuse.approaches.time_domain.network import TcnConfig
+from crashfuse.approaches.time_domain.scaling import Scaling
+from crashfuse.condition import Condition
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+
+SMOOTH_S = 0.0032  # increments deviate faster than cars do, and draws that wiggle too fast have too high a peak
+_LEAST_SPREAD = 0.02  # of the share of v0 that is left at the end of the record, however alike the tests
+_UNKNOWN_SPREAD = 0.1  # with a single test
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Stopping:
+    """What outputs of the networks mean for the velocity of a vehicle at one condition.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (n_times,)
+        Of the outputs.
+    change : ndarray, shape (n_times,)
+        Change of velocity over the record, as a share of v0, that each output means.
+    """
+
+    time_s: FloatArray
+    change: FloatArray
+
+    @classmethod
+    def of(cls, condition: Condition, scaling: Scaling, config: TcnConfig) -> Self:
+        """At a condition, for networks of this scaling and configuration."""
+        time = GRID_S[:: config.stride]
+        weights = np.full(time.size, time[1])
+        weights[[0, -1]] /= 2
+        return cls(time, weights * scaling.outputs(condition.vector[None], config) / condition.speed_mps)
+
+    def end_share(self, outputs: FloatArray) -> float:
+        """Share of v0 that is left at the end of the record; below 0 after a rebound."""
+        return float(1 + self.change @ outputs)
+
+    def after_t0(self, outputs: FloatArray) -> FloatArray:
+        """Weights that rise from 0 to 1 where these outputs have brought the vehicle to its stop, shape (n_times,)."""
+        share_left = 1 + np.cumsum(self.change * outputs)
+        t0 = self.time_s[np.argmax(share_left <= 0)] if (share_left <= 0).any() else self.time_s[-1]
+        after: FloatArray = 1 - np.exp(-np.maximum(self.time_s - t0, 0.0) / SMOOTH_S)
+        return after
+
+    def imposed(self, outlook: Outlook, end_shares: FloatArray) -> Outlook:
+        """The output that is expected of a vehicle that stops and bounces back about as those in the tests did.
+
+        Eq. 11 over the whole record, taken as one more measurement: acceleration must integrate to ΔV.
+
+        Parameters
+        ----------
+        outlook : Outlook
+        end_shares : ndarray, shape (n_tests,)
+            Shares of v0 that were left at the end of the tests; without any, nothing is imposed.
+        """
+        if not len(end_shares):
+            return outlook
+        spread = max(float(end_shares.std(ddof=1)), _LEAST_SPREAD) if len(end_shares) > 1 else _UNKNOWN_SPREAD
+        known = self.change, float(end_shares.mean()) - 1, spread**2
+        stopped = outlook.given(*known)
+        after = self.after_t0(outlook.mean)
+        if not after.any():
+            return stopped
+        # The expected pulse brings the vehicle to its stop, so only what comes after that is put right.
+        return Outlook(outlook.given(*known, where=after).mean, stopped.covariance)
+
+
+def stopping_notes(condition: Condition, pulse_mps2: FloatArray, lf_mps2: FloatArray) -> tuple[str, ...]:
+    """A sentence if a predicted pulse does not stop the vehicle although the CAE model's does."""
+    motion = kinematics(np.array([pulse_mps2, lf_mps2]), condition.speed_mps, DT_S)
+    if not (np.isnan(motion.t0_s[0]) and np.isfinite(motion.t0_s[1])):
+        return ()
+    left = motion.velocity_mps[0].min() / condition.speed_mps
+    return (
+        f"The predicted pulse does not stop the vehicle within {GRID_S[-1] * 1e3:.0f} ms, as the CAE model's does: "
+        f"{left:.1%} of the impact speed is left.",
+    )

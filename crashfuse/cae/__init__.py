@@ -1,0 +1,1 @@
+"""The CAE model at any condition: its runs, and an emulator between them."""

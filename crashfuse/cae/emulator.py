@@ -1,0 +1,188 @@
+"""What the CAE model would give at a condition where no run was made: an emulator trained on all runs.
+
+It takes the pulses, divided by their speeds so that slow crashes count as much as fast ones, apart into principal modes
+in time. How much of a mode a condition asks for is a Gaussian process over (v0, front weight, rear weight): the modes
+share one Matérn-5/2 correlation, and each has its own variance and its own noise, so that a mode that does not vary
+smoothly with the condition is averaged, not interpolated.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from scipy.optimize import minimize
+from sklearn.gaussian_process.kernels import Matern
+from threadpoolctl import threadpool_limits
+
+from crashfuse.campaign import CaeLibrary
+from crashfuse.condition import Condition
+from crashfuse.errors import DataError, Problem
+from crashfuse.execution.cache import Entry
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import FloatArray
+
+_NOISE = np.geomspace(1e-6, 2.0, 30)  # a mode's noise variance over its signal variance: the values tried
+_LOG_NOISE_PRIOR = -0.5 * (np.log(_NOISE / 1e-3) / 3.0) ** 2
+_LOG_LENGTH_PRIOR = np.log([0.5, 3.0, 3.0])  # speed decides more than weight
+_LEAST_MPS = 0.5  # slower runs count as if they had this speed: there is nothing left of their pulses
+_LIKE = 30  # runs whose errors stand for that at a condition near them
+_LEARNED = (
+    *("centre_", "length_scales_", "inputs_", "mean_", "modes_", "noise_", "residuals_", "speed_range_", "spread_"),
+    "weights_",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class EmulatorConfig:
+    """How the emulator is trained.
+
+    Parameters
+    ----------
+    modes : int
+        Most principal modes to keep.
+    max_runs : int
+        Most runs to learn from: the exact process takes time with their cube. More are thinned out evenly.
+    max_length_runs : int
+        Most runs to find the length scales from.
+    """
+
+    modes: int = 40
+    max_runs: int = 1200
+    max_length_runs: int = 300
+
+
+class Emulator:
+    """Pulses over conditions, learned from the runs of a library.
+
+    Parameters
+    ----------
+    config : EmulatorConfig
+
+    Attributes
+    ----------
+    length_scales_ : ndarray, shape (3,)
+        Of v0, front and rear weight, in standard deviations of the library.
+    noise_ : ndarray, shape (n_modes,)
+        Noise variance of each mode over its signal variance.
+    residuals_ : ndarray, shape (n_runs, n_modes)
+        What each run is more than what all others predict for it, length scales and noise kept.
+    """
+
+    def __init__(self, config: EmulatorConfig = EmulatorConfig()) -> None:
+        self.config = config
+
+    def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
+        """Learn from all runs of the library.
+
+        Raises
+        ------
+        DataError
+            If there is no run.
+        Cancelled
+            If the watch was told to stop.
+        """
+        if not len(cae):
+            raise DataError(Problem("CAE runs", "at least one run", "none", "add CAE runs to the campaign"))
+        watch.report("CAE emulator", 0, 1)
+        used = np.linspace(0, len(cae) - 1, min(len(cae), self.config.max_runs)).astype(int)
+        vectors = cae.vectors[used]
+        self.speed_range_ = np.array([vectors[:, 0].min(), vectors[:, 0].max()])
+        self.centre_ = vectors.mean(axis=0)
+        self.spread_ = np.where((spread := vectors.std(axis=0)) > 0, spread, 1.0)
+        self.inputs_ = (vectors - self.centre_) / self.spread_
+        pulses = cae.accel_mps2[used] / np.maximum(vectors[:, :1], _LEAST_MPS)
+        self.mean_ = pulses.mean(axis=0)
+        with threadpool_limits(1):
+            self._fit_modes(pulses - self.mean_)
+        watch.report("CAE emulator", 1, 1)
+        return self
+
+    def _fit_modes(self, pulses: FloatArray) -> None:
+        left, size, modes = np.linalg.svd(pulses, full_matrices=False)
+        keep = min(self.config.modes, int((size > 1e-6 * size[0]).sum()) if size[0] > 0 else 0)
+        scale = size[:keep] / np.sqrt(len(pulses))
+        scores = left[:, :keep] * np.sqrt(len(pulses))  # each of unit variance
+        some = np.linspace(0, len(pulses) - 1, min(len(pulses), self.config.max_length_runs)).astype(int)
+        x, y = self.inputs_[some], scores[some]
+
+        def loss(log_length: FloatArray) -> float:
+            evidence = _evidence(x, y, np.exp(log_length)).max(axis=1).sum()
+            return float(-evidence + 0.5 * np.sum((log_length - _LOG_LENGTH_PRIOR) ** 2))
+
+        best = minimize(loss, _LOG_LENGTH_PRIOR, method="Nelder-Mead", options={"maxfev": 80, "xatol": 0.05})
+        self.length_scales_ = np.exp(best.x)
+        self.noise_ = _NOISE[_evidence(x, y, self.length_scales_).argmax(axis=1)]
+        values, vectors = _eigen(self.inputs_, self.length_scales_)
+        inverse = 1 / (values[:, None] + self.noise_)
+        weights = vectors @ ((vectors.T @ scores) * inverse)
+        self.weights_ = weights * scale  # of the run's correlations, shape (n_runs, n_modes)
+        self.residuals_ = (weights / (vectors**2 @ inverse)) * scale  # of each run, had it not been learned
+        self.modes_ = modes[:keep]
+
+    def predict(self, condition: Condition) -> FloatArray:
+        """Predict the CAE pulse at a condition.
+
+        Beyond the library the pulse at its border is taken: a Gaussian process forgets what it has learned out there.
+        Beyond its speeds that pulse is scaled with the speed, as the change of velocity is.
+
+        Parameters
+        ----------
+        condition : Condition
+
+        Returns
+        -------
+        ndarray, shape (1250,)
+            Acceleration in m/s² on the study grid.
+        """
+        x = (condition.vector[None] - self.centre_) / self.spread_
+        x = np.clip(x, self.inputs_.min(axis=0), self.inputs_.max(axis=0))
+        correlation = Matern(self.length_scales_, nu=2.5)(x, self.inputs_)
+        pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
+        return np.asarray(pulse[0] * max(condition.speed_mps, _LEAST_MPS))
+
+    def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
+        """Draw what a run at a condition might be more than :meth:`predict`: what like runs were, left out in turn.
+
+        Parameters
+        ----------
+        condition : Condition
+        n : int
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        ndarray, shape (n, 1250)
+            Whole curves in m/s², each of either sign.
+        """
+        x = (condition.vector - self.centre_) / self.spread_
+        away = np.sum(((self.inputs_ - x) / self.length_scales_) ** 2, axis=1)
+        chosen = rng.choice(np.argsort(away, kind="stable")[:_LIKE], size=n)
+        signs = rng.choice([-1.0, 1.0], size=(n, 1))
+        return np.asarray(max(condition.speed_mps, _LEAST_MPS) * signs * (self.residuals_[chosen] @ self.modes_))
+
+    def arrays(self) -> Entry:
+        """What was learned, for the cache."""
+        return {name: getattr(self, name) for name in _LEARNED}
+
+    def restore(self, learned: Entry) -> None:
+        """Take up what was learned before."""
+        for name in _LEARNED:
+            setattr(self, name, learned[name])
+
+
+def _eigen(x: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, FloatArray]:
+    values, vectors = np.linalg.eigh(Matern(length_scales, nu=2.5)(x))
+    return np.maximum(values, 0.0), vectors
+
+
+def _evidence(x: FloatArray, y: FloatArray, length_scales: FloatArray) -> FloatArray:
+    """Log marginal likelihood of each mode (rows) at each noise ratio (columns), its variance at the optimum.
+
+    In the eigenvectors of the correlation matrix noise only adds to the eigenvalues: all ratios cost one decomposition.
+    """
+    values, vectors = _eigen(x, length_scales)
+    variance = values[:, None] + _NOISE
+    misfit = ((vectors.T @ y) ** 2).T @ (1 / variance)
+    n = len(x)
+    evidence: FloatArray = -0.5 * (n * np.log(misfit / n) + np.log(variance).sum(axis=0)) + _LOG_NOISE_PRIOR
+    return evidence

@@ -1,0 +1,162 @@
+"""The CAE model at any condition, over time and over displacement: the run made there, else the emulator."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from crashfuse.cae.emulator import Emulator
+from crashfuse.campaign import CaeLibrary
+from crashfuse.condition import Condition
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.loading import LoadingPhase, loading_phase
+from crashfuse.signals.pulse import FloatArray
+
+_FASTER = 1.1  # from one crash to the next faster one that continues its loading curve
+_JOIN_M = 0.03  # displacement over which a step between the two fades
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CaePulse:
+    """A pulse of the CAE model, and where it comes from: ``run C0001`` or ``emulator``."""
+
+    accel_mps2: FloatArray
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class LoadingCurve:
+    """The CAE model over displacement at one condition, G_a(s, x) of Eq. 10.
+
+    Parameters
+    ----------
+    own : LoadingPhase
+        Of the CAE pulse at this condition.
+    faster : sequence of LoadingPhase
+        Of ever faster crashes at these weights: they tell how the curve goes on where a vehicle crushes further.
+    """
+
+    own: LoadingPhase
+    faster: Sequence[LoadingPhase] = ()
+
+    def accel_at(self, displacement_m: FloatArray, end_share: float = 0.0) -> FloatArray:
+        """Acceleration at displacements.
+
+        Parameters
+        ----------
+        displacement_m : ndarray, shape (n,)
+        end_share : float
+            Each pulse is followed until its vehicle has slowed to this share of its impact speed (0: until it stops).
+            From there on the next faster one is, joined without a jump, and after the last the curve is level.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            In m/s².
+        """
+        reached = self.own.displacement_at_speed(end_share)
+        level = float(self.own.accel_at(np.array(reached)))
+        curve = np.where(displacement_m < reached, self.own.accel_at(displacement_m), level)
+        for phase in self.faster:
+            if (end := phase.displacement_at_speed(end_share)) <= reached:
+                continue
+            beyond = displacement_m > reached
+            step = level - phase.accel_at(np.array(reached))
+            at = np.minimum(displacement_m[beyond], end)
+            curve[beyond] = phase.accel_at(at) + step * np.exp(-(at - reached) / _JOIN_M)
+            level = float(phase.accel_at(np.array(end)) + step * np.exp(-(end - reached) / _JOIN_M))
+            reached = end
+        return curve
+
+    def stopping_accel(self, speed_share: FloatArray, end_share: float) -> FloatArray:
+        """What the CAE vehicle does in addition while it comes to its stop, at shares v/v0 of its impact speed.
+
+        Force falls or rises there with the rate of crushing, over hardly any displacement; a vehicle that crushes
+        further or less stops elsewhere, but it stops. Added to ``accel_at(s, end_share)`` this gives the CAE pulse.
+
+        Parameters
+        ----------
+        speed_share : ndarray, shape (n,)
+        end_share : float
+            Above this share it is zero.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            In m/s².
+        """
+        own = self.own
+        extra = own.accel_mps2 - self.accel_at(own.displacement_m, end_share)
+        order = np.argsort(own.speed_share)
+        extra = np.interp(speed_share, own.speed_share[order], extra[order])
+        return np.where(speed_share < end_share, extra, 0.0)
+
+
+class CaeModel:
+    """The CAE model at any condition.
+
+    Parameters
+    ----------
+    cache : Cache, optional
+        Where the trained emulator is kept, by the fingerprint of the library.
+
+    Attributes
+    ----------
+    cae_ : CaeLibrary
+    emulator_ : Emulator
+    """
+
+    def __init__(self, *, cache: Cache | None = None) -> None:
+        self.cache = cache
+
+    def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
+        """Train the emulator, or take it from the cache.
+
+        Raises
+        ------
+        DataError
+            If there is no run.
+        Cancelled
+            If the watch was told to stop.
+        """
+        self.cae_ = cae
+        self.emulator_ = Emulator()
+        key = {"cae": cae.fingerprint, "config": self.emulator_.config}
+        if self.cache and (entry := self.cache.get("emulator", key)) is not None:
+            self.emulator_.restore(entry)
+            return self
+        self.emulator_.fit(cae, watch)
+        if self.cache:
+            self.cache.put("emulator", key, self.emulator_.arrays())
+        return self
+
+    def pulse(self, condition: Condition) -> CaePulse:
+        """Give the pulse of the run made at this very condition, else the emulator's."""
+        run = self.cae_.paired_run(condition)
+        if run is None:
+            return CaePulse(self.emulator_.predict(condition), "emulator")
+        return CaePulse(self.cae_.accel_mps2[run].astype(np.float64), f"run {self.cae_.ids[run]}")
+
+    def loading_curve(self, condition: Condition) -> LoadingCurve:
+        """Give the CAE model over displacement, with what the emulator says up to the library's fastest run."""
+        own = loading_phase(self.pulse(condition).accel_mps2, condition.speed_mps)
+        top = self.emulator_.speed_range_[1]
+        speed, faster = condition.speed_mps, []
+        while speed < top:
+            speed = min(_FASTER * speed, top)
+            faster.append(loading_phase(self.emulator_.predict(replace(condition, speed_mps=speed)), speed))
+        return LoadingCurve(own, tuple(faster))
+
+    def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
+        """Draw what the CAE model might be more than :meth:`pulse`, shape (n, 1250); nothing where a run was made."""
+        if self.cae_.paired_run(condition) is not None:
+            return np.zeros((n, self.cae_.accel_mps2.shape[1]))
+        return self.emulator_.errors(condition, n, rng)
+
+    def notes(self, condition: Condition) -> tuple[str, ...]:
+        """Say where the pulse at a condition comes from, and which inputs lie outside the library."""
+        source = self.pulse(condition).source
+        origin = "CAE pulse: from the emulator." if source == "emulator" else f"CAE pulse: paired {source}."
+        return (origin, *self.cae_.extrapolation(condition))

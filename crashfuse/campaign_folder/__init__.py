@@ -1,0 +1,1 @@
+"""Our own form of the data, the campaign folder: read, checked and written."""

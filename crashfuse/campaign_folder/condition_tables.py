@@ -1,0 +1,265 @@
+"""Condition tables: ``tests.csv`` and ``cae.csv``, one row a test or run."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from crashfuse.condition import Condition
+from crashfuse.errors import DataError, Problem, printable, shortened
+from crashfuse.files.archive import name_trouble
+from crashfuse.files.csv_text import read_rows
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import MASS, SPEED
+
+_QUANTITIES: dict[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
+_SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: no crash, no vehicle
+_LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg: no vehicle, so another unit
+_MOST_PROBLEMS = 20  # of one kind in one column: the rest is counted, not listed
+_MOST_CANDIDATES = 1000  # each is a prediction
+_LONGEST_FACTOR = 200
+_FORMULA = ("=", "+", "-", "@")
+
+RowNumbers = npt.NDArray[np.integer[Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionTable:
+    """The rows of a condition table, each with its number in the file, where the header is row 1."""
+
+    ids: tuple[str, ...]
+    conditions: tuple[Condition, ...]
+    rows: tuple[int, ...]
+
+
+def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
+    """Read a condition table, converting units by the endings of the column names.
+
+    Parameters
+    ----------
+    path : Path
+    standstill_allowed : bool
+        Whether a speed of 0 is a valid condition (a CAE run may start there, a test may not).
+    problems : list of Problem
+        What is wrong is appended here.
+
+    Returns
+    -------
+    ConditionTable or None
+        None if the table cannot be used.
+    """
+    before = len(problems)
+    frame = _read_text(path, problems)
+    if frame is None:
+        return None
+    names = list(map(str, frame.columns))
+    columns = {name: find_column(names, name, units, path.name, problems) for name, units in _QUANTITIES.items()}
+    if "id" not in names:
+        found, advice = f"the columns {listed(names)}", "name each row in a column id"
+        problems.append(Problem(path.name, "a column id", found, advice))
+    if len(problems) > before:
+        return None
+    frame["id"] = frame["id"].str.strip()
+    _check_ids(frame["id"], path.name, problems)
+    values = {}
+    for name, pair in columns.items():
+        assert pair is not None  # noqa: S101 - find_column has reported it otherwise
+        column, factor = pair
+        numbers = not_a_number(
+            frame[column], column, path.name, frame.index.to_numpy(), problems, _LARGEST[name] / factor
+        )
+        smallest = 0.0 if standstill_allowed and name == "speed" else _SMALLEST[name] / factor
+        _check_low(numbers, smallest, frame[column], path.name, problems)
+        values[name] = factor * numbers
+    used = {"id", *(column for column, _ in filter(None, columns.values()))}
+    extra = [name for name in names if name not in used]
+    _check_factors(frame[extra], path.name, problems)
+    if len(problems) > before:
+        return None
+    factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=str).tolist()]
+    rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
+    conditions = tuple(Condition(float(v), float(front), float(rear), fac) for v, front, rear, fac in rows)
+    return ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index))
+
+
+def sound_ids(path: Path) -> tuple[str, ...]:
+    """Ids in a condition table that may be wrong elsewhere, as far as they could be those of pulses."""
+    frame = _read_text(path, [])
+    if frame is None or "id" not in frame:
+        return ()
+    return tuple(run_id for run_id in dict.fromkeys(frame["id"].str.strip()) if id_trouble(run_id) is None)
+
+
+def find_column(
+    columns: Sequence[str], quantity: str, units: Mapping[str, float], where: str, problems: list[Problem]
+) -> tuple[str, float] | None:
+    """Find the one column of a quantity and its factor to SI by its ending; a problem is appended otherwise."""
+    wanted = {f"{quantity}_{unit}": factor for unit, factor in units.items()}
+    found = [column for column in columns if column in wanted]
+    if len(found) == 1:
+        return found[0], wanted[found[0]]
+    expected = f"one column {' or '.join(wanted)}"
+    if found:
+        problems.append(Problem(where, expected, listed(found), "keep one of them"))
+        return None
+    alike = [column for column in columns if column.startswith(quantity)]
+    if alike:
+        problems.append(Problem(where, expected, listed(alike), "let the column's name end in its unit"))
+    else:
+        problems.append(Problem(where, expected, f"the columns {listed(columns)}", "add the column"))
+    return None
+
+
+def not_a_number(
+    cells: pd.Series, column: str, where: str, rows: RowNumbers, problems: list[Problem], largest: float
+) -> FloatArray:
+    """Convert cells to float64; what is no number up to the largest that makes sense is a problem, and NaN.
+
+    Each cell is a problem of its own, but for empty ones under each other.
+    """
+    numbers = _as_numbers(cells)
+    bad = np.flatnonzero(~(np.abs(numbers) <= largest))
+    wrong, rows_of = cells.iloc[bad], rows[bad]
+    empty = _are_empty(wrong)
+    starts = np.flatnonzero(np.r_[True, (np.diff(rows_of) > 1) | ~empty[1:] | ~empty[:-1]][: bad.size])
+    stops = np.r_[starts[1:], bad.size][:_MOST_PROBLEMS]
+    for start, stop in zip(starts, stops, strict=False):
+        row, last = int(rows_of[start]), int(rows_of[stop - 1])
+        expected = f"a number up to {largest:.3g}" if np.isfinite(numbers[bad[start]]) else "a number"
+        found, advice = repr(printable(str(wrong.iloc[start]).strip(), 60)), "correct the cell"
+        if empty[start]:
+            found, advice = "an empty cell", "fill it in"
+        if stop - start > 1:
+            found, advice = f"rows {row}–{last}, empty", "fill them in"
+        problems.append(Problem(where, expected, found, advice, column, row))
+    _count_rest(bad.size, int(stops[-1]), "cells that are no number", where, column, problems)
+    numbers[bad] = np.nan
+    return numbers
+
+
+def _are_empty(cells: pd.Series) -> npt.NDArray[np.bool_]:
+    if isinstance(cells.dtype, pd.CategoricalDtype):  # each text once, however many cells have it
+        of_texts = _are_empty(pd.Series(cells.cat.categories, dtype=cells.cat.categories.dtype))
+        by_code: npt.NDArray[np.bool_] = np.append(of_texts, True)[cells.cat.codes]
+        return by_code
+    return np.array([pd.isna(cell) or (isinstance(cell, str) and not cell.strip()) for cell in cells], dtype=bool)
+
+
+def _as_numbers(cells: pd.Series) -> FloatArray:
+    if isinstance(cells.dtype, pd.CategoricalDtype):  # text in Parquet
+        values = _as_numbers(pd.Series(cells.cat.categories))
+        by_code: FloatArray = np.append(values, np.nan)[cells.cat.codes]
+        return by_code
+    if pd.api.types.is_bool_dtype(cells.dtype):
+        return np.full(len(cells), np.nan)
+    return np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
+
+
+def read_candidates(path: Path) -> tuple[Condition, ...]:
+    """Read conditions that could be tested, from a table of the form of ``tests.csv``.
+
+    Raises
+    ------
+    DataError
+        With every problem of the table.
+    """
+    problems: list[Problem] = []
+    table = read_conditions(path, standstill_allowed=False, problems=problems)
+    if table is None or problems:
+        raise DataError(shortened(problems))
+    if (count := len(table.conditions)) > _MOST_CANDIDATES:
+        expected, advice = f"at most {_MOST_CANDIDATES} candidates", "leave out those that are like others"
+        raise DataError(Problem(path.name, expected, f"{count}", advice))
+    return table.conditions
+
+
+def _read_text(path: Path, problems: list[Problem]) -> pd.DataFrame | None:
+    """All cells as text, indexed by their row in the file; None, and a problem, if it is no such table."""
+    if not path.exists():
+        problems.append(Problem(path.name, "this file", "no such file", "add it"))
+        return None
+    try:
+        names, rows, numbers = read_rows(path, path.name)
+    except DataError as error:
+        problems.extend(error.problems)
+        return None
+    if not rows:
+        problems.append(Problem(path.name, "a header and at least one row", "an empty table", "add the rows"))
+        return None
+    twice = [name for name, count in Counter(names).items() if name and count > 1]
+    if twice:
+        problems.append(Problem(path.name, "each column once", f"{listed(twice)} twice", "keep one of them"))
+        return None
+    kept = [at for at, name in enumerate(names) if name]
+    cells = pd.DataFrame([[row[at] for at in kept] for row in rows], columns=[names[at] for at in kept], index=numbers)
+    return cells.astype(str)
+
+
+def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> None:
+    seen: set[str] = set()
+    count = 0
+    for row, run_id in ids.items():
+        trouble = id_trouble(run_id)
+        if trouble is None and run_id in seen:
+            trouble = ("each id once", f"{printable(run_id, 60)!r} a second time", "rename or remove the row")
+        if trouble is not None:
+            count += 1
+            if count <= _MOST_PROBLEMS:
+                problems.append(Problem(where, *trouble, "id", row))
+        seen.add(run_id)
+    _count_rest(count, _MOST_PROBLEMS, "ids that are not fit", where, "id", problems)
+
+
+def id_trouble(run_id: str) -> tuple[str, str, str] | None:
+    """What is expected, found and advised where an id could not name a file, or a spreadsheet would compute it."""
+    if not run_id:
+        return "an id in each row", "an empty cell", "name the test or run"
+    found = repr(printable(run_id, 60))
+    unsafe = ("", "a slash", "") if "/" in run_id else name_trouble(run_id)
+    if unsafe is not None:
+        return "an id that can name a file", f"{found}, {unsafe[1]}", "rename it"
+    if run_id.startswith(_FORMULA):
+        return "an id that no spreadsheet takes for a formula", found, "let it begin with a letter or a digit"
+    return None
+
+
+def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> None:
+    """Refuse text that would not be shown as it is: control characters, formulas, pages of it."""
+    expected = f"plain text of at most {_LONGEST_FACTOR} characters, no formula"
+    for column in cells.columns:
+        texts = [(1, column), *cells[column].items()]
+        bad = [
+            (row, text)
+            for row, text in texts
+            if len(text) > _LONGEST_FACTOR or printable(text) != text or text.startswith(("=", "@"))
+        ]
+        shown = printable(column, 60)
+        for row, text in bad[:_MOST_PROBLEMS]:
+            problems.append(Problem(where, expected, repr(printable(text, 60)), "correct the cell", shown, row))
+        _count_rest(len(bad), _MOST_PROBLEMS, "cells that are no such text", where, shown, problems)
+
+
+def _check_low(numbers: FloatArray, smallest: float, cells: pd.Series, where: str, problems: list[Problem]) -> None:
+    low = np.flatnonzero(numbers < smallest)
+    for index in low[:_MOST_PROBLEMS]:
+        expected = f"a number of at least {smallest:.3g}"
+        found, row = cells.iloc[index], int(cells.index[index])
+        problems.append(Problem(where, expected, found, "correct the cell", str(cells.name), row))
+    _count_rest(low.size, _MOST_PROBLEMS, "numbers that are too low", where, str(cells.name), problems)
+
+
+def _count_rest(count: int, told: int, what: str, where: str, column: str, problems: list[Problem]) -> None:
+    if count > told:
+        found = f"{count - told} more {what}" if count - told > 1 else f"1 more of the {what}"
+        problems.append(Problem(where, "none", found, "correct them too", column))
+
+
+def listed(names: Iterable[str]) -> str:
+    """Name some columns, a dozen at most."""
+    shown = [printable(name, 40) for name in names]
+    return ", ".join(shown[:12]) + (f" and {len(shown) - 12} more" if len(shown) > 12 else "")

@@ -1,0 +1,108 @@
+"""The campaign folder: settings, both condition tables, both sources of pulses, checked as a whole."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.campaign_folder.condition_tables import ConditionTable, read_conditions, sound_ids
+from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units
+from crashfuse.campaign_folder.pulse_files import PulseSource
+from crashfuse.campaign_folder.settings import read_settings
+from crashfuse.errors import DataError, Problem, shortened
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+
+_FEWEST_RUNS = 10
+
+
+def load_campaign(folder: str | Path) -> Campaign:
+    """Read and check a campaign folder.
+
+    Parameters
+    ----------
+    folder : str or Path
+        With ``tests.csv`` and ``cae.csv``, the pulses of each as ``<source>/<id>.csv`` (or ``.parquet``) or
+        ``<source>_pulses.parquet`` (or ``.csv``), and optionally ``campaign.toml``.
+
+    Returns
+    -------
+    Campaign
+        All pulses on the study grid, m/s².
+
+    Raises
+    ------
+    DataError
+        With every problem of the folder, not only the first.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        found, advice = "no such folder", "check the path"
+        if folder.exists():
+            found, advice = "a file", "name the folder that it lies in; unpack it first if it is a zip"
+        raise DataError(Problem(str(folder), "a campaign folder", found, advice))
+    problems: list[Problem] = []
+    warnings: list[str] = []
+    settings = read_settings(folder, problems, warnings)
+    tables: dict[str, ConditionTable] = {}
+    pulses: dict[str, FloatArray] = {}
+    ends_s: dict[str, float] = {}
+    for source in ("tests", "cae"):
+        path = folder / f"{source}.csv"
+        table = read_conditions(path, standstill_allowed=source == "cae", problems=problems)
+        reader = PulseSource(folder, source, settings.channel_filter_class)
+        if table is None:
+            if ids := sound_ids(path):  # then what is wrong with their pulses can be said as well
+                reader.read(ids)
+                problems.extend(reader.problems)
+            continue
+        tables[source], pulses[source] = table, reader.read(table.ids)
+        if not reader.problems:
+            check_physics(source, table, pulses[source], reader.problems)
+            check_ends(source, table, pulses[source], reader)
+            check_band(source, pulses[source], reader.warnings)
+        if source == "tests":
+            ends_s = reader.ends_s
+        problems.extend(reader.problems)
+        warnings.extend(_shortened(reader.warnings))
+    _check_counts(tables, problems, warnings)
+    if problems:
+        raise DataError(shortened(problems))
+    check_units(tables, pulses, warnings)
+    _check_factors(tables["tests"], warnings)
+    cae = CaeLibrary(tables["cae"].ids, tables["cae"].conditions, pulses["cae"].astype(np.float32, copy=False))
+    cae.accel_mps2.flags.writeable = False
+    tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
+    crash_tests = tuple(
+        CrashTest(test_id, condition, Pulse(GRID_S, accel), ends_s.get(test_id, math.inf))
+        for test_id, condition, accel in tests
+    )
+    cfc = settings.channel_filter_class or settings.filtered_with
+    return Campaign(settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc)
+
+
+def _check_counts(tables: dict[str, ConditionTable], problems: list[Problem], warnings: list[str]) -> None:
+    if "tests" in tables and len(tables["tests"].ids) == 1:
+        warnings.append(
+            "Only one test: nothing can be left out, so nothing can be checked; predictions can be made, but how much "
+            "tests differ from each other is assumed."
+        )
+    if "cae" in tables and len(tables["cae"].ids) < _FEWEST_RUNS:
+        found = str(len(tables["cae"].ids))
+        problems.append(Problem("cae.csv", f"at least {_FEWEST_RUNS} CAE runs", found, "add runs"))
+
+
+def _check_factors(tests: ConditionTable, warnings: list[str]) -> None:
+    """Warn of tests that lack what others are told apart by."""
+    known = [dict(condition.factors) for condition in tests.conditions]
+    for name in dict.fromkeys(name for factors in known for name, value in factors.items() if value):
+        lacking = [test for test, factors in zip(tests.ids, known, strict=True) if not factors.get(name)]
+        if lacking:
+            named = ", ".join(lacking[:5]) + " …" * (len(lacking) > 5)
+            warnings += [f"tests.csv, {name}: not given for {named}; fill it in, for tests may differ by it."]
+
+
+def _shortened(warnings: list[str], most: int = 5) -> list[str]:
+    if len(warnings) <= most:
+        return warnings
+    return [*warnings[:most], f"{warnings[0].partition(':')[0].split(',')[0]}: {len(warnings) - most} more like these."]

@@ -1,0 +1,81 @@
+"""A record as it stands in a file: time, acceleration and the rows they came from, and what makes it unfit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from crashfuse.errors import Problem
+from crashfuse.signals.pulse import GRID_S, FloatArray
+from crashfuse.units import MS
+
+_SLOWEST_S = 1e-3
+_SHORTEST_S = 60e-3  # the longest rated window by default
+_UNEVEN = 0.02  # of a step: what rounding the times to five digits can do
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Signal:
+    """Samples of a record as they stand in a file.
+
+    Attributes
+    ----------
+    time_s, accel_mps2 : ndarray, shape (n,)
+    rows : ndarray of int, shape (n,)
+        The file's row of each sample.
+    """
+
+    time_s: FloatArray
+    accel_mps2: FloatArray
+    rows: npt.NDArray[np.integer[Any]]
+
+    def __getitem__(self, part: slice) -> "Signal":
+        return Signal(self.time_s[part], self.accel_mps2[part], self.rows[part])
+
+
+def joined(parts: Sequence[Signal]) -> Signal:
+    """Put the parts of a record one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    columns = ([getattr(part, name) for part in parts] for name in ("time_s", "accel_mps2", "rows"))
+    return Signal(*map(np.concatenate, columns))
+
+
+def time_trouble(signal: Signal, where: str) -> Problem | None:
+    """Say what makes the time of a record unfit, if anything."""
+    time, rows = signal.time_s, signal.rows
+    if time.size < 2:
+        return Problem(where, "at least two samples", f"{time.size}", "export the whole record", "time")
+    steps = np.diff(time)
+    if steps.min() <= 0:
+        at = int(np.argmax(steps <= 0))
+        found = f"{time[at + 1] / MS:.6g} ms after {time[at] / MS:.6g} ms"
+        expected, advice = "time that increases from row to row", "sort the rows by time"
+        return Problem(where, expected, found, advice, "time", int(rows[at + 1]))
+    step = np.median(steps)
+    off = np.abs(steps - step)
+    if off.max() > _UNEVEN * step:
+        at = int(off.argmax())
+        found = f"a step of {steps[at] / MS:.4g} ms among steps of {step / MS:.4g} ms"
+        return Problem(where, "evenly sampled time", found, "resample the record", "time", int(rows[at + 1]))
+    if step > _SLOWEST_S * (1 + _UNEVEN):
+        found = f"{1 / step:.0f} Hz"
+        return Problem(where, "at least 1000 samples a second", found, "export at a higher rate", "time")
+    return None
+
+
+def ends_early(time_s: FloatArray) -> bool:
+    """Tell whether an even record leaves the end of the study grid open."""
+    return bool(time_s[-1] < GRID_S[-1] - (time_s[-1] - time_s[0]) / (time_s.size - 1))
+
+
+def cover_trouble(time_s: FloatArray, where: str) -> Problem | None:
+    """Say what part of the study grid a record misses, if too much."""
+    step = time_s[1] - time_s[0]
+    if time_s[0] <= step and time_s[-1] >= _SHORTEST_S - step:
+        return None
+    found = f"{time_s[0] / MS:.4g} to {time_s[-1] / MS:.4g} ms"
+    advice = "export the whole record, with time zero at first contact"
+    return Problem(where, "a record from 0 to at least 60 ms (100 ms is best)", found, advice, "time")

@@ -1,0 +1,86 @@
+"""Settings of a campaign: ``campaign.toml``."""
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.csv_text import text_from
+
+_LARGEST = 4 << 20  # characters: some thousands of imported pulses, each told in a paragraph
+_LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What a campaign says of itself, and the channel filter classes to filter its records with, or filtered with."""
+
+    name: str
+    notice: str = ""
+    channel_filter_class: float | None = None
+    filtered_with: float | None = None
+
+
+def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> Settings:
+    """Read ``campaign.toml``, if there is one; what is wrong is appended to ``problems``."""
+    path = folder / "campaign.toml"
+    unnamed = Settings(printable(folder.resolve().name, _LONGEST_NAME))
+    if not path.exists():
+        return unnamed
+    try:
+        with text_from(path, path.name) as stream:
+            text = stream.read(_LARGEST + 1)
+        if len(text) > _LARGEST:
+            raise DataError(Problem(path.name, "a file of at most 4 MiB", "more", "leave out what is no setting"))
+        values = tomllib.loads(text)
+    except DataError as error:
+        problems.extend(error.problems)
+        return unnamed
+    except (ValueError, RecursionError) as error:
+        found = "brackets too deep" if isinstance(error, RecursionError) else str(error)
+        problems.append(Problem(path.name, "a TOML file in UTF-8", found, "correct the file"))
+        return unnamed
+    cfc, already = (_filter_class(values, key, problems) for key in ("channel_filter_class", "filtered_with"))
+    if cfc is not None and already is not None:
+        expected, advice = "one of the two", "leave out channel_filter_class, or pulses are filtered twice"
+        problems.append(Problem(path.name, expected, "channel_filter_class and filtered_with", advice))
+    values.pop("imported", None)  # where pulses came from, told by crashfuse import
+    name = _text(values, "name", unnamed.name, _LONGEST_NAME, problems)
+    notice = _text(values, "notice", "", _LONGEST_NOTICE, problems)
+    if values:
+        unknown = printable(", ".join(values), 200)
+        warnings.append(f"{path.name}: {unknown} is not a setting that crashfuse knows; it is left alone.")
+    return Settings(name, notice, cfc, already)
+
+
+def _text(values: dict[str, Any], key: str, default: str, most: int, problems: list[Problem]) -> str:
+    """Take a line of text out of the settings."""
+    text = values.pop(key, default)
+    if not isinstance(text, str) or len(text) > most:
+        found = "a longer one" if isinstance(text, str) else _shown(text)
+        expected = f"text of at most {most} characters"
+        problems.append(Problem("campaign.toml", expected, found, "correct the value", key))
+        return default
+    return printable(" ".join(text.split("\n")), most)
+
+
+def _filter_class(values: dict[str, Any], key: str, problems: list[Problem]) -> float | None:
+    """Take a channel filter class out of the settings, None for "none"."""
+    cfc = values.pop(key, "none")
+    if cfc == "none":
+        return None
+    if isinstance(cfc, bool) or not isinstance(cfc, int | float) or not 1 <= cfc <= 1000:
+        expected = 'a channel filter class such as 60 or 180, or "none"'
+        problems.append(Problem("campaign.toml", expected, _shown(cfc), "correct the value", key))
+        return None
+    return float(cfc)
+
+
+def _shown(value: object) -> str:
+    """A value as it may be shown: numbers of any size, tables of any depth."""
+    return (
+        printable(repr(value), 60)
+        if isinstance(value, str | float | bool)
+        else f"a value of type {type(value).__name__}"
+    )

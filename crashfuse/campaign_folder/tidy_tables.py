@@ -1,0 +1,111 @@
+"""Adding pulses to a tidy table of them, in its own columns and units, a batch at a time."""
+
+import csv
+import os
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.signals.pulse import FloatArray, Pulse
+from crashfuse.units import ACCELERATION, TIME
+
+
+def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
+    """Add pulses to ``<source>_pulses.parquet`` or ``.csv``.
+
+    Rows of the same ids, left by an import that was cut short, are replaced. The table is written anew beside itself
+    and then takes its own place.
+
+    Raises
+    ------
+    DataError
+        If the table lacks a column, or its ids are not text and these do not fit.
+    OSError
+        If it cannot be written; it is as it was then.
+    """
+    with _replacing(path) as temporary:
+        try:
+            (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, temporary, pulses)
+        except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
+            found = " ".join(str(error).split())[:200]
+            raise DataError(Problem(path.name, "a table that pulses can be added to", found, "mend it first")) from None
+
+
+def _append_parquet(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
+    with pq.ParquetFile(path) as file:
+        schema = file.schema_arrow
+        new = pa.array([run_id for run_id, _ in pulses], pa.string())
+        with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
+            for batch in file.iter_batches():
+                ids = batch.column("id").cast(pa.string())
+                writer.write_batch(batch.filter(pc.invert(pc.is_in(ids, value_set=new))))
+            for run_id, pulse in pulses:
+                columns = _columns(schema.names, pulse, path.name)
+                size = pulse.time_s.size
+                arrays = [
+                    _ids(run_id, size, field.type)
+                    if field.name == "id"
+                    else pa.array(columns[field.name]).cast(field.type)
+                    if field.name in columns
+                    else pa.nulls(size, field.type)
+                    for field in schema
+                ]
+                writer.write_table(pa.table(arrays, schema=schema))
+
+
+def _ids(run_id: str, size: int, kind: pa.DataType) -> pa.Array:
+    texts = pa.array([run_id] * size, pa.string())
+    return texts.dictionary_encode().cast(kind) if pa.types.is_dictionary(kind) else texts.cast(kind)
+
+
+def _append_csv(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
+    new = {run_id for run_id, _ in pulses}
+    with (
+        path.open(encoding="utf-8-sig", newline="") as old,
+        temporary.open("w", encoding="utf-8", newline="") as stream,
+    ):
+        rows, writer = csv.reader(old, skipinitialspace=True), csv.writer(stream, lineterminator="\n")
+        header = [cell.strip() for cell in next(rows, [])]
+        if "id" not in header:
+            raise DataError(Problem(path.name, "a column id", "none", "mend it first"))
+        writer.writerow(header)
+        at = header.index("id")
+        writer.writerows(row for row in rows if len(row) <= at or row[at].strip() not in new)
+        for run_id, pulse in pulses:
+            columns = _columns(header, pulse, path.name)
+            numbers = {name: [repr(value) for value in values.tolist()] for name, values in columns.items()}
+            for i in range(pulse.time_s.size):
+                writer.writerow(
+                    [run_id if name == "id" else numbers[name][i] if name in numbers else "" for name in header]
+                )
+
+
+def _columns(names: Sequence[str], pulse: Pulse, where: str) -> Mapping[str, FloatArray]:
+    """Time and acceleration in the columns and units that a table has."""
+    wanted = {f"time_{unit}": pulse.time_s / factor for unit, factor in TIME.items()}
+    wanted |= {f"acceleration_{unit}": pulse.accel_mps2 / factor for unit, factor in ACCELERATION.items()}
+    columns = {name: np.asarray(wanted[name]) for name in names if name in wanted}
+    if len(columns) != 2:
+        found = ", ".join(names[:12])
+        raise DataError(Problem(where, "one column time_… and one acceleration_…", found, "mend it first"))
+    return columns
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    try:
+        yield temporary
+        with temporary.open("rb+") as stream:
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise

@@ -1,0 +1,214 @@
+"""Uploads of strangers, one zip or loose files, laid out as a campaign folder."""
+
+import io
+import shutil
+import unicodedata
+from collections import Counter
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path, PurePosixPath
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from crashfuse.campaign_folder.condition_tables import read_conditions
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.archive import (
+    DEFAULT_LIMITS,
+    Budget,
+    Limits,
+    Member,
+    left_by_the_system,
+    name_trouble,
+    refuse,
+    shown,
+    too_many,
+    too_much,
+    zip_members,
+)
+
+_TABLES, _SOURCES = ("tests.csv", "cae.csv"), ("tests", "cae")
+_PULSES = (".csv", ".parquet")
+_AT_THE_TOP = {*_TABLES, "campaign.toml", *(f"{source}_pulses{ending}" for source in _SOURCES for ending in _PULSES)}
+_NOTES = (".md", ".txt")
+_ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst")
+_ENTRY = b"PK\x01\x02"  # begins every entry of a zip's directory
+
+
+def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
+    """Lay uploads out as a campaign folder that :func:`crashfuse.campaign_folder.folder.load_campaign` reads.
+
+    Parameters
+    ----------
+    uploads : sequence of (str, bytes)
+        Either one zip of a campaign folder, or the files of one: ``tests.csv``, ``cae.csv``, ``cae_pulses.parquet``,
+        ``campaign.toml``, ``<id>.csv`` … A pulse that lies beside the tables belongs to the one that has its id; where
+        both have it, to the one without a table of pulses. Notes (``.md``, ``.txt``) are passed over.
+    into : Path
+        An existing folder, which is the caller's to delete; a folder named after the campaign is made in it.
+    limits : Limits
+
+    Returns
+    -------
+    Path
+        The campaign folder; nobody has checked its numbers yet.
+
+    Raises
+    ------
+    DataError
+        If anything in the uploads is not of a campaign or beyond the limits; nothing is left in ``into``.
+    OSError
+        If ``into`` cannot be written.
+    """
+    members, name = _opened(uploads, limits)
+    root = _root(members, name)
+    targets = _targets(members, root, name)
+    folder = into / (root.name or PurePosixPath(name).stem.strip(". ") or "campaign")
+    folder.mkdir()
+    try:
+        budget = Budget(limits, sum(len(content) for _, content in uploads))
+        for member, target in targets.items():
+            _write(member, folder / target, budget)
+        _place(folder, [target for target in targets.values() if len(target.parts) == 1])
+        _check_rows(folder, limits)
+    except BaseException:
+        shutil.rmtree(folder)
+        raise
+    return folder
+
+
+def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[Member], str]:
+    """Everything in the uploads, and how messages call them as a whole."""
+    expected = "one zip of a campaign folder, or its files"
+    if not uploads:
+        raise DataError(Problem("upload", expected, "nothing", "choose the files"))
+    if len(uploads) > limits.members:
+        raise too_many("upload", len(uploads), limits)
+    if sum(len(content) for _, content in uploads) > limits.total_bytes:
+        raise too_much("upload", limits)
+    refuse([Problem(shown(name), *trouble) for name, _ in uploads if (trouble := name_trouble(name))], "upload")
+    if not any(name.lower().endswith(".zip") for name, _ in uploads):
+        loose = [(name, content) for name, content in uploads if not left_by_the_system(name)]
+        return [Member(PurePosixPath(name), name, partial(io.BytesIO, content)) for name, content in loose], "upload"
+    if len(uploads) > 1:
+        raise DataError(Problem("upload", expected, f"a zip among {len(uploads)} files", "zip all of it together"))
+    name, content = uploads[0]
+    return members_of_zip(name, content, limits), name
+
+
+def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
+    """List the files of a zip in memory as :func:`zip_members` does.
+
+    Raises
+    ------
+    DataError
+        As there.
+    """
+    if (found := content.count(_ENTRY)) > limits.members:  # before a directory of millions is read
+        raise too_many(name, found, limits)
+    return zip_members(io.BytesIO(content), name, limits)
+
+
+def _root(members: Sequence[Member], name: str) -> PurePosixPath:
+    """The folder that holds the campaign: the outermost with a condition table."""
+    homes = [member.path.parent for member in members if member.path.name in _TABLES]
+    if not homes:
+        refuse([trouble for member in members if (trouble := _strange(member))], name)
+        where = shown(members[0].where) if len(members) == 1 else name
+        raise DataError(Problem(where, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
+    return min(homes, key=lambda home: len(home.parts))
+
+
+def _targets(members: Sequence[Member], root: PurePosixPath, name: str) -> dict[Member, PurePosixPath]:
+    """Where each member goes in the campaign folder; notes go nowhere, a pulse beside the tables stays for now."""
+    problems: list[Problem] = []
+    targets: dict[Member, PurePosixPath] = {}
+    for member in members:
+        ending = member.path.suffix.lower()
+        if ending in _NOTES:
+            continue
+        if trouble := _strange(member):
+            problems.append(trouble)
+        elif root in member.path.parents and _in_a_campaign(member.path.relative_to(root).with_suffix(ending)):
+            targets[member] = member.path.relative_to(root).with_suffix(ending)
+        else:
+            expected, advice = "a file of one campaign folder", "put pulses into tests/ or cae/ and leave out the rest"
+            problems.append(Problem(member.where, expected, "a file elsewhere", advice))
+    times = Counter(map(_folded, targets.values()))
+    for member, target in targets.items():
+        if (found_times := times[_folded(target)]) > 1:
+            expected = "names that differ by more than capitals"
+            problems.append(Problem(member.where, expected, f"{found_times} of this name", "keep one"))
+    refuse(problems, name)
+    return targets
+
+
+def _strange(member: Member) -> Problem | None:
+    """Say what is of no format that a campaign or a note in it has."""
+    ending = member.path.suffix.lower()
+    if ending in _ARCHIVES:
+        return Problem(member.where, "tables", "an archive in the upload", "unpack it first")
+    if ending in (*_PULSES, *_NOTES, ".toml"):
+        return None
+    found = f"a file {shown(ending)}" if ending else "a file without an ending"
+    return Problem(member.where, "a format that crashfuse reads (.csv, .parquet, campaign.toml)", found, "leave it out")
+
+
+def _in_a_campaign(path: PurePosixPath) -> bool:
+    match path.parts:
+        case (name,):
+            return name in _AT_THE_TOP or path.suffix in _PULSES
+        case (source, _):
+            return source in _SOURCES and path.suffix in _PULSES
+    return False
+
+
+def _folded(path: PurePosixPath) -> str:
+    """The name as a file system sees it that minds neither capitals nor how letters are composed."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", str(path)).casefold())
+
+
+def _write(member: Member, path: Path, budget: Budget) -> None:
+    path.parent.mkdir(exist_ok=True)
+    with path.open("xb") as stream:
+        for chunk in member.chunks(budget):
+            stream.write(chunk)
+
+
+def _place(folder: Path, at_the_top: Sequence[PurePosixPath]) -> None:
+    """Move the pulses beside the tables to the source that has their ids."""
+    strays = [folder / path for path in at_the_top if path.name not in _AT_THE_TOP]
+    if not strays:
+        return
+    problems: list[Problem] = []
+    ids: dict[str, set[str]] = {}
+    for source in _SOURCES:
+        table = read_conditions(folder / f"{source}.csv", standstill_allowed=source == "cae", problems=problems)
+        has_pulses = any((folder / f"{source}_pulses{ending}").is_file() for ending in _PULSES)
+        ids[source] = set() if table is None or has_pulses else set(table.ids)
+    if problems:
+        raise DataError(problems)
+    for path in strays:
+        homes = [source for source in _SOURCES if path.stem in ids[source]]
+        if len(homes) != 1:
+            expected = "a pulse named after an id in tests.csv or in cae.csv"
+            found = "an id of both" if homes else "a name that is no id there, or one whose pulse is in a table"
+            problems.append(Problem(path.name, expected, found, "put it into tests/ or cae/, zipped, or leave it out"))
+        elif (home := folder / homes[0] / path.name).exists():
+            problems.append(Problem(path.name, "each pulse once", f"one in {homes[0]}/ too", "keep one"))
+        else:
+            home.parent.mkdir(exist_ok=True)
+            path.rename(home)
+    refuse(problems, "upload")
+
+
+def _check_rows(folder: Path, limits: Limits) -> None:
+    """Refuse a Parquet table of few bytes and endless rows."""
+    for path in sorted(folder.rglob("*.parquet")):
+        try:
+            with pq.ParquetFile(path) as file:
+                rows = file.metadata.num_rows
+        except (pa.ArrowException, OSError):
+            continue  # what is wrong with it is for load_campaign to say
+        if rows > limits.rows:
+            raise DataError(Problem(path.name, f"at most {limits.rows} rows", f"{rows}", "upload fewer runs"))

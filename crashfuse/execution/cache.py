@@ -1,0 +1,172 @@
+"""What is computed once is kept on disk: checksummed, written atomically, safe to delete at any time."""
+
+import hashlib
+import io
+import json
+import logging
+import os
+import time
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import platformdirs
+from filelock import FileLock, Timeout
+
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.files.atomic import write_atomically
+from crashfuse.version import __version__
+
+log = logging.getLogger(__name__)
+
+Entry = dict[str, npt.NDArray[Any]]
+
+_PATIENCE_S = 3600.0  # with who computes the same; then it is computed twice
+_GLANCE_S = 0.2
+
+
+def default_folder() -> Path:
+    """``$CRASHFUSE_CACHE``, else the platform's cache folder for crashfuse."""
+    return Path(os.environ.get("CRASHFUSE_CACHE") or platformdirs.user_cache_dir("crashfuse", appauthor=False))
+
+
+class Cache:
+    """A folder of named arrays, each entry one file: a SHA-256 line, then an ``.npz`` that is never unpickled.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Default: :func:`default_folder`. It is made at the first write.
+
+    Attributes
+    ----------
+    used : set of str
+        Names of the entries that were found or kept by means of this very object.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self.folder = default_folder() if folder is None else folder
+        self.used: set[str] = set()
+
+    def path(self, kind: str, key: Mapping[str, object]) -> Path:
+        """File of the entry of this kind whose parts (strings, numbers, frozen configs) are these."""
+        parts = json.dumps({**key, "version": __version__, "code": code_digest()}, sort_keys=True, default=_plain)
+        return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
+
+    def get(self, kind: str, key: Mapping[str, object]) -> Entry | None:
+        """The arrays kept under this key, or None if there are none or the file is damaged (it is then removed)."""
+        path = self.path(kind, key)
+        try:
+            checksum, _, payload = path.read_bytes().partition(b"\n")
+        except OSError:
+            return None
+        try:
+            if hashlib.sha256(payload).hexdigest().encode() != checksum:
+                raise ValueError("damaged")
+            with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
+                entry = {name: arrays[name] for name in arrays.files}
+        except (ValueError, zipfile.BadZipFile):  # or written by something else under our name
+            self.drop(kind, key)
+            return None
+        self.used.add(self._name(path))
+        return entry
+
+    def put(self, kind: str, key: Mapping[str, object], entry: Mapping[str, npt.ArrayLike]) -> None:
+        """Keep these arrays under this key, if the folder can be written."""
+        buffer = io.BytesIO()
+        np.savez(buffer, allow_pickle=False, **{name: np.asarray(value) for name, value in entry.items()})
+        payload = buffer.getvalue()
+        self._write(self.path(kind, key), hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
+
+    def drop(self, kind: str, key: Mapping[str, object]) -> None:
+        """Forget what was kept under this key."""
+        with suppress(OSError):
+            self.path(kind, key).unlink(missing_ok=True)
+
+    @contextmanager
+    def alone(self, kind: str, key: Mapping[str, object], watch: Watch = SILENT) -> Iterator[None]:
+        """Within this context no other process or thread is in one for the same entry: who comes second waits.
+
+        Look for the entry again inside. The operating system ends the claim of a process that dies. Where files cannot
+        be locked, or who came first stays for an hour, the same is computed twice, and no more than that.
+
+        Raises
+        ------
+        Cancelled
+            If the watch was told to stop while this waited.
+        """
+        path = self.path(kind, key).with_suffix(".lock")
+        lock = FileLock(path)
+        with suppress(OSError, NotImplementedError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _acquire(lock, watch)
+        try:
+            yield
+        finally:
+            if lock.is_locked:
+                with suppress(OSError):  # where open files stay, the next one takes it up
+                    path.unlink(missing_ok=True)
+            lock.release()
+
+    def pack(self, names: Iterable[str]) -> dict[str, bytes]:
+        """Give the files of these entries, as they are, to be taken to another cache."""
+        files = {}
+        for name in sorted(names):
+            with suppress(OSError):
+                files[name] = (self.folder / name).read_bytes()
+        return files
+
+    def unpack(self, files: Mapping[str, bytes]) -> None:
+        """Keep what another cache packed, if the folder can be written."""
+        for name, content in files.items():
+            if not (self.folder / name).exists():
+                self._write(self.folder / name, content)
+
+    def _name(self, path: Path) -> str:
+        return path.relative_to(self.folder).as_posix()
+
+    def _write(self, path: Path, content: bytes) -> None:
+        try:
+            write_atomically(path, content)
+        except OSError as error:  # a full disk must not cost what was computed
+            log.warning("A result could not be kept in %s: %s", self.folder, error)
+        else:
+            self.used.add(self._name(path))
+
+
+def _acquire(lock: FileLock, watch: Watch) -> None:
+    """Wait for a lock, but not for ever."""
+    step, start = "Waiting for another process that computes the same", time.monotonic()
+    waited = False
+    while True:
+        try:
+            lock.acquire(timeout=_GLANCE_S)
+        except Timeout:
+            if time.monotonic() - start > _PATIENCE_S:
+                return
+            waited = True
+            watch.report(step, 0, 1)
+        else:
+            break
+    if waited:
+        watch.report(step, 1, 1)
+
+
+@cache
+def code_digest() -> str:
+    """Digest of the modules that compute: what other code made is not taken for what this one would make."""
+    package = Path(__file__).parents[1]
+    modules = sorted(path for path in package.rglob("*.py") if "ui" not in path.relative_to(package).parts)
+    return hashlib.sha256(b"".join(path.read_bytes() for path in modules)).hexdigest()
+
+
+def _plain(value: object) -> object:
+    if is_dataclass(value) and not isinstance(value, type):
+        return {"": type(value).__name__, **asdict(value)}
+    raise TypeError(f"{type(value).__name__} cannot be part of a cache key")

@@ -1,0 +1,86 @@
+"""Parquet tables from strangers: the columns that are wanted, a batch at a time, whatever types they have."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.csv_text import require_file
+
+_BATCH_ROWS = 1_000_000
+
+
+class ParquetTable:
+    """A Parquet file as batches.
+
+    Attributes
+    ----------
+    names : list of str
+        Its columns.
+    """
+
+    def __init__(self, path: Path, where: str) -> None:
+        self._path, self._where = path, where
+        with pq.ParquetFile(path) as file:
+            self._schema = file.schema_arrow
+        self.names = list(self._schema.names)
+
+    @classmethod
+    @contextmanager
+    def opened(cls, path: Path, where: str) -> Iterator[Self]:
+        """Open a file.
+
+        Raises
+        ------
+        DataError
+            If it is no sound Parquet file; reading its blocks may raise it too.
+        """
+        require_file(path, where)
+        try:
+            yield cls(path, where)
+        except (pa.ArrowException, OSError, MemoryError, UnicodeDecodeError) as error:
+            found = f"a damaged or another one ({printable(' '.join(str(error).split()), 80)})"
+            raise DataError(Problem(where, "a sound Parquet file", found, "export it again")) from None
+
+    def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
+        """Yield these columns and the row number of each line, a header counting as row 1.
+
+        Numbers become float64, text categories; so a long text that is repeated is in memory once.
+
+        Raises
+        ------
+        DataError
+            If a column is of neither kind, or there twice.
+        """
+        texts = [name for name in columns if self._is_text(name)]
+        row = 2
+        plain = [name for name in texts if not pa.types.is_dictionary(self._schema.field(name).type)]
+        with pq.ParquetFile(self._path, read_dictionary=plain) as file:
+            for batch in file.iter_batches(batch_size=_BATCH_ROWS, columns=list(columns)):
+                arrays = {
+                    name: batch.column(name) if name in texts else batch.column(name).cast(pa.float64(), safe=False)
+                    for name in columns
+                }
+                yield pa.table(arrays).to_pandas(), row + np.arange(batch.num_rows)
+                row += batch.num_rows
+
+    def _is_text(self, name: str) -> bool:
+        if self.names.count(name) > 1:
+            raise DataError(Problem(self._where, f"one column {name}", "more of them", "keep one of them"))
+        kind = self._schema.field(name).type
+        values = kind.value_type if pa.types.is_dictionary(kind) else kind
+        if pa.types.is_string(values) or pa.types.is_large_string(values) or pa.types.is_null(values):
+            return True
+        if name == "id" and pa.types.is_integer(values):
+            return True
+        if name != "id" and (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
+            return False
+        expected = "text" if name == "id" else "numbers"
+        raise DataError(Problem(self._where, expected, f"values of type {kind}", "export it again", name))

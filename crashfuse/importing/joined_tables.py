@@ -1,0 +1,210 @@
+"""Tables of a source together: pulses in some, conditions in others, joined by id."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import get_args
+
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.files.archive import shown
+from crashfuse.readers.record import PartialCondition, Record
+from crashfuse.readers.tables.mapping import ColumnRole, propose
+from crashfuse.readers.tables.sheet import Sheet
+from crashfuse.readers.tables.sheets import read_sheets
+from crashfuse.readers.tables.table_reader import apply_conditions, apply_mapping, told_of
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnChoice:
+    """What a user says of one column of a foreign table."""
+
+    column: str
+    role: ColumnRole
+    unit: str | None = None
+
+    @classmethod
+    def parsed(cls, text: str) -> "ColumnChoice":
+        """Read ``COLUMN=ROLE`` or ``COLUMN=ROLE:UNIT``, as in ``Zeit=time:ms``.
+
+        Raises
+        ------
+        UsageError
+            If the text is not of this form.
+        """
+        column, _, use = text.rpartition("=")
+        name, _, unit = use.partition(":")
+        role = next((known for known in get_args(ColumnRole) if known == name), None)
+        if not column or role is None:
+            roles = ", ".join(get_args(ColumnRole))
+            raise UsageError(f"A column is mapped as COLUMN=ROLE or COLUMN=ROLE:UNIT, not {text!r}; roles are {roles}.")
+        return cls(column, role, unit or None)
+
+
+class OneCrashOrSeveral(DataError):
+    """Several accelerations in one table, and nothing says whether they are sensors of one crash or crashes."""
+
+
+@dataclass(frozen=True)
+class TableSet:
+    """What several tables hold.
+
+    Parameters
+    ----------
+    records : tuple of Record
+    conditions : mapping of str to PartialCondition
+        By id.
+    neither : tuple of str
+        A sentence for each table that holds neither.
+    told : mapping of str to tuple of str
+        How the condition of an id was read.
+    unclear : tuple of Problem
+        One for each table whose records may as well be channels of one.
+    """
+
+    records: tuple[Record, ...]
+    conditions: Mapping[str, PartialCondition]
+    neither: tuple[str, ...]
+    told: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    unclear: tuple[Problem, ...] = ()
+
+    def given_to(self, record: Record) -> Record:
+        """Give a record the condition of its id, whatever the capitals; one without stays as it is."""
+        known = self._by_id.get(record.id.casefold())
+        if known is None:
+            return record
+        steps = (*record.steps, "Condition from the table of conditions.", *self._told_by_id[record.id.casefold()])
+        return replace(record, condition=record.condition.overruled(known), steps=steps)
+
+    def check_ids(self, ids: Sequence[str]) -> None:
+        """Say if there are conditions, but for none of the records, and if it is unclear what a record is.
+
+        Raises
+        ------
+        DataError
+            If ids are not the same in both.
+        OneCrashOrSeveral
+            If a table has several accelerations, and neither ids nor conditions for each.
+        """
+        if self.conditions and not {run_id.casefold() for run_id in ids} & self._by_id.keys():
+            found = f"those of {_listed(list(self.conditions))}"
+            raise DataError(Problem("conditions", f"conditions for {_listed(ids)}", found, "make the ids the same"))
+        if self.unclear:
+            raise OneCrashOrSeveral(self.unclear)
+
+    @cached_property
+    def _by_id(self) -> dict[str, PartialCondition]:
+        return {run_id.casefold(): condition for run_id, condition in self.conditions.items()}
+
+    @cached_property
+    def _told_by_id(self) -> dict[str, tuple[str, ...]]:
+        return {run_id.casefold(): self.told.get(run_id, ()) for run_id in self.conditions}
+
+
+def read_tables(
+    paths: Sequence[Path], columns: Sequence[ColumnChoice], problems: list[Problem], *, together: bool
+) -> TableSet:
+    """Read tables, each taken for what its columns say.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    columns : sequence of ColumnChoice
+        Overrule the proposal in every table that has such a column.
+    problems : list of Problem
+        What is wrong with each table is appended.
+    together : bool
+        Columns of one table are channels of one record.
+
+    Raises
+    ------
+    DataError
+        If a table of conditions cannot be read: no record could be judged without it.
+    UsageError
+        If no table has a column that is mapped.
+    """
+    found = _Found()
+    there: set[str] = set()
+    faults: list[Problem] = []
+    for path in paths:
+        try:
+            for sheet in read_sheets(path):
+                there.update(sheet.columns)
+                found.add(sheet, path, columns, together)
+        except DataError as error:
+            faults.extend(error.problems)
+    if found.unread:
+        raise DataError([*faults, *found.unread])
+    absent = [choice.column for choice in columns if choice.column not in there]
+    if absent and not faults:
+        raise UsageError(f"There is no column {_listed(absent)}; there are {_listed(sorted(there))}.")
+    problems += faults
+    return TableSet(found.records(), found.conditions, tuple(found.neither), found.told, tuple(found.unclear()))
+
+
+@dataclass
+class _Found:
+    """What was found in the tables so far.
+
+    ``of_table`` has the records of each table, also of one that was parted; in ``with_ids`` are tables that say
+    themselves which records these are.
+    """
+
+    of_table: dict[tuple[Path, str], list[Record]] = field(default_factory=dict)
+    with_ids: set[tuple[Path, str]] = field(default_factory=set)
+    parted: set[tuple[Path, str]] = field(default_factory=set)
+    conditions: dict[str, PartialCondition] = field(default_factory=dict)
+    told: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    neither: list[str] = field(default_factory=list)
+    unread: list[Problem] = field(default_factory=list)
+
+    def add(self, sheet: Sheet, path: Path, columns: Sequence[ColumnChoice], together: bool) -> None:
+        mapping = propose(sheet)
+        for choice in columns:
+            if choice.column in sheet.columns:
+                mapping = mapping.overruled(choice.column, choice.role, choice.unit)
+        if mapping.kind == "pulses":
+            own_name = path.stem if sheet.name == path.name else sheet.name.rpartition(": ")[2]
+            table = path, sheet.part_of or sheet.name
+            self.of_table.setdefault(table, []).extend(
+                apply_mapping(sheet, mapping, record_id=own_name, together=together)
+            )
+            if mapping.of("id"):
+                self.with_ids.add(table)
+            elif sheet.part_of:
+                self.parted.add(table)
+        elif mapping.kind == "conditions":
+            try:
+                read = apply_conditions(sheet, mapping)
+            except DataError as error:
+                self.unread.extend(error.problems)
+                return
+            self.conditions.update(read)
+            self.told.update(dict.fromkeys(read, told_of(mapping)))
+        else:
+            self.neither.append(f"{sheet.name} with the columns {_listed(sheet.columns)}")
+
+    def records(self) -> tuple[Record, ...]:
+        return tuple(record for records in self.of_table.values() for record in records)
+
+    def unclear(self) -> Iterator[Problem]:
+        """Tables whose records may as well be channels of one: neither ids nor conditions say that they are crashes."""
+        known = {run_id.casefold() for run_id in self.conditions}
+        for table, records in self.of_table.items():
+            ids = [record.id for record in records]
+            if len(ids) > 1 and table not in self.with_ids and not known.issuperset(map(str.casefold, ids)):
+                one = (
+                    "leave out the others (COLUMN=ignored)"
+                    if table in self.parted
+                    else "say so (--id ID, or --channel)"
+                )
+                advice = (
+                    f"if they are sensors of one crash, {one}; if they are crashes, give --conditions with their ids"
+                )
+                expected = "one acceleration of the vehicle, or conditions for each"
+                yield Problem(table[1], expected, _listed(ids), advice)
+
+
+def _listed(names: Sequence[str]) -> str:
+    text = ", ".join(shown(name, 40) for name in names[:12])
+    return text + (f" and {len(names) - 12} more" if len(names) > 12 else "")

@@ -1,0 +1,275 @@
+"""ISO-MME, the exchange format of crash laboratories (ISO/TS 13499): a folder, or a zip of one.
+
+::
+
+    T1/T1.mme             descriptors of the test, one a line: ``Name of the descriptor      :value``
+    T1/Channel/T1.chn     the list of channels: ``Name of channel 001         :10VEHC000000ACXD / Vehicle X``
+    T1/Channel/T1.001     a channel: its descriptors in the same form, then one sample a line
+
+Time is implicit (``Time of first sample`` and ``Sampling interval``, s), or a channel of its own that a channel names
+as its reference. ``NOVALUE`` stands for what is not known.
+
+A channel code has 16 characters: test object (1: vehicle 1), position (0: undefined), main location (VEHC: vehicle),
+three fine locations of two (00: undefined), physical dimension of two (AC: acceleration, VA: velocity integrated from
+it, DV: displacement integrated from velocity), direction (X, signed as in SAE J211), filter class (D: CFC 60, C: CFC
+180, S: special, see the channel's header).
+
+Sources: ISO/TS 13499 with its related electronic documents A (descriptors) and B (channel codes), 1.6.2, as quoted by
+the public packages pyisomme and sdata, which also show that laboratories write UTF-8, Windows-1252 and Latin-1.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath, PurePosixPath
+
+import numpy as np
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.archive import Budget, Limits, Member, refuse, shown
+from crashfuse.readers.members import opened_members
+from crashfuse.readers.unit_spelling import UNITS, unit_named
+from crashfuse.signals.pulse import FloatArray
+
+NO_VALUE = "NOVALUE"
+_MOST_LINES = 2_000_000  # of a file: 100 s at 20 kHz
+_MOST_DESCRIPTORS = 10_000
+_UNEVEN = 0.02  # of a step, in a time channel
+
+ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
+"""Sizes beyond which a test is refused: 300 channels of 60,000 samples are within them."""
+
+Pairs = Sequence[tuple[str, str]]
+"""Descriptors: names and values."""
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """A recorded or computed signal.
+
+    Parameters
+    ----------
+    code : str
+        The 16 characters; empty where the file has none.
+    name, unit : str
+        As they are written there, the unit in ISO-MME's spelling (``m/(s*s)``); empty where unknown.
+    values : ndarray, shape (n,)
+        NaN where a sample has no value.
+    interval_s : float or None
+        Sampling interval; None where the file tells no even time.
+    start_s : float or None
+        Time of the first sample; None where the file does not tell it.
+    comments : tuple of str
+    source : str
+        What it comes from: ``transducer``, ``calculation``, ``camera``, ``simulation`` or ``parameter``.
+    """
+
+    code: str
+    name: str
+    unit: str
+    values: FloatArray
+    interval_s: float | None
+    start_s: float | None = 0.0
+    comments: tuple[str, ...] = ()
+    source: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class IsommeTest:
+    """One test: what it was, and its channels.
+
+    Parameters
+    ----------
+    name : str
+        Names the folder and its files.
+    descriptors : sequence of (str, str)
+        Lines of the ``.mme`` file in their order, without those of no value; a name may come more than once
+        (``Comments``).
+    channels : tuple of Channel
+    """
+
+    name: str
+    descriptors: Pairs
+    channels: tuple[Channel, ...]
+
+    def descriptor(self, name: str) -> str | None:
+        """Value of the first descriptor of this name, whatever its capitals; None if there is none."""
+        return _first(self.descriptors, name)
+
+
+def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
+    """Read one ISO-MME test: its descriptors and all its channels.
+
+    Parameters
+    ----------
+    path : Path
+        The folder of the test, its ``.mme`` file, or a zip with one such folder; films and pictures are passed over.
+    limits : Limits
+        Sizes beyond which it is refused.
+
+    Raises
+    ------
+    DataError
+        If it is no ISO-MME test, or a channel is not as its header says.
+    """
+    with opened_members(path, _is_text, "an ISO-MME folder or zip", limits) as (members, budget):
+        if path.suffix.lower() == ".mme" and path.is_file():
+            members = [m for m in members if m.path.suffix.lower() != ".mme" or m.path == PurePosixPath(path.name)]
+        return _read(members, path.name, budget)
+
+
+def _read(members: Iterable[Member], name: str, budget: Budget) -> IsommeTest:
+    files = [member for member in members if _is_text(member.path)]
+    headers = [member for member in files if member.path.suffix.lower() == ".mme"]
+    if len(headers) != 1:
+        found = f"{len(headers)} of them" if headers else "none"
+        raise DataError(Problem(name, "one .mme file", found, "choose the folder of one test"))
+    home = headers[0].path.parent
+    near = [member for member in files if member.path.parent == home or _is_channel_folder(member.path.parent, home)]
+    listed = [
+        pair
+        for member in near
+        if member.path.suffix.lower() == ".chn"
+        for pair in _descriptors(_lines_in(member, budget), member.where)
+    ]
+    problems: list[Problem] = []
+    channels: list[tuple[Channel, str | None]] = []
+    clocks: dict[str, Channel] = {}
+    for member in sorted((member for member in near if _is_channel(member.path)), key=_number):
+        try:
+            channels.append(_channel(member, listed, budget))
+            channel = channels[-1][0]
+            clocks |= {name: channel for name in (member.path.suffix[1:], channel.name, channel.code) if name}
+        except DataError as error:
+            problems.extend(error.problems)
+    refuse(problems, name)
+    if not channels:
+        raise DataError(Problem(name, "channel files .001, .002 … in Channel/", "none", "export the channels too"))
+    timed = tuple(_timed(channel, clocks.get(reference or "")) for channel, reference in channels)
+    descriptors = _descriptors(_lines_in(headers[0], budget), headers[0].where)
+    return IsommeTest(headers[0].path.stem, tuple(descriptors), timed)
+
+
+def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, str | None]:
+    """One channel, and the code of the channel that has its time, if any."""
+    lines, where = _lines_in(member, budget), member.where
+    end = next((row for row, line in enumerate(lines) if line.strip() and ":" not in line), len(lines))
+    header, values = _descriptors(lines[:end], where), _numbers(lines[end:], where)
+    count = _number_in(header, "Number of samples", where)
+    if count is not None and count != values.size:
+        expected = f"{count:g} samples, as its header says"
+        raise DataError(Problem(where, expected, f"{values.size}", "export the channel again"))
+    interval = _seconds_in(header, "Sampling interval", where)
+    if interval is not None and interval <= 0:
+        raise DataError(Problem(where, "a number above 0", f"{interval:g}", "correct the header", "Sampling interval"))
+    code, _, name = (_first(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
+    channel = Channel(
+        code=_first(header, "Channel code") or code.strip(),
+        name=_first(header, "Name of the channel") or name.strip(),
+        unit=_first(header, "Unit") or "",
+        values=values,
+        interval_s=interval,
+        start_s=_seconds_in(header, "Time of first sample", where),
+        comments=tuple(value for name, value in header if name.lower() == "comments"),
+        source=_first(header, "Data source") or "",
+    )
+    implicit = (_first(header, "Reference channel") or "").lower() == "implicit"
+    return channel, None if implicit else _first(header, "Reference channel name")
+
+
+def _timed(channel: Channel, clock: Channel | None) -> Channel:
+    """The channel with the sampling of its time channel, where that is even and as long."""
+    if clock is None or clock.values.shape != channel.values.shape or clock.values.size < 2:
+        return channel
+    time_s = clock.values * UNITS["time"][unit_named(clock.unit, "time") or "s"]
+    steps = np.diff(time_s)
+    mean = float(steps.mean())
+    if not (mean > 0 and np.abs(steps - mean).max() <= _UNEVEN * mean):
+        return replace(channel, interval_s=None)
+    return replace(channel, interval_s=mean, start_s=float(time_s[0]))
+
+
+def _lines_in(member: Member, budget: Budget) -> list[str]:
+    text = _decoded(b"".join(member.chunks(budget))).replace("\r\n", "\n").replace("\r", "\n")
+    if text.count("\n") > _MOST_LINES:
+        raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", "more", "export a shorter record"))
+    return text.split("\n")  # splitlines() would split at the … of Windows-1252 read as Latin-1, too
+
+
+def _descriptors(lines: list[str], where: str) -> list[tuple[str, str]]:
+    """Names and values, without those of no value."""
+    if len(lines) > _MOST_DESCRIPTORS:
+        expected = f"at most {_MOST_DESCRIPTORS} descriptors"
+        raise DataError(Problem(where, expected, f"{len(lines)}", "export the test again"))
+    parts = [line.partition(":") for line in lines if ":" in line]
+    if not parts:
+        raise DataError(Problem(where, "lines of the form Name :value", "none", "export the test again"))
+    pairs = [(name.strip(), value.strip()) for name, _, value in parts]
+    return [(name, value) for name, value in pairs if value.upper() not in ("", NO_VALUE)]
+
+
+def _numbers(lines: Iterable[str], where: str) -> FloatArray:
+    cells = (cell for line in lines if (cell := line.strip()))
+    try:
+        values = np.array([np.nan if cell.upper() == NO_VALUE else float(cell) for cell in cells], dtype=np.float64)
+    except ValueError as error:
+        found = shown(str(error).rpartition(":")[2].strip())
+        expected = "one number a line after the header"
+        raise DataError(Problem(where, expected, found, "export the channel again")) from None
+    if np.isinf(values).any():
+        raise DataError(Problem(where, "finite numbers", "an infinite one", "export the channel again"))
+    return values
+
+
+def _number_in(header: Pairs, name: str, where: str) -> float | None:
+    text = _first(header, name)
+    if text is None:
+        return None
+    try:
+        value = float(text.split()[0])  # "0.0001 s" has been seen
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise DataError(Problem(where, "a number", shown(text), "correct the header", name))
+    return value
+
+
+def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
+    """A time: in s, by the format's definition, unless it names another unit."""
+    value = _number_in(header, name, where)
+    unit = (_first(header, name) or "").split()[1:]
+    if value is None or not unit:
+        return value
+    known = unit_named(unit[0], "time")
+    if known is None:
+        raise DataError(Problem(where, "a time in s or ms", shown(unit[0]), "correct the header", name))
+    return value * UNITS["time"][known]
+
+
+def _first(pairs: Pairs, name: str) -> str | None:
+    return next((value for key, value in pairs if key.lower() == name.lower()), None)
+
+
+def _decoded(content: bytes) -> str:
+    for encoding in ("utf-8-sig", "cp1252"):
+        try:
+            return content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    return content.decode("latin-1")
+
+
+def _is_text(path: PurePath) -> bool:
+    return path.suffix.lower() in (".mme", ".chn") or _is_channel(path)
+
+
+def _is_channel(path: PurePath) -> bool:
+    number = path.suffix[1:]
+    return len(number) >= 3 and number.isascii() and number.isdigit()
+
+
+def _is_channel_folder(path: PurePath, home: PurePath) -> bool:
+    return path.parent == home and path.name.lower() == "channel"
+
+
+def _number(member: Member) -> int:
+    return int(member.path.suffix[1:])

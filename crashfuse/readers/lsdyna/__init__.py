@@ -1,0 +1,1 @@
+"""LS-DYNA's histories, in ``binout`` or ``nodout``."""

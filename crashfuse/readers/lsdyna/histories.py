@@ -1,0 +1,68 @@
+"""What an LS-DYNA run says of its nodes, whichever of its files says so."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.signals.pulse import FloatArray
+
+MOST_NODES = 200_000
+"""Listed in a file."""
+MOST_VALUES = 20_000_000
+"""States times nodes that are kept of a run."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class History:
+    """One node, or rigid body, along the global x axis, in the units of the run.
+
+    Parameters
+    ----------
+    name : str
+        The node's number; ``body 12`` for a rigid body.
+    title : str
+        From ``*DATABASE_HISTORY_NODE_ID``; empty if it has none.
+    time, acceleration, velocity : ndarray, shape (n,)
+        ``velocity`` is all NaN where the file has none.
+    """
+
+    name: str
+    title: str
+    time: FloatArray
+    acceleration: FloatArray
+    velocity: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Histories:
+    """What a run says of its nodes.
+
+    Parameters
+    ----------
+    title : str
+        The run's.
+    nodes : tuple of History
+    total : int
+        How many there are in the files.
+    kinetic_energy : float, optional
+        Of the whole model at its first state (``glstat``), in the units of the run.
+    notes : tuple of str
+        What was joined or left out.
+    """
+
+    title: str
+    nodes: tuple[History, ...]
+    total: int
+    kinetic_energy: float | None = None
+    notes: tuple[str, ...] = ()
+
+
+def kept_of(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:
+    """Choose which to keep of too many: those with a title first, then as they come."""
+    return set(sorted(names, key=lambda name: not titles.get(name))[:most])
+
+
+def too_much(where: str) -> DataError:
+    """More values than are kept of a run."""
+    expected = f"at most {MOST_VALUES:,} states times nodes"
+    return DataError(Problem(where, expected, "more", "write fewer nodes (*DATABASE_HISTORY_NODE) or fewer states"))

@@ -1,0 +1,253 @@
+"""LS-DYNA runs: ``binout`` (one file or shards) or ASCII ``nodout``; one run, or a folder with one folder a run.
+
+LS-DYNA knows no units, so they are told from how long the run lasts and how fast it moves: mm, s, t; mm, ms, kg; and
+m, s, kg are what crash models are built in. Nor does it know which node is the accelerometer: titles
+(``*DATABASE_HISTORY_NODE_ID``) say so, and where there are none, nodes that travel as far as most do.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path, PurePath
+from typing import IO
+
+import numpy as np
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.readers.lsdyna.binout import read_binout
+from crashfuse.readers.lsdyna.histories import Histories, History
+from crashfuse.readers.lsdyna.nodout import read_nodout
+from crashfuse.readers.members import opened_members
+from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record, RecordedChannel
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import MS
+
+LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
+"""Sizes beyond which a library is refused; of a binout only what is needed is read, however long it is."""
+
+_BINOUT, _NODOUT = re.compile(r"binout[^.]*", re.IGNORECASE), re.compile(r"nodout[^.]*(\.(txt|asc))?", re.IGNORECASE)
+_MOST_UNZIPPED = 256 << 20  # bytes of a binout in a zip, which has to be in memory to be read
+_MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept of one run, of a run among many, of all runs
+_LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # ends of runs in either unit
+_FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # between them could be inch or cm
+_ALIKE = 0.1  # of the median travel
+_ALIASED = 0.05  # of the velocity
+_DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
+_PLACES = (
+    (r"(?=.*\b(rear|rr|hinten)\b)(?=.*(cross|x-?member|floor|sill|seat|tunnel))", "at the rear, behind the crush"),
+    (r"\b(c\.?o?\.?g|cent(er|re) of gravity|schwerpunkt)\b", "at the centre of gravity"),
+    (r"tunnel", "on the tunnel"),
+    (r"\b(sill|rocker)", "on the sills"),
+    (r"\bb[- _]?pillar", "on the B-pillars"),
+)
+
+
+def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...]:
+    """Read LS-DYNA runs: the X accelerations of their nodes, else of their rigid bodies.
+
+    Parameters
+    ----------
+    path : Path
+        A ``binout``, any of its shards, a ``nodout``, the folder of a run or of many, or a zip.
+    limits : Limits
+        Sizes beyond which it is refused.
+
+    Returns
+    -------
+    tuple of Record
+        One a run, with the folder's name as id, the speed at which its nodes set out, and the mass that the kinetic
+        energy (``glstat``) gives at that speed.
+
+    Raises
+    ------
+    DataError
+        With what is wrong with each run that is.
+    """
+    kind = "binout or nodout of LS-DYNA"
+    with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
+        zipped = path.suffix.lower() == ".zip"
+        runs = _runs(members, path)
+        if not runs:
+            raise DataError(Problem(path.name, kind, "none", "choose the folder of a run"))
+        most = min(_MOST_NODES, max(_MOST_IN_ALL // len(runs), _FEWEST_NODES))
+        records: list[Record] = []
+        problems: list[Problem] = []
+        for run_id, files in runs.items():
+            try:
+                histories = _histories(files, budget, most, zipped=zipped)
+                with np.errstate(all="ignore"):  # damage may look like any number
+                    records.append(_record(run_id, path.name if len(runs) == 1 else run_id, histories))
+            except DataError as error:
+                problems.extend(error.problems)
+        refuse(problems, path.name)
+    return tuple(records)
+
+
+def _is_of_the_format(path: PurePath) -> bool:
+    return _BINOUT.fullmatch(path.name) is not None or _NODOUT.fullmatch(path.name) is not None
+
+
+def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
+    """Files by run: those of one folder belong together, and of a file that was chosen only its shards."""
+    zipped = path.suffix.lower() == ".zip"
+    single = path.is_file() and not zipped
+    family = _NODOUT if _NODOUT.fullmatch(path.name) else _BINOUT
+    by_folder: defaultdict[tuple[str, ...], list[Member]] = defaultdict(list)
+    for member in members:
+        *folder, name = member.path.parts
+        if not single or (not folder and family.fullmatch(name)):
+            by_folder[tuple(folder)].append(member)
+    home = path.stem if zipped else (path.parent if single else path).resolve().name
+    folders = sorted(by_folder)
+    ids = _ids(folders, home)
+    if len(set(ids)) < len(ids):
+        raise DataError(Problem(path.name, "a folder of its own name for each run", "the same twice", "rename one"))
+    return {run_id: by_folder[folder] for run_id, folder in zip(ids, folders, strict=True)}
+
+
+def _ids(folders: Sequence[tuple[str, ...]], home: str) -> list[str]:
+    """What tells runs apart: folders that all share, above or below, are no part of it."""
+    if len(folders) == 1:
+        return [folders[0][-1] if folders[0] else home]
+    short = list(folders)
+    for end, rest in ((0, slice(1, None)), (-1, slice(None, -1))):
+        while all(len(folder) > 1 for folder in short) and len({folder[end] for folder in short}) == 1:
+            short = [folder[rest] for folder in short]
+    return ["-".join(folder) or home for folder in short]
+
+
+def _histories(files: Sequence[Member], budget: Budget, most: int, *, zipped: bool) -> Histories:
+    """Read the binout of a run; where it has no nodes, its nodout."""
+    shards = sorted((file for file in files if _BINOUT.fullmatch(file.path.name)), key=lambda file: file.where)
+    text = [file for file in files if _NODOUT.fullmatch(file.path.name)]
+    found = Histories("", (), 0)
+    if shards:
+        with ExitStack() as opened:
+            streams = [
+                (_unzipped(file, budget) if zipped else opened.enter_context(file.opened()), file.where)
+                for file in shards
+            ]
+            found = read_binout(streams, most)
+    if text and not any(node.name.isdecimal() for node in found.nodes):
+        energy = found.kinetic_energy
+        found = replace(read_nodout(text[0].chunks(budget), text[0].where, most), kinetic_energy=energy)
+    if not found.nodes:
+        advice = "ask the solver for it (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
+        raise DataError(Problem(files[0].where, "accelerations of nodes (nodout) or rigid bodies", "none", advice))
+    return found
+
+
+def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
+    content = BytesIO()
+    for chunk in file.chunks(budget):
+        if content.tell() + len(chunk) > _MOST_UNZIPPED:
+            expected = f"a binout of at most {_MOST_UNZIPPED >> 20} MiB in a zip"
+            raise DataError(Problem(file.where, expected, "more", "unpack the zip and import the folder"))
+        content.write(chunk)
+    return content
+
+
+def _record(run_id: str, source: str, run: Histories) -> Record:
+    nodes = [node for node in run.nodes if node.name.isdecimal()] or list(run.nodes)
+    proposed, why = _proposed(nodes)
+    per_second, unit, units_told = _units(proposed, source)
+    speed = float(np.median([abs(node.velocity[0]) for node in proposed])) * ACCELERATION_UNITS[unit or "m/s²"]
+    speed *= 1.0 if per_second == 1 else MS  # a velocity is the acceleration's unit times the unit of time
+    mass = None if unit is None else _mass_kg(run.kinetic_energy, proposed)
+    aliased = [node.name for node in run.nodes if _is_aliased(node)]
+    steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units_told, why]
+    if aliased and {node.name for node in proposed} & set(aliased):
+        steps.append("Accelerations that do not add up to the nodes' velocities are taken from the velocities.")
+    if run.total > len(run.nodes):
+        steps.append(f"{len(run.nodes)} of {run.total} nodes are kept, those with a title first.")
+    known = unit is not None and bool(np.isfinite(speed))
+    if known:
+        steps.append(f"Speed {speed:.4g} m/s, at which these nodes set out.")
+    if mass is not None:
+        steps.append(f"Mass {mass:.5g} kg, from the kinetic energy at that speed (glstat).")
+    channels = tuple(_channel(node, per_second, unit, derived=node.name in aliased) for node in run.nodes)
+    names = tuple(node.name for node in proposed)
+    condition = PartialCondition(speed if known else None, mass)
+    no_speed = "" if known else f"a {units_told[0].lower()}{units_told[1:].rstrip('.')}"
+    return Record(run_id, source, condition, channels, names, tuple(steps), no_speed=no_speed)
+
+
+def _proposed(nodes: Sequence[History]) -> tuple[list[History], str]:
+    """Choose the nodes to be averaged, and say why."""
+    for words, where in _PLACES:
+        named = [n for n in nodes if re.search(words, n.title, re.I) and not _DUMMY.search(n.title)]
+        if named:
+            return named, f"Nodes {where}: {_listed(named)}; {_average(named)}."
+    travels = np.array([_travel(node) for node in nodes])
+    if len(nodes) == 1 or not np.isfinite(travels).any():
+        return list(nodes), f"No titles say which nodes are accelerometers; {_listed(nodes)}: {_average(nodes)}."
+    middle = np.nanmedian(travels)
+    alike = [n for n, travel in zip(nodes, travels, strict=True) if abs(travel - middle) <= _ALIKE * middle]
+    chosen = alike or list(nodes)
+    why = f"No titles say which nodes are accelerometers; {len(chosen)} of {len(nodes)} travel alike"
+    return chosen, f"{why} ({_listed(chosen)}): {_average(chosen)}. Choose others if some lie in the crush."
+
+
+def _listed(nodes: Sequence[History]) -> str:
+    shown = ", ".join(f"{node.name}{f' ({node.title})' if node.title else ''}" for node in nodes[:6])
+    return f"{shown} and {len(nodes) - 6} more" if len(nodes) > 6 else shown
+
+
+def _average(nodes: Sequence[History]) -> str:
+    return "their average is the pulse" if len(nodes) > 1 else "it is the pulse"
+
+
+def _travel(node: History) -> float:
+    """How far a node gets, in the run's units."""
+    return float(np.abs(_integral(node.velocity, node.time)).max())
+
+
+def _integral(values: FloatArray, time: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum(np.diff(time) * (values[1:] + values[:-1]) / 2)])
+
+
+def _is_aliased(node: History) -> bool:
+    """Tell whether the accelerations, sampled once an output interval, miss what happened to the velocity."""
+    change = node.velocity - node.velocity[0]
+    if not np.isfinite(change).all() or not np.isfinite(node.acceleration).all() or node.time.size < 3:
+        return False
+    error = np.abs(_integral(node.acceleration, node.time) - change).max()
+    return bool(error > _ALIASED * np.abs(node.velocity).max()) and bool((np.diff(node.time) > 0).all())
+
+
+def _units(nodes: Sequence[History], source: str) -> tuple[float, str | None, str]:
+    """Tell the units: of time in s, the acceleration's, and a sentence."""
+    end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
+    if not 0 < end <= _LONGEST_MS:
+        expected = "a crash in seconds or milliseconds"
+        raise DataError(Problem(source, expected, f"a run that ends at {end:g}", "choose a run in mm, ms, kg or SI"))
+    seconds = end <= _LONGEST_S
+    lasts = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
+    if not seconds:
+        return MS, "mm/ms²", f"Units mm and ms: {lasts}."
+    if not fastest > 0:  # at rest or without velocities
+        return 1.0, None, f"Unit of length unknown: the run ends at {end:.4g} s, and its velocities do not tell."
+    if fastest <= _FASTEST_MPS:
+        return 1.0, "m/s²", f"SI units: {lasts}."
+    if fastest < _SLOWEST_MMPS:
+        return 1.0, None, f"Unit of length unknown: {lasts}, too fast for m and too slow for mm."
+    return 1.0, "mm/s²", f"Units mm and s: {lasts}."
+
+
+def _mass_kg(energy: float | None, nodes: Sequence[History]) -> float | None:
+    """Mass that has the kinetic energy at the nodes' speed; a vehicle's is told from t, kg and g by its size."""
+    speed = float(np.median([abs(node.velocity[0]) for node in nodes]))
+    if energy is None or not energy > 0 or not speed > 0:
+        return None
+    mass = 2 * energy / speed**2
+    return next((mass * unit for unit in (1.0, 1e3, 1e-3) if 300 <= mass * unit <= 60_000), None)
+
+
+def _channel(node: History, per_second: float, unit: str | None, *, derived: bool) -> RecordedChannel:
+    values = np.gradient(node.velocity, node.time) if derived else node.acceleration
+    label = node.title or ("rigid body" if node.name.startswith("body") else "node")
+    return RecordedChannel(node.name, label, per_second * node.time, values, unit)

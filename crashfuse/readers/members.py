@@ -1,0 +1,72 @@
+"""The files of a source, whether it is a folder, one of its files, or a zip of it."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePath, PurePosixPath
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.archive import Budget, Limits, Member, too_many, zip_members
+
+
+@contextmanager
+def opened_members(
+    path: Path, wanted: Callable[[PurePath], bool], kind: str, limits: Limits
+) -> Iterator[tuple[list[Member], Budget]]:
+    """Open the files of a source that are wanted, and what may be read from them.
+
+    Parameters
+    ----------
+    path : Path
+        A folder, a file in it, or a zip.
+    wanted : callable
+        From a file's path to whether it is one of the format; nothing else is opened.
+    kind : str
+        What messages call it ("an ISO-MME folder or zip").
+    limits : Limits
+
+    Raises
+    ------
+    DataError
+        If there is no such folder or file, it is a file of another kind, a folder in it cannot be read, or it has more
+        files than allowed.
+    """
+    if path.suffix.lower() == ".zip" and path.is_file():
+        with path.open("rb") as stream:
+            members = [member for member in zip_members(stream, path.name, limits) if wanted(member.path)]
+            yield members, Budget(limits, path.stat().st_size)
+        return
+    if path.is_file() and not wanted(path):
+        raise DataError(Problem(path.name, kind, "a file of another kind", "choose its folder, or another format"))
+    folder = path.parent if path.is_file() else path
+    if not folder.is_dir():
+        raise DataError(Problem(str(path), kind, "no such folder or file", "check the path"))
+    files = []
+    for file in sorted(files_below(folder)):
+        if wanted(file) and file.is_file():
+            files.append(file)
+            if len(files) > limits.members:
+                raise too_many(path.name, len(files), limits)
+    yield [_on_disk(file, folder) for file in files], Budget(limits, sum(file.stat().st_size for file in files))
+
+
+def files_below(folder: Path) -> Iterator[Path]:
+    """Yield everything in a folder and the folders in it, but for these themselves.
+
+    Raises
+    ------
+    DataError
+        If one of them cannot be read: what is in it would silently be left out.
+    """
+
+    def refuse(error: OSError) -> None:
+        found, advice = error.strerror or str(error), "ask for the right to read it, or move it elsewhere"
+        raise DataError(Problem(str(error.filename), "a folder that can be read", found, advice)) from error
+
+    for home, _, names in os.walk(folder, onerror=refuse):
+        yield from (Path(home, name) for name in names)
+
+
+def _on_disk(path: Path, folder: Path) -> Member:
+    inside = PurePosixPath(path.relative_to(folder).as_posix())
+    return Member(inside, str(inside), lambda: path.open("rb"))

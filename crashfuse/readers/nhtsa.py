@@ -1,0 +1,215 @@
+"""NHTSA's vehicle crash test database, ASCII form: a folder, or a zip of one.
+
+::
+
+    v10146.EV5      the test's specification: sections of lines with fields between ``|``
+    v10146.093      channel 93: time in s and value, one sample a line; 0 is first contact
+
+Fields are counted as in NHTSA's Test Reference Guide, version 5, volume I: Vehicle Tests (2014). Speeds are in km/h,
+weights in kg, lengths in mm. ``VEHCG`` is how far the centre of gravity lies behind the front axle, so with the
+wheelbase it gives what each axle carried.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path, PurePath
+
+import numpy as np
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.archive import Budget, Limits, Member, shown
+from crashfuse.readers.members import opened_members
+from crashfuse.readers.nhtsa_sensors import Sensor, proposed_sensors, without_damaged
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import KPH, MPH
+
+NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
+"""Sizes beyond which a test is refused: 1000 channels of 10,000 samples are within them."""
+
+_TITLE, _CONFIGURATION, _ANGLE = 1, 8, 15  # fields of TEST
+_WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE
+_SPEED = 41
+_MOST_LINES = 20_000  # of a specification
+_MOST_SAMPLES = 1_000_000
+_UNITS = {"G'S": "g", "GS": "g", "G": "g"}
+
+
+def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
+    """Read one NHTSA vehicle test: its conditions and the X accelerations of its vehicle.
+
+    Parameters
+    ----------
+    path : Path
+        The folder of the test, its ``.EV5`` file, or a zip.
+    limits : Limits
+        Sizes beyond which it is refused.
+
+    Returns
+    -------
+    Record
+        With the rear crossmember's channels proposed, else those at the centre of gravity; channels that the test's
+        engineers marked as failed are there to be chosen, never proposed.
+
+    Raises
+    ------
+    DataError
+        If it is no NHTSA test, or has no X acceleration of the vehicle.
+    """
+    with opened_members(path, _is_of_the_format, "an NHTSA folder or zip with a .EV5 file", limits) as (
+        members,
+        budget,
+    ):
+        specification = _specification(members, path)
+        sections = _sections(specification, budget)
+        stem = _stem(specification).lower()
+        files = {int(m.path.suffix[1:]): m for m in members if _is_channel(m.path) and _stem(m).lower() == stem}
+        listed = [_listed(fields, specification.where) for fields in sections.get("INSTRUMENTATION", [])]
+        present = {entry.number: entry for entry in listed if entry.of_the_vehicle and entry.number in files}
+        candidates = [entry for entry in present.values() if entry.vehicle == min(e.vehicle for e in present.values())]
+        if not candidates:
+            have = f"{sum(entry.of_the_vehicle for entry in listed)} listed, none of them beside it"
+            expected, advice = "files of the vehicle's X accelerations", "download all channels of the test"
+            raise DataError(Problem(specification.where, expected, have, advice))
+        channels: dict[Sensor, RecordedChannel] = {}
+        damaged: dict[Sensor, Problem] = {}
+        for entry in candidates:
+            try:
+                channels[entry] = _channel(entry, files[entry.number], budget)
+            except DataError as error:
+                damaged[entry] = error.problems[0]
+    left_out, unread = without_damaged(damaged, candidates, path.name)
+    proposed, why = proposed_sensors(list(channels), list(channels.values()))
+    condition, found = _condition(sections, candidates[0].vehicle, specification.where)
+    test_id = _stem(specification).lstrip("vV")
+    zero = "0 is first contact, by the format's definition"
+    steps = (*found, *left_out, why)
+    return Record(test_id, path.name, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
+
+
+def _specification(members: Sequence[Member], path: Path) -> Member:
+    found = [member for member in members if member.path.suffix.upper() == ".EV5"]
+    if path.suffix.upper() == ".EV5":
+        found = [member for member in found if member.path.name == path.name]
+    if len(found) != 1:
+        advice = "choose the folder of one test" if found else "download the test's specification (EV5) too"
+        raise DataError(Problem(path.name, "one .EV5 file", f"{len(found) or 'none'}", advice))
+    return found[0]
+
+
+def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
+    """Lines by section, split into fields."""
+    lines = _text(member, budget).split("\n")  # splitlines() would split at control characters, too
+    if len(lines) > _MOST_LINES:
+        raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", "download it again"))
+    sections: dict[str, list[list[str]]] = {}
+    current: list[list[str]] = []
+    for line in lines:
+        if line.startswith("-----"):
+            current = sections.setdefault(line.strip("- "), [])
+        elif "|" in line:
+            current.append([field.strip() for field in line.split("|")])
+    for name in ("TEST", "VEHICLE", "INSTRUMENTATION"):
+        if not sections.get(name):
+            raise DataError(Problem(member.where, f"a section {name}", "none", "download the specification again"))
+    return sections
+
+
+def _listed(fields: list[str], where: str) -> Sensor:
+    if len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6):
+        expected, found = "20 fields a line of INSTRUMENTATION", f"{len(fields)} in {shown('|'.join(fields))!r}"
+        raise DataError(Problem(where, expected, found, "download the specification again"))
+    cutoff = _number(fields[8])
+    return Sensor(
+        vehicle=fields[0],
+        number=int(fields[1]),
+        sensor=fields[2].upper(),
+        occupant=fields[3].upper(),
+        attachment=fields[4].upper(),
+        axis=fields[5].upper(),
+        unit=fields[7].upper(),
+        cutoff_hz=cutoff or None,
+        status=fields[17].upper(),
+        redundant=fields[18].upper() == "R",
+        comment=fields[19],
+    )
+
+
+def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
+    time_s, values = _samples(_text(member, budget), member.where)
+    label = f"{shown(entry.comment)}{', redundant' if entry.redundant else ''}"
+    return RecordedChannel(str(entry.number), label, time_s, values, _UNITS.get(entry.unit), entry.cutoff_hz)
+
+
+def _samples(text: str, where: str) -> tuple[FloatArray, FloatArray]:
+    lines = [line for line in text.split("\n") if line.strip()]
+    expected, advice = "time and value on each line", "download the channel again"
+    if not 2 <= len(lines) <= _MOST_SAMPLES:
+        raise DataError(Problem(where, f"2 to {_MOST_SAMPLES} samples", f"{len(lines)}", advice))
+    try:
+        table = np.array([line.split() for line in lines], dtype=np.float64)
+    except ValueError:
+        table = np.empty((0, 0))
+    if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
+        raise DataError(Problem(where, expected, "something else", advice))
+    return table[:, 0].copy(), table[:, 1].copy()
+
+
+def _condition(
+    sections: dict[str, list[list[str]]], vehicle: str, where: str
+) -> tuple[PartialCondition, tuple[str, ...]]:
+    """Speed and axle weights, and sentences on where they come from."""
+    test = sections["TEST"][0]
+    car = next((fields for fields in sections["VEHICLE"] if fields[0] == vehicle), sections["VEHICLE"][0])
+    speed, mass, wheelbase, behind = (
+        _number(_field(car, index)) for index in (_SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY)
+    )
+    notes = [f"NHTSA test, {shown(_field(test, _TITLE))}."]
+    if _field(test, _CONFIGURATION) not in ("VTB", "") or _number(_field(test, _ANGLE)):
+        found = f"{_field(test, _CONFIGURATION)} at {_field(test, _ANGLE)}°"
+        notes.append(f"Careful: the configuration is {shown(found)}, not a full-frontal barrier test (VTB at 0°).")
+    notes.append(
+        f"Speed {speed:g} km/h ({speed * KPH / MPH:.2f} mph) from {where}."
+        if speed
+        else f"{where} has no speed of the vehicle."
+    )
+    front = rear = None
+    if mass and wheelbase and 0 < behind < wheelbase:
+        rear = mass * behind / wheelbase
+        front = mass - rear
+        notes.append(
+            f"Weight {mass:g} kg from {where}: {front:.0f} kg in front and {rear:.0f} kg at the rear, from the centre "
+            f"of gravity {behind:g} mm behind the front axle and the wheelbase {wheelbase:g} mm."
+        )
+    elif mass:
+        notes.append(f"Weight {mass:g} kg from {where}, which does not say what each axle carried.")
+    return PartialCondition(speed * KPH or None, mass or None, front, rear), tuple(notes)
+
+
+def _field(fields: list[str], index: int) -> str:
+    return fields[index] if index < len(fields) else ""
+
+
+def _number(text: str) -> float:
+    """Read the number in a field, 0 where there is none: NHTSA's own sign for unknown."""
+    try:
+        value = float(text)
+    except ValueError:
+        return 0.0
+    return value if np.isfinite(value) and value > 0 else 0.0
+
+
+def _text(member: Member, budget: Budget) -> str:
+    return b"".join(member.chunks(budget)).decode("latin-1")
+
+
+def _stem(member: Member) -> str:
+    return member.path.stem
+
+
+def _is_of_the_format(path: PurePath) -> bool:
+    return path.suffix.upper() == ".EV5" or _is_channel(path)
+
+
+def _is_channel(path: PurePath) -> bool:
+    number = path.suffix[1:]
+    return len(number) >= 3 and number.isascii() and number.isdecimal()

@@ -1,0 +1,84 @@
+"""Sensors of NHTSA's vehicle tests, whichever form of the database they come in: which of them are the pulse."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from crashfuse.errors import Problem
+from crashfuse.files.archive import refuse, shown
+from crashfuse.readers.record import RecordedChannel
+from crashfuse.units import MS
+
+_LONGEST_S = 100 * MS
+_SOUND = ("AM", "")  # as measured
+_REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
+_REAR_WORDS = ("CROSSMEMBER", "CROSS MEMBER", "X-MEMBER", "FLOOR", "SILL", "SEAT")
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A line of INSTRUMENTATION."""
+
+    vehicle: str
+    number: int
+    sensor: str
+    occupant: str
+    attachment: str
+    axis: str
+    unit: str
+    cutoff_hz: float | None
+    status: str
+    redundant: bool
+    comment: str
+
+    @property
+    def of_the_vehicle(self) -> bool:
+        """Whether it could be the pulse: an accelerometer along X on the vehicle, not on a dummy or the barrier."""
+        on_it = self.vehicle != "0" and self.occupant in ("NA", "", "00")
+        return self.sensor == "AC" and self.axis.startswith("X") and on_it
+
+    @property
+    def at_the_rear(self) -> bool:
+        """Whether it sits on the floor behind the crushed zone, where both sides follow the vehicle as a whole."""
+        label = self.comment.upper()
+        return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
+
+
+def without_damaged(
+    damaged: Mapping[Sensor, Problem], entries: Sequence[Sensor], source: str
+) -> tuple[tuple[str, ...], dict[str, Problem]]:
+    """Do without damaged channels that nobody would propose: sentences, and what is wrong with each by its name.
+
+    Raises
+    ------
+    DataError
+        If one would be proposed, or no sound one is left.
+    """
+    wanted, _ = _at_best_place([entry for entry in entries if entry.status in _SOUND])
+    if set(wanted) & set(damaged) or len(damaged) == len(entries):
+        refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
+    names = ", ".join(f"{entry.number} ({shown(entry.comment)})" for entry in damaged)
+    steps = (f"Left out, for they are damaged or empty: {names}.",) if damaged else ()
+    return steps, {str(entry.number): problem for entry, problem in damaged.items()}
+
+
+def proposed_sensors(entries: Sequence[Sensor], channels: Sequence[RecordedChannel]) -> tuple[tuple[str, ...], str]:
+    """Choose the channels to be averaged, and say why."""
+    sound = [
+        entry
+        for entry, channel in zip(entries, channels, strict=True)
+        if entry.status in _SOUND and channel.time_s[-1] >= _LONGEST_S - 2 * (channel.time_s[1] - channel.time_s[0])
+    ]
+    chosen, what = _at_best_place(sound)
+    if not chosen:
+        return (), "No channel lies on the rear floor or at the centre of gravity; one has to be chosen."
+    names = ", ".join(f"{entry.number} ({shown(entry.comment)})" for entry in chosen)
+    average = "their average is the pulse" if len(chosen) > 1 else "it is the pulse"
+    return tuple(str(entry.number) for entry in chosen), f"Channels {what}: {names}; {average}."
+
+
+def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
+    """Those on the rear floor, else those at the centre of gravity."""
+    rear = [entry for entry in sound if entry.at_the_rear]
+    if rear:
+        return rear, "on the rear crossmember or floor, behind the crush"
+    return [entry for entry in sound if entry.attachment == "VECG"], "at the centre of gravity"

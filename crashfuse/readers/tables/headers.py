@@ -1,0 +1,207 @@
+"""What the header of one foreign column says by itself: its role, its unit, its filter, its direction."""
+
+import re
+import unicodedata
+from dataclasses import dataclass
+from typing import Literal
+
+from crashfuse.readers.unit_spelling import UNITS, unit_named
+
+ColumnRole = Literal[
+    "id",
+    "time",
+    "acceleration",
+    "speed",
+    "mass",
+    "front_weight",
+    "rear_weight",
+    "front_share",
+    "factor",
+    "ignored",
+]
+"""What a column can be."""
+
+_WORDS: dict[ColumnRole, str] = {
+    "id": r"id|(test|run) ?(id|nr|no|number|name)?|versuch(s ?(nr|nummer|name))?|lauf|name|nr|no|number|variante|"
+    r"simulation|sim|case|record",
+    "time": r"t|time|zeit|temps|tiempo|tempo|time.*|zeit.*",
+    "acceleration": r"a|ax|a ?x|accx?|acc .*|accel.*|.* accel.*|beschl.*|.* beschl.*|decel.*|verzog.*|puls.*|.* pulse?|"
+    r"(.* )?langsbeschl.*",
+    "speed": r"v|v0|v ?0|speed|.* speed|velocity|.* velocity|geschw.*|.*geschwindigkeit|vitesse.*",
+    "front_weight": r".*(front|vorn|vorder).*|.*\b(va|fa)\b.*|wf",
+    "rear_weight": r".*(rear|hint).*|.*\b(ha|ra)\b.*|wr",
+    "mass": r".*(mass|masse|weight|gewicht).*|m",
+}
+_WEIGHT = re.compile(r".*(mass|masse|weight|gewicht|load|last|axle|achs).*|wf|wr")
+_NOT_AS_TESTED = re.compile(
+    r"\b(soll|ziel|rebound|ruckprall|ruckwurf|planned|geplant|target|nominal|delta|dv\b|ees\b|wind|"
+    r"dumm(y|ies)|zulad|cargo|payload|ballast)"
+)
+_INCLUDING = re.compile(r"\b(incl|inkl|including|with|mit)\b.*")
+_OTHER_AXIS = re.compile(
+    r".*(^|[ ])(a ?)?[yz]$|acc ?[yz].*|.*\bres(ultant)?\b.*|.*resultier.*|.* [yz] .*|"
+    r".*\b((quer|hoch)(beschl\w*|richtung)?|lateral|vertical|vertikal)\b.*"
+)
+_ISO_CODE = re.compile(r"[0-9a-z?]{10}([0-9a-z?]{2})ac([xyzr?])[0-9a-z?]", re.IGNORECASE)  # as 10VEHC000000ACXD
+_DUMMY = re.compile(
+    r"\b(dumm(y|ies)|hiii|thor|worldsid|occupant|insass\w*|head|kopf\w*|neck|hals|chest|brust\w*|thorax|stern(um|al)|"
+    r"ribs?|rippe\w*|spine|shoulder|schulter\w*|abdomen|pelvis|pelvic|becken\w*|femur|oberschenkel|knee|knie|tibia|"
+    r"foot|fuss)\b"
+)
+_RAW = r"raw|roh(?:daten|signal)?|unfiltered|ungefiltert"
+_FILTER = re.compile(rf"\b({_RAW}|filtered|filt|gefiltert|cfc ?(\d{{1,4}}))\b")
+_NO_ACCELERATION = re.compile(
+    r"\b(s|[fm][xyz]?|\w*force|\w*kraft|disp\w*|\w*weg|verschieb\w*|stroke|intrusion|crush|deform\w*|strain|dehn\w*|"
+    r"pressure|\w*druck|\w*moment|torque|angle|\w*winkel|yaw|gier\w*|roll|pitch|spannung|volt\w*|current|strom|temp\w*|"
+    r"trigger|switch|schalter|energy|energie|index|sample|kn|nm|mm|cm|bar|[mk]pa|mv|deg|lbf)\b"
+)
+_OTHER_UNIT = re.compile(
+    r"k?n|[cm]?m|k?nm|[mkh]?pa|m?bar|psi|[mk]?v|m?a|(deg|rad|°)(/s)?|µ?m/m|µe|°c|hz|k?j|lbf|inch|in|ft"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnUse:
+    """What one column is taken for.
+
+    Parameters
+    ----------
+    column : str
+    role : ColumnRole
+    unit : str or None
+        A name from :data:`crashfuse.readers.unit_spelling.UNITS`; None where none is known or needed.
+    why : str
+        A short reason, for people.
+    """
+
+    column: str
+    role: ColumnRole
+    unit: str | None = None
+    why: str = ""
+
+
+def use_of(column: str, unit_cell: str) -> ColumnUse:
+    """What a column is by itself; ignored without a reason where nothing is recognised.
+
+    Parameters
+    ----------
+    column : str
+        Its header.
+    unit_cell : str
+        What stands below it in a row of units.
+    """
+    name, unit = _name_and_unit(column, unit_cell)
+    plain = place_of(column)
+    why = f"its unit is {unit}" if unit else "its name says so"
+    quantity = None if unit is None else next(q for q, units in UNITS.items() if unit in units)
+    code = _ISO_CODE.fullmatch(name.strip())
+    if quantity == "acceleration" or (unit is None and (code or _is("acceleration", plain))):
+        return _acceleration(ColumnUse(column, "acceleration", unit, why), plain, code, unit_cell)
+    if quantity == "time" or (unit is None and _is("time", plain)):
+        return ColumnUse(column, "time", unit, why)
+    not_as_tested = _NOT_AS_TESTED.search(_INCLUDING.sub("", plain)) is not None
+    if quantity == "speed" or (unit is None and _is("speed", plain)):
+        return ColumnUse(column, "ignored") if not_as_tested else ColumnUse(column, "speed", unit, why)
+    if quantity in ("mass", "share") or _WEIGHT.fullmatch(plain):
+        if not_as_tested:
+            return ColumnUse(column, "ignored")
+        for role in ("front_weight", "rear_weight", "mass"):
+            if _is(role, plain):
+                if quantity == "share":
+                    return ColumnUse(column, "front_share" if role == "front_weight" else "ignored", unit, why)
+                return ColumnUse(column, role, unit, why)
+        return ColumnUse(column, "mass" if quantity == "mass" else "ignored", unit, why)
+    if unit is None and re.fullmatch(r".*(front|vorn).*(share|anteil).*|.*(share|anteil).*(front|vorn).*", plain):
+        return ColumnUse(column, "front_share", None, why)
+    if unit is None and _is("id", plain):
+        return ColumnUse(column, "id", None, why)
+    return ColumnUse(column, "ignored")
+
+
+def _acceleration(use: ColumnUse, plain: str, code: re.Match[str] | None, unit_cell: str) -> ColumnUse:
+    """An acceleration, unless it is not the vehicle's along X."""
+    other = _other_unit(use.column, unit_cell)
+    if _OTHER_AXIS.fullmatch(plain) or (code and code.group(2).lower() in "yzr"):
+        return ColumnUse(use.column, "ignored", use.unit, "another direction than X")
+    if _DUMMY.search(plain) or (code and code.group(1) not in ("00", "??")):
+        return ColumnUse(use.column, "ignored", use.unit, "a dummy's, not the vehicle's")
+    if use.unit is None and _OTHER_UNIT.fullmatch(other.lower()):
+        return ColumnUse(use.column, "ignored", None, f"its unit is {other}")
+    return use
+
+
+def why_no_acceleration(column: str, unit_cell: str) -> str:
+    """Why a column that nothing is known of cannot be an acceleration; empty if it may be one."""
+    plain, (_, unit) = place_of(column), _name_and_unit(column, unit_cell)
+    if _DUMMY.search(plain):
+        return "a dummy's, not the vehicle's"
+    if other := unit or _other_unit(column, unit_cell):
+        return f"its unit is {other}"
+    return "its name is not an acceleration's" if _NO_ACCELERATION.search(plain) else ""
+
+
+def _other_unit(column: str, unit_cell: str) -> str:
+    """What is named as the unit and is none that is known here."""
+    if cell := unit_cell.strip("[](){}- "):
+        return cell if unit_named(cell) is None else ""
+    for opening, inside in re.findall(r"([\[({])\s*([^\])}]*[^\])}\s])", column):
+        if unit_named(inside) is None and (opening == "[" or _OTHER_UNIT.fullmatch(inside.lower())):
+            return str(inside)
+    return ""
+
+
+def _name_and_unit(column: str, unit_cell: str) -> tuple[str, str | None]:
+    """Split a header into name and unit: ``a_x (g)``, ``Zeit [ms]``, ``AX_m/s^2``, ``t/ms``, ``time in s``."""
+    if (unit := unit_named(unit_cell)) is not None:
+        return column, unit
+    for match in re.finditer(r"[\[({]([^\])}]*(?:\([^)]*\)[^\])}]*)?)[\])}]", column):
+        if (unit := unit_named(match.group(1))) is not None:
+            return " ".join((column[: match.start()] + column[match.end() :]).split()).strip(" _-,"), unit
+    for match in re.finditer(r"[\s_/,;:-]+(?:in[\s_]+)?", column):
+        if match.start() and (unit := unit_named(column[match.end() :])) is not None:
+            return column[: match.start()].strip(" _-,/"), unit
+    return column, unit_named(column) if len(column) > 1 else None
+
+
+def _plain(name: str) -> str:
+    """Lower case, without accents, words apart."""
+    flat = unicodedata.normalize("NFKD", name.replace("ß", "ss")).encode("ascii", "ignore").decode().lower()
+    return " ".join(re.sub(r"[^a-z0-9]+", " ", flat).split())
+
+
+def _is(role: ColumnRole, plain: str) -> bool:
+    return re.fullmatch(_WORDS[role], plain) is not None
+
+
+def place_of(column: str) -> str:
+    """A header in plain words without unit and filter: where a signal was taken, the same for raw and filtered."""
+    return " ".join(_FILTER.sub("", _plain(bare_name(column))).split())
+
+
+def filter_order(column: str) -> float:
+    """Less for the less filtered: raw, nothing said, the higher class before the lower, filtered somehow."""
+    plain, cutoff = _plain(column), cutoff_of(column)
+    if cutoff is not None:
+        return 2 + 1 / max(cutoff, 1.0)
+    if re.search(rf"\b({_RAW})\b", plain):
+        return 0.0
+    return 4.0 if _FILTER.search(plain) else 1.0
+
+
+def cutoff_of(column: str) -> float | None:
+    """−3 dB frequency of the CFC in a header, if there is one (SAE J211-1: 1.667 times the class)."""
+    match = re.search(r"\bcfc ?(\d{1,4})\b", _plain(column))
+    return float(match.group(1)) / 0.6 if match else None
+
+
+def names_a_test(title: str) -> bool:
+    """Whether a title above some columns is the name of a test or a run: Test 1, Versuch 7, V2."""
+    return (
+        re.fullmatch(r"(test|run|versuch|lauf|crash|sim(ulation)?|v|t) ?((nr|no|number) )?\w*\d\w*", _plain(title))
+        is not None
+    )
+
+
+def bare_name(column: str) -> str:
+    """Return a header without its unit."""
+    return _name_and_unit(column, "")[0] or column

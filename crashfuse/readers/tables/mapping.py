@@ -1,0 +1,192 @@
+"""Which column of a foreign table is what: proposed from headers and units, overruled by the user.
+
+:func:`propose` and :meth:`Mapping.overruled` are pure, so that a page can show the mapping as a step of its own; what
+follows from it is read by :mod:`crashfuse.readers.tables.table_reader`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from crashfuse.errors import UsageError
+from crashfuse.files.archive import shown
+from crashfuse.readers.tables.headers import ColumnRole, ColumnUse, filter_order, place_of, use_of, why_no_acceleration
+from crashfuse.readers.tables.sheet import SAMPLE, Sheet
+from crashfuse.readers.unit_spelling import UNITS, unit_named
+from crashfuse.signals.pulse import FloatArray
+
+__all__ = ["QUANTITIES", "ColumnRole", "ColumnUse", "Mapping", "propose"]
+
+QUANTITIES: dict[str, str] = {
+    "time": "time",
+    "acceleration": "acceleration",
+    "speed": "speed",
+    "mass": "mass",
+    "front_weight": "mass",
+    "rear_weight": "mass",
+    "front_share": "share",
+}
+"""What the columns that have a unit measure."""
+_OF_CONDITIONS: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
+_FEWEST = 20  # rows by which a clock is known from a time among conditions
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """What every column of a sheet is taken for, in their order."""
+
+    uses: tuple[ColumnUse, ...]
+
+    def of(self, role: ColumnRole) -> tuple[ColumnUse, ...]:
+        """The columns in this role."""
+        return tuple(use for use in self.uses if use.role == role)
+
+    @property
+    def kind(self) -> Literal["pulses", "conditions", "neither"]:
+        """What the sheet holds: pulses if there is a time, else conditions if there is a speed or a weight."""
+        if self.of("time") and self.of("acceleration"):
+            return "pulses"
+        return "conditions" if any(self.of(role) for role in _OF_CONDITIONS) else "neither"
+
+    def overruled(self, column: str, role: ColumnRole, unit: str | None = None) -> "Mapping":
+        """Return the mapping with one column used as the user says; its unit stays where it still makes sense.
+
+        Raises
+        ------
+        UsageError
+            If there is no such column, role, or unit.
+        """
+        if column not in [use.column for use in self.uses]:
+            have = ", ".join(shown(use.column, 40) for use in self.uses[:20])
+            raise UsageError(f"There is no column {column!r}; there are {have}.")
+        if role not in get_args(ColumnRole):
+            raise UsageError(f"A column can be {', '.join(get_args(ColumnRole))}, not {role!r}.")
+        quantity = QUANTITIES.get(role)
+        named = None if unit is None or quantity is None else unit_named(unit, quantity)
+        if unit is not None and named is None:
+            known = "no unit" if quantity is None else ", ".join(UNITS[quantity])
+            raise UsageError(f"A column that is {role} has {known}, not {unit!r}.")
+
+        def changed(use: ColumnUse) -> ColumnUse:
+            if use.column != column:
+                return use
+            kept = use.unit if quantity is not None and use.unit in UNITS[quantity] else None
+            return ColumnUse(column, role, named or kept, "chosen by the user")
+
+        return Mapping(tuple(map(changed, self.uses)))
+
+
+def propose(sheet: Sheet) -> Mapping:
+    """Propose what each column is, from its header, its unit, and what else the sheet has.
+
+    Parameters
+    ----------
+    sheet : Sheet
+
+    Returns
+    -------
+    Mapping
+        Whatever is not recognised is ignored beside a time, and a factor in a table of conditions. Where several
+        columns could be one quantity, all of them are proposed, to be refused when they are read.
+    """
+    sample = replace(sheet, cells=sheet.cells.head(SAMPLE))
+    uses = [use_of(column, unit) for column, unit in zip(sheet.columns, sheet.units, strict=True)]
+    times = _clocks(sample, uses)
+    if not times:
+        return Mapping(tuple(_of_conditions(uses)))
+    if not any(use.unit in UNITS["acceleration"] or use.role == "acceleration" for use in uses):
+        uses = [
+            use if use.column in times else _beside_time(use, unit) for use, unit in zip(uses, sheet.units, strict=True)
+        ]
+    return Mapping(tuple(_of_pulses(uses, times)))
+
+
+def _clocks(sheet: Sheet, uses: list[ColumnUse]) -> list[str]:
+    """Columns that are the time of pulses; a clock's time among conditions is none."""
+    named = [use for use in uses if use.role == "time"]
+    conditions = any(use.role in _OF_CONDITIONS for use in uses)
+    numeric = [use.column for use in named if _numeric(sheet, use.column)]
+    running = [column for column in numeric if _runs(sheet.parsed(column))]
+    times = [c for c in running if len(sheet.cells) >= _FEWEST] if conditions else running or numeric
+    described = {"speed"} < {use.role for use in uses if use.role in _OF_CONDITIONS}
+    if not times and not described:
+        unknown = (use.column for use in uses if use.role == "ignored" and not use.why)
+        times = [column for column in unknown if _runs_evenly(sheet.parsed(column))][:1]
+    return times
+
+
+def _numeric(sheet: Sheet, column: str) -> bool:
+    """Whether most of the cells that are filled are numbers."""
+    filled = sum(map(bool, sheet.text(column)))
+    return filled > 0 and 2 * np.isfinite(sheet.parsed(column)).sum() >= filled
+
+
+def _runs(values: FloatArray) -> bool:
+    """Whether numbers increase as time does, but for where the next of several records begins."""
+    steps = np.diff(values[np.isfinite(values)])
+    return bool(steps.size and np.any(steps > 0) and np.mean(steps >= 0) > 0.9)
+
+
+def _runs_evenly(values: FloatArray) -> bool:
+    steps = np.diff(values)
+    return bool(
+        values.size > 50 and np.isfinite(steps).all() and steps.min() > 0 and np.ptp(steps) < 0.1 * steps.mean()
+    )
+
+
+def _beside_time(use: ColumnUse, unit_cell: str) -> ColumnUse:
+    """A column that nothing is known of, where nothing else could be the acceleration."""
+    if use.role != "ignored" or use.why:
+        return use
+    why_not = why_no_acceleration(use.column, unit_cell)
+    return ColumnUse(use.column, "ignored" if why_not else "acceleration", None, why_not or "beside the time")
+
+
+def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUse]:
+    """What columns are in a sheet of pulses."""
+    least_filtered: dict[tuple[str, str], ColumnUse] = {}
+    clock_of = _clock_of([use.column for use in uses], times)
+    by_filter = sorted((use for use in uses if use.role == "acceleration"), key=lambda use: filter_order(use.column))
+    for use in by_filter:
+        least_filtered.setdefault((clock_of[use.column], place_of(use.column)), use)
+    used = {clock_of[use.column] for use in least_filtered.values()} or {times[0]}
+    used = set(times) if "" in used else used  # whose time it is has to be said
+    settled = []
+    for use in uses:
+        role, why = use.role, use.why
+        if use.column in used:
+            role, why = "time", why or "it increases evenly"
+        elif use.role == "time":
+            role, why = "ignored", f"{', '.join(sorted(used))} is the time"
+        elif use.role == "acceleration":
+            best = least_filtered[clock_of[use.column], place_of(use.column)]
+            role, why = ("acceleration", why) if best is use else ("ignored", f"{best.column} is less filtered")
+        elif use.role not in ("id", "ignored"):
+            role, why = "ignored", "not part of a pulse"
+        settled.append(ColumnUse(use.column, role, use.unit, why))
+    return settled
+
+
+def _clock_of(columns: Sequence[str], times: Sequence[str]) -> dict[str, str]:
+    """The time of each column: the last one to its left; what stands before the first has none of its own."""
+    clocks, clock = {}, times[0] if len(times) == 1 else ""
+    for column in columns:
+        clock = column if column in times else clock
+        clocks[column] = clock
+    return clocks
+
+
+def _of_conditions(uses: Sequence[ColumnUse]) -> list[ColumnUse]:
+    """What columns are in a sheet of conditions."""
+    settled: list[ColumnUse] = []
+    for use in uses:
+        if use.role in ("time", "acceleration") or (use.role == "ignored" and not use.why):
+            use = ColumnUse(use.column, "factor", None, "kept with the condition")
+        elif use.role == "id" and any(other.role == "id" for other in settled):
+            use = ColumnUse(use.column, "factor", None, "another column is the id")
+        settled.append(use)
+    if settled and settled[0].role == "factor" and not any(use.role == "id" for use in settled):
+        settled[0] = ColumnUse(settled[0].column, "id", None, "the first column")
+    return settled

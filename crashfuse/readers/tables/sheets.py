@@ -1,0 +1,145 @@
+"""Tables as programs and people export them: CSV, TSV or Excel, with whatever delimiter, decimal sign and header.
+
+Nothing is asked of the file but that it holds a table: the delimiter and the decimal sign are those under which most
+cells are numbers.
+"""
+
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.archive import Limits
+from crashfuse.readers.tables.sheet import SAMPLE, SHEET_LIMITS, Sheet, header_of, is_number, sheet_of
+from crashfuse.readers.tables.side_by_side import parted
+from crashfuse.readers.tables.workbook import read_workbook
+
+TEXT_ENDINGS = (".csv", ".tsv", ".txt", ".asc", ".dat")
+EXCEL_ENDINGS = (".xlsx", ".xlsm")
+_MOST_CELLS, _LONGEST_LINE = 20_000_000, 1 << 18
+_AGAIN = "export it again as CSV"
+_DIALECTS = (
+    (",", "."),
+    (";", ","),
+    (";", "."),
+    ("\t", ","),
+    ("\t", "."),
+    ("|", "."),
+    (" ", "."),
+    (" ", ","),
+    (",", ","),  # in quotes
+)
+
+
+def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
+    """Read the tables of a text file or of the sheets of a workbook: one each, or one for each time in it.
+
+    Raises
+    ------
+    DataError
+        If the file holds no table or is larger than allowed.
+    """
+    if not path.is_file():
+        raise DataError(Problem(str(path), "a table", "no such file", "check the path"))
+    if path.stat().st_size > limits.member_bytes:
+        expected, found = f"at most {limits.member_bytes >> 20} MiB a table", f"{path.stat().st_size >> 20} MiB"
+        raise DataError(Problem(path.name, expected, found, "export a shorter record"))
+    if path.suffix.lower() in EXCEL_ENDINGS:
+        return tuple(part for sheet in read_workbook(path, limits) for part in parted(sheet))
+    if path.suffix.lower() == ".xls":
+        raise DataError(Problem(path.name, "a workbook of Excel 2007 or later", "an .xls file", "save it as .xlsx"))
+    return parted(_text_sheet(path, limits))
+
+
+def _text_sheet(path: Path, limits: Limits) -> Sheet:
+    content = path.read_bytes()
+    if content.count(b"\n") + content.count(b"\r") > 2 * limits.rows:
+        raise DataError(Problem(path.name, f"at most {limits.rows} rows", "more", "export a shorter record"))
+    text = _decoded(content, path.name)
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    del content, text
+    if max(map(len, lines)) > _LONGEST_LINE:
+        raise DataError(Problem(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN))
+    delimiter, decimal = _dialect([line for line in lines[:SAMPLE] if line.strip()], path.name)
+    grid = [_split(line, delimiter) for line in lines[:SAMPLE]]
+    names = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
+    form = f"Columns parted by {names[delimiter]}, decimal {names.get(decimal, 'point')}."
+    header = header_of(grid, decimal, path.name)
+    rest = lines[header.begin :]
+    while rest and not rest[-1].strip(f" {delimiter}"):
+        rest.pop()
+    if len(rest) * len(header.columns) > _MOST_CELLS:
+        raise DataError(Problem(path.name, f"at most {_MOST_CELLS} cells", "more", "export fewer columns"))
+    cells = _cells(rest, delimiter, len(header.columns), path.name, header.begin + 1)
+    return sheet_of(path.name, header, cells, decimal, form)
+
+
+def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_row: int) -> pd.DataFrame:
+    try:
+        return pd.read_csv(
+            io.StringIO("\n".join(lines)),
+            sep=r"\s+" if delimiter == " " else delimiter,
+            header=None,
+            names=range(width),
+            index_col=False,
+            dtype=str,
+            keep_default_na=False,
+            na_filter=False,
+            skip_blank_lines=False,
+            skipinitialspace=True,
+            on_bad_lines="error",
+        )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, pd.errors.ParserWarning, ValueError) as error:
+        found = " ".join(str(error).split())[:160]
+        advice = f"export it again (the data begin in row {first_row})"
+        raise DataError(Problem(name, f"{width} cells in each row", found, advice)) from None
+
+
+def _decoded(content: bytes, name: str) -> str:
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        encodings: tuple[str, ...] = ("utf-16",)
+    else:
+        encodings = ("utf-8-sig", "cp1252", "latin-1")
+    for encoding in encodings:
+        try:
+            text = content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if "\x00" in text:
+            break
+        return text
+    raise DataError(Problem(name, "a table as text", "bytes that are no text", "export it again as CSV in UTF-8"))
+
+
+def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
+    """The delimiter and decimal sign under which the most cells, and the largest share of them, are numbers."""
+    best, best_score = None, 0.0
+    for delimiter, decimal in _DIALECTS:
+        rows = [_split(line, delimiter) for line in lines]
+        width = Counter(len(row) for row in rows if len(row) > 1).most_common(1)
+        if not width:
+            continue
+        numbers = [sum(is_number(cell, decimal) for cell in row) for row in rows if len(row) == width[0][0]]
+        score = sum(count**2 for count in numbers) / width[0][0]
+        if score > best_score:
+            best, best_score = (delimiter, decimal), score
+    if best is None:
+        expected, found = "a table of at least two columns with numbers", "none"
+        raise DataError(Problem(name, expected, found, _AGAIN))
+    return best
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    if delimiter == " ":
+        return re.split(r"\s+(?![\[(])", line.strip())
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    except csv.Error:
+        return [line]

@@ -1,0 +1,55 @@
+"""Tables side by side in one sheet, each with its own time: parted, so that no acceleration gets another's time."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+from crashfuse.files.archive import shown
+from crashfuse.readers.tables.headers import bare_name, names_a_test
+from crashfuse.readers.tables.mapping import Mapping, propose
+from crashfuse.readers.tables.sheet import Sheet
+
+
+def parted(sheet: Sheet) -> tuple[Sheet, ...]:
+    """Part a sheet in which several accelerations have times of their own.
+
+    Returns
+    -------
+    tuple of Sheet
+        A sheet for each time, with the columns from it to the next; columns left of the first are in all of them.
+        The sheet as it is, if it has one time, or an acceleration left of all times.
+    """
+    mapping = propose(sheet)
+    roles = [use.role for use in mapping.uses]
+    times = [number for number, role in enumerate(roles) if role == "time"]
+    if mapping.kind != "pulses" or len(times) < 2 or roles.index("acceleration") < times[0]:
+        return (sheet,)
+    blocks = [(*range(times[0]), *range(*ends)) for ends in pairwise([*times, len(roles)])]
+    titles = [next(filter(None, (sheet.titles[number] for number in block)), "") for block in blocks]
+    tests = len(set(titles)) == len(titles) and all(map(names_a_test, titles))
+    names = titles if tests else [_named(mapping, block) for block in blocks]
+    return tuple(
+        _part(sheet, block, name, "" if tests else sheet.name) for block, name in zip(blocks, names, strict=True)
+    )
+
+
+def _named(mapping: Mapping, block: Sequence[int]) -> str:
+    """A block by its first acceleration."""
+    return next(bare_name(use.column) for number in block if (use := mapping.uses[number]).role == "acceleration")
+
+
+def _part(sheet: Sheet, block: Sequence[int], name: str, part_of: str) -> Sheet:
+    columns = tuple(sheet.columns[number] for number in block)
+    told = (
+        f"One of several times side by side, with the columns right of it: {', '.join(shown(c, 40) for c in columns)}."
+    )
+    return replace(
+        sheet,
+        name=f"{sheet.name}: {shown(name, 60)}",
+        columns=columns,
+        units=tuple(sheet.units[number] for number in block),
+        cells=sheet.cells.iloc[:, list(block)],
+        titles=tuple(sheet.titles[number] for number in block),
+        steps=(*sheet.steps, told),
+        part_of=part_of,
+    )

@@ -1,0 +1,191 @@
+"""Tables with foreign headers, once it is settled which column is what: records and conditions."""
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.archive import shown
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.readers.tables.headers import bare_name, cutoff_of
+from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole, ColumnUse, Mapping
+from crashfuse.readers.tables.sheet import Sheet
+from crashfuse.readers.unit_spelling import UNITS
+from crashfuse.signals.pulse import FloatArray
+
+Rows = npt.NDArray[np.signedinteger[Any]]
+_LONGEST_S = 3.0  # beyond it a time without a unit is in ms
+_FEWEST = 10  # numbers of each kind that tell thousands separators from decimal signs
+
+
+def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: bool = False) -> tuple[Record, ...]:
+    """Read the records of a sheet of pulses.
+
+    Parameters
+    ----------
+    sheet : Sheet
+    mapping : Mapping
+    record_id : str
+        Of a sheet with a single pulse: the file's name, say.
+    together : bool
+        Take several columns as channels of one record, to be averaged; by default each is a record of its own.
+
+    Returns
+    -------
+    tuple of Record
+        One an id where there is a column of ids.
+
+    Raises
+    ------
+    DataError
+        If there is not one time and one acceleration at least, a cell is no number, or the rows are those of several
+        records without ids.
+    """
+    times, accelerations, ids = mapping.of("time"), mapping.of("acceleration"), mapping.of("id")
+    for role, found, fine in (
+        ("time", times, len(times) == 1),
+        ("acceleration", accelerations, bool(accelerations)),
+        ("id", ids, len(ids) <= 1),
+    ):
+        if not fine:
+            have = ", ".join(shown(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
+            raise DataError(Problem(sheet.name, f"one column that is the {role}", have, "map the columns"))
+    time, told = _seconds(sheet, times[0])
+    values = {use.column: _decimal(sheet, use.column) for use in accelerations}
+
+    def channel(use: ColumnUse, rows: Rows) -> RecordedChannel:
+        unit = use.unit if use.unit in UNITS["acceleration"] else None
+        kept = rows[np.isfinite(values[use.column][rows])]
+        return RecordedChannel(
+            use.column, use.column, time[kept], values[use.column][kept], unit, cutoff_of(use.column)
+        )
+
+    def record(name: str, uses: tuple[ColumnUse, ...], rows: Rows) -> Record:
+        channels = tuple(channel(use, rows) for use in uses)
+        steps = (*sheet.steps, *(_told(use) for use in (*times, *ids, *uses)), *told)
+        return Record(_as_id(name), sheet.name, PartialCondition(), channels, tuple(c.name for c in channels), steps)
+
+    rows = np.flatnonzero(np.isfinite(time))
+    if ids:
+        groups = _groups(sheet.text(ids[0].column), rows)
+        return tuple(record(name, accelerations, of) for name, of in groups)
+    _check_order(sheet, times[0], time, rows)
+    if together or len(accelerations) == 1:
+        return (record(record_id, accelerations, rows),)
+    return tuple(record(bare_name(use.column), (use,), rows) for use in accelerations)
+
+
+def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialCondition]:
+    """Read the conditions of a sheet, by id.
+
+    Raises
+    ------
+    DataError
+        If ids lack or repeat, a unit is unknown, or a cell is no number.
+    """
+    ids = mapping.of("id")
+    if len(ids) != 1:
+        found = ", ".join(use.column for use in ids) or f"none in {', '.join(sheet.columns[:12])}"
+        raise DataError(Problem(sheet.name, "one column that is the id", found, "map the columns"))
+    names = sheet.text(ids[0].column)
+    name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
+    if times != 1:
+        found = f"{shown(name, 40)!r} {times} times" if times else "none"
+        raise DataError(Problem(sheet.name, "each id once", found, "correct the ids", ids[0].column))
+    roles: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
+    values = {role: _quantity(sheet, mapping, role) for role in roles}
+    share = _quantity(sheet, mapping, "front_share")
+    factors = [(use.column, sheet.text(use.column)) for use in mapping.of("factor")]
+    conditions = {}
+    for row, name in enumerate(names):
+        if not name:
+            continue
+        speed, mass, front, rear = (None if v is None or np.isnan(v[row]) else float(v[row]) for v in values.values())
+        if share is not None and mass is not None and front is None and rear is None and np.isfinite(share[row]):
+            front = mass * float(share[row])
+            rear = mass - front
+        known = tuple((column, cells[row]) for column, cells in factors)
+        conditions[name] = PartialCondition(speed, mass, front, rear, known)
+    return conditions
+
+
+def told_of(mapping: Mapping) -> tuple[str, ...]:
+    """What the columns of a sheet of conditions are taken for, a sentence each."""
+    return tuple(_told(use) for use in mapping.uses if use.role in ("id", *QUANTITIES))
+
+
+def _decimal(sheet: Sheet, column: str) -> FloatArray:
+    """Numbers whose decimal sign is one: ``-441.234`` among ``119`` and never ``-44.1`` means −441 234."""
+    numbers = sheet.numbers(column)
+    known = numbers[np.isfinite(numbers)]
+    broken = known[known != np.round(known)]
+    if _FEWEST <= broken.size <= known.size - _FEWEST and np.abs(known).max() < 1000 and np.abs(broken).min() >= 1:
+        cells = [cell for cell in sheet.text(column) if cell]
+        grouped = re.compile(rf"[-+]?\d{{1,3}}({re.escape(sheet.decimal)}\d{{3}})?")
+        if all(map(grouped.fullmatch, cells)):
+            found = f"numbers such as {next(cell for cell in cells if sheet.decimal in cell)} among whole ones"
+            advice = "these are thousands separators; export without them"
+            raise DataError(Problem(sheet.name, "a decimal sign that is one", found, advice, shown(column)))
+    return numbers
+
+
+def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> None:
+    """A time that falls back without ids may be several records one below the other."""
+    back = np.flatnonzero(np.diff(time[rows]) < 0)
+    if back.size:
+        before, after = (sheet.text(use.column)[row] for row in rows[back[0] : back[0] + 2].tolist())
+        expected, found = "time that increases from row to row", f"{shown(after, 20)} after {shown(before, 20)}"
+        advice = "map the column of ids (COLUMN=id) if the rows are of several records, else sort them by time"
+        row = int(rows[back[0] + 1]) + sheet.first_row
+        raise DataError(Problem(sheet.name, expected, found, advice, shown(use.column), row))
+
+
+def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]:
+    time = sheet.numbers(use.column)
+    if use.unit is not None:
+        return time * UNITS["time"][use.unit], ()
+    span = float(np.nanmax(time) - np.nanmin(time)) if np.isfinite(time).any() else 0.0
+    unit = "s" if span <= _LONGEST_S else "ms"
+    return time * UNITS["time"][unit], (f"Time in {unit}: no unit is named, and the record is {span:.6g} long.",)
+
+
+def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | None:
+    uses = mapping.of(role)
+    if not uses:
+        return None
+    if len(uses) > 1:
+        found = " and ".join(shown(use.column, 40) for use in uses)
+        advice = "say which one it is by mapping the others (COLUMN=factor)"
+        raise DataError(Problem(sheet.name, f"one column that is the {role}", found, advice))
+    use, quantity = uses[0], QUANTITIES[role]
+    values = sheet.numbers(use.column)
+    if quantity == "share" and use.unit != "1":  # Excel keeps 58 % as 0.58
+        return np.where(values > 1, 0.01 * values, values)
+    if use.unit is not None:
+        return values * UNITS[quantity][use.unit]
+    expected = f"a unit in the header ({', '.join(UNITS[quantity])})"
+    raise DataError(Problem(sheet.name, expected, "none", "name the unit in the mapping", use.column))
+
+
+def _groups(names: list[str], rows: Rows) -> Iterator[tuple[str, Rows]]:
+    """Rows of each id, in the order of first appearance."""
+    of: dict[str, list[int]] = {}
+    for row in rows.tolist():
+        of.setdefault(names[row], []).append(row)
+    for name, indices in of.items():
+        if name:
+            yield name, np.array(indices)
+
+
+def _as_id(name: str) -> str:
+    """Return a name that can name a file."""
+    return re.sub(r"[/\\:\x00-\x1f]", "_", name).strip(" .") or "record"
+
+
+def _told(use: ColumnUse) -> str:
+    unit = f" in {use.unit}" if use.unit else ""
+    return f"Column {shown(use.column, 60)} is the {use.role.replace('_', ' ')}{unit}: {use.why}."

@@ -1,0 +1,232 @@
+"""TDMS as a source of tests: NHTSA's newer downloads, and any other file whose channels are accelerations.
+
+NHTSA writes what its ASCII specification says (:mod:`crashfuse.readers.nhtsa`) into properties of each channel:
+``Inst_SenAtt`` FLLR, ``Inst_Axis`` XG, ``Veh_VehSpd``, ``Veh_VehTWt`` … in km/h and kg; sampling is in ``wf_increment``
+and ``wf_start_offset``, and 0 is first contact. Axle weights are not among them.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from pathlib import Path, PurePath
+
+import numpy as np
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.archive import Budget, Limits, Member, refuse, shown
+from crashfuse.readers.members import opened_members
+from crashfuse.readers.nhtsa_sensors import Sensor, proposed_sensors, without_damaged
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile, parse_tdms
+from crashfuse.readers.unit_spelling import UNITS, unit_named
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import KPH, MPH
+
+TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
+"""Sizes beyond which a file is refused: a test of 1000 channels of 10,000 samples has 80 MB."""
+
+_TIME_NAMES = ("time", "zeit", "t")
+_LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
+_ACCELERATION = re.compile(r"acc|beschl|puls|^a[ _-]?x", re.IGNORECASE)
+_MOST_CHANNELS = 200  # of a test that could be its pulse
+
+_Told = Mapping[str, str | float]
+
+
+def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
+    """Read TDMS files, one record each.
+
+    Parameters
+    ----------
+    path : Path
+        A file, a folder, or a zip.
+    limits : Limits
+        Sizes beyond which it is refused.
+
+    Returns
+    -------
+    tuple of Record
+        Of an NHTSA test, the X accelerations of its vehicle with those on the rear floor proposed, else those at the
+        centre of gravity; of another file, every acceleration, proposed if it is the only one.
+
+    Raises
+    ------
+    DataError
+        With what is wrong with each file that is.
+    """
+    kind = "a .tdms file, or a folder or zip of them"
+    with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
+        if _is_of_the_format(path):
+            members = [member for member in members if member.path.as_posix() == path.name]
+        if not members:
+            raise DataError(Problem(path.name, kind, "none", "check the path"))
+        records: list[Record] = []
+        problems: list[Problem] = []
+        for member in members:
+            try:
+                records.append(_record(parse_tdms(_content(member, budget), member.where), member))
+            except DataError as error:
+                problems.extend(error.problems)
+        refuse(problems, path.name)
+    return tuple(records)
+
+
+def _is_of_the_format(path: PurePath) -> bool:
+    return path.suffix.lower() == ".tdms"
+
+
+def _content(member: Member, budget: Budget) -> bytes:
+    content = BytesIO()
+    for chunk in member.chunks(budget):
+        content.write(chunk)
+    return content.getvalue()
+
+
+def _record(file: TdmsFile, member: Member) -> Record:
+    where = member.where
+    told = [(channel, file.told(channel)) for channel in file.channels]
+    of_nhtsa = [(channel, said) for channel, said in told if "inst_sentyp" in said]
+    if of_nhtsa:
+        return _nhtsa_record(file, of_nhtsa, member)
+    found = [(c, said) for c, said in told if unit_named(_text(said, "unit_string"), "acceleration")]
+    what = "acceleration"
+    if not found:
+        found = [(c, said) for c, said in told if not _text(said, "unit_string") and not _is_time(c, said)]
+        what = "channel without a unit"
+    if not found:
+        expected = "channels in a unit of acceleration (unit_string)"
+        raise DataError(Problem(where, expected, f"none of {len(told)}", "export them with their units"))
+    repeated = Counter(channel.name for channel, _ in found)
+    channels: list[RecordedChannel] = []
+    damaged: dict[str, Problem] = {}
+    for channel, said in found[:_MOST_CHANNELS]:
+        name = channel.name if repeated[channel.name] == 1 else f"{channel.group}/{channel.name}"
+        try:
+            clock = None if _number(said, "wf_increment") else _clock(file, channel, told)
+            channels.append(_channel(file, channel, said, name, channel.name, where, clock))
+        except DataError as error:
+            damaged[name] = error.problems[0]
+    if not channels:
+        raise DataError(list(damaged.values()))
+    only = len(found) == 1 and (what == "acceleration" or _ACCELERATION.search(channels[0].name) is not None)
+    proposed = (channels[0].name,) if only else ()
+    why = f"The only {what}: {proposed[0]}." if proposed else f"One of {len(channels)} {what}s has to be chosen."
+    left_out = (f"Left out, for they are damaged: {', '.join(map(shown, damaged))}.",) if damaged else ()
+    steps = ("TDMS file.", *left_out, why)
+    return Record(member.path.stem, where, PartialCondition(), tuple(channels), proposed, steps, unread=damaged)
+
+
+def _is_time(channel: TdmsChannel, said: _Told) -> bool:
+    unit = _text(said, "unit_string")
+    return unit_named(unit, "time") is not None or (not unit and channel.name.strip().lower() in _TIME_NAMES)
+
+
+def _clock(file: TdmsFile, channel: TdmsChannel, told: Sequence[tuple[TdmsChannel, _Told]]) -> FloatArray | None:
+    """Time in s as the channel of times beside a channel has it, None where there is none as long."""
+    values = file.values(channel)
+    for beside, said in told:
+        if beside.group == channel.group and _is_time(beside, said):
+            time = file.values(beside)
+            if time.size == values.size >= 2:
+                unit = unit_named(_text(said, "unit_string"), "time") or ("s" if np.ptp(time) <= _LONGEST_S else "ms")
+                return time * UNITS["time"][unit]
+    return None
+
+
+def _nhtsa_record(file: TdmsFile, told: Sequence[tuple[TdmsChannel, _Told]], member: Member) -> Record:
+    where = member.where
+    sensors = [(channel, said, _sensor(place, said)) for place, (channel, said) in enumerate(told, start=1)]
+    candidates = [one for one in sensors if one[2].of_the_vehicle][:_MOST_CHANNELS]
+    if not candidates:
+        found = f"none in {len(told)} channels"
+        raise DataError(Problem(where, "X accelerations of the vehicle", found, "download all channels of the test"))
+    first = min(sensor.vehicle for *_, sensor in candidates)
+    candidates = [one for one in candidates if one[2].vehicle == first]
+    channels: dict[Sensor, RecordedChannel] = {}
+    damaged: dict[Sensor, Problem] = {}
+    for channel, said, sensor in candidates:
+        try:
+            label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
+            channels[sensor] = _channel(file, channel, said, str(sensor.number), label, where)
+        except DataError as error:
+            damaged[sensor] = error.problems[0]
+    left_out, unread = without_damaged(damaged, [sensor for *_, sensor in candidates], where)
+    proposed, why = proposed_sensors(list(channels), list(channels.values()))
+    condition, told_of_it = _condition(candidates[0][1], where)
+    zero = "0 is first contact, by the format's definition"
+    steps = (*told_of_it, *left_out, why)
+    test_id = member.path.stem.lstrip("vV")
+    return Record(test_id, where, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
+
+
+def _sensor(place: int, said: _Told) -> Sensor:
+    """Put a channel's properties in the form of a line of the ASCII specification."""
+    return Sensor(
+        vehicle=_text(said, "veh_vehno") or "1",
+        number=int(_number(said, "inst_curno")) or place,
+        sensor=_text(said, "inst_sentyp").upper(),
+        occupant=_text(said, "inst_senloc").upper(),
+        attachment=_text(said, "inst_senatt").upper(),
+        axis=_text(said, "inst_axis").upper(),
+        unit=_text(said, "unit_string") or _text(said, "inst_yunits"),
+        cutoff_hz=_number(said, "inst_prefil") or None,
+        status=_text(said, "inst_dastat").upper(),
+        redundant=_text(said, "inst_chstat").upper() == "R",
+        comment=shown(_text(said, "inst_inscom")),
+    )
+
+
+def _channel(
+    file: TdmsFile,
+    channel: TdmsChannel,
+    said: _Told,
+    name: str,
+    label: str,
+    where: str,
+    clock: FloatArray | None = None,
+) -> RecordedChannel:
+    """A channel on its own even time, else on the clock beside it."""
+    increment, start = _number(said, "wf_increment"), said.get("wf_start_offset", 0.0)
+    values = file.values(channel)
+    if increment > 0 and isinstance(start, float) and values.size >= 2:
+        unit_s = UNITS["time"][unit_named(_text(said, "wf_xunit_string"), "time") or "s"]
+        clock = unit_s * (start + increment * np.arange(values.size))
+    if clock is None:
+        expected, found = "samples and the time between them (wf_increment)", f"{values.size} samples without it"
+        advice = "export it as a waveform, or with a channel of time beside it"
+        raise DataError(Problem(f"{where}: {shown(channel.name)}", expected, found, advice))
+    unit = unit_named(_text(said, "unit_string") or _text(said, "inst_yunits"), "acceleration")
+    return RecordedChannel(name, shown(label), clock, values, unit, _number(said, "inst_prefil") or None)
+
+
+def _condition(said: _Told, where: str) -> tuple[PartialCondition, tuple[str, ...]]:
+    speed, mass = _number(said, "veh_vehspd") or _number(said, "test_clsspd"), _number(said, "veh_vehtwt")
+    car = " ".join(filter(None, (_text(said, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
+    steps = [f"NHTSA test {_text(said, 'test_tstno')}, {shown(car)}."]
+    setup, angle = _text(said, "test_tstcfn"), _number(said, "test_impang")
+    if setup not in ("VTB", "") or angle:
+        found = shown(f"{setup or 'unknown'} at {angle:g}°")
+        steps.append(f"Careful: the configuration is {found}, not a full-frontal barrier test (VTB at 0°).")
+    steps.append(
+        f"Speed {speed:g} km/h ({speed * KPH / MPH:.2f} mph) from {where}."
+        if speed
+        else f"{where} has no speed of the vehicle."
+    )
+    if mass:
+        steps.append(f"Weight {mass:g} kg from {where}, which does not say what each axle carried.")
+    return PartialCondition(speed * KPH or None, mass or None), tuple(steps)
+
+
+def _text(said: _Told, name: str) -> str:
+    value = said.get(name, "")
+    return value.strip() if isinstance(value, str) else f"{value:g}"
+
+
+def _number(said: _Told, name: str) -> float:
+    """Return a number above 0, 0 where there is none: NHTSA's own sign for unknown."""
+    try:
+        value = float(said.get(name, 0.0))
+    except ValueError:
+        return 0.0
+    return value if 0 < value < np.inf else 0.0

@@ -1,0 +1,244 @@
+"""TDMS, National Instruments' container of measured channels, read without trust.
+
+A file is a row of segments: a lead-in, objects (file, groups, channels) with properties, and raw data, channel after
+channel or interleaved, as often as there is room for. As in "TDMS File Format Internal Structure" (NI). Not read are
+DAQmx raw data and scales: measured values that are kept as they came from the converter.
+"""
+
+import re
+import struct
+from collections import ChainMap
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.archive import shown
+from crashfuse.signals.pulse import FloatArray
+
+_LEAD_IN = struct.Struct("<4sI")
+_METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = (1 << bit for bit in (1, 2, 3, 5, 6, 7))
+_NUMBERS = dict(enumerate("bhiqBHIQfd", start=1)) | {0x19: "f", 0x1A: "d", 0x21: "B"}
+_OTHERS = {0: 1, 0x44: 16, 0x0B: 16, 0x1B: 16, 0x08000C: 8, 0x10000D: 16}  # bytes of types that are passed over
+_TEXT, _NO_DATA, _AS_BEFORE, _WITHOUT_END = 0x20, 0xFFFFFFFF, 0, 0xFFFFFFFFFFFFFFFF
+_PATH = re.compile(r"/'((?:[^']|'')*)'")
+_MOST_METADATA = 8 << 20  # bytes, all segments together
+_MOST_VISITS = 1_000_000  # of objects, all segments together
+_MOST_VALUES = 5_000_000  # of a channel
+
+Properties = dict[str, str | float]
+
+
+@dataclass(slots=True)
+class _Layout:
+    """How much of an object each chunk of raw data has."""
+
+    kind: int
+    count: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Extent:
+    """A channel's numbers in a segment: ``chunks`` times ``count`` of them, so many bytes apart."""
+
+    code: str
+    offset: int
+    chunks: int
+    count: int
+    strides: tuple[int, int]
+
+
+@dataclass(slots=True)
+class TdmsChannel:
+    """A channel of a TDMS file.
+
+    Parameters
+    ----------
+    group, name : str
+    properties : dict of str to str or float
+        Names in small letters, as files differ in them.
+    """
+
+    group: str
+    name: str
+    properties: Properties = field(default_factory=dict)
+    _layout: _Layout | None = None
+    _extents: list[_Extent] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class TdmsFile:
+    """A TDMS file, its channels' values left where they are.
+
+    Parameters
+    ----------
+    properties : dict of str to str or float
+        The file's own; names in small letters.
+    channels : tuple of TdmsChannel
+    """
+
+    properties: Properties
+    channels: tuple[TdmsChannel, ...]
+    _groups: Mapping[str, TdmsChannel]
+    _content: bytes
+    _where: str
+
+    def told(self, channel: TdmsChannel) -> Mapping[str, str | float]:
+        """Everything said of a channel: by itself, else by its group, else by the file."""
+        group = self._groups.get(channel.group)
+        return ChainMap(channel.properties, group.properties if group else {}, self.properties)
+
+    def values(self, channel: TdmsChannel) -> FloatArray:
+        """Return the numbers of a channel.
+
+        Raises
+        ------
+        DataError
+            If there are too many, or they are no plain numbers.
+        """
+        place = f"{self._where}: {shown(channel.name)}"
+        if sum(extent.chunks * extent.count for extent in channel._extents) > _MOST_VALUES:
+            raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", "choose the file of one test"))
+        if channel.properties.get("ni_number_of_scales", 0):
+            raise DataError(Problem(place, "plain numbers", "a scale to apply", "export the channel as float"))
+        parts = [
+            np.ndarray((e.chunks, e.count), e.code, self._content, e.offset, e.strides).ravel()
+            for e in channel._extents
+        ]
+        with np.errstate(invalid="ignore"):  # damage may look like any number
+            return np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
+
+
+def parse_tdms(content: bytes, where: str) -> TdmsFile:
+    """Read what a TDMS file says of its channels.
+
+    Parameters
+    ----------
+    content : bytes
+    where : str
+        What messages call the file.
+
+    Raises
+    ------
+    DataError
+        If it is none, damaged, or keeps its data in a form that is not read.
+    """
+    reader = _Reader(content, where)
+    while len(content) - reader.at >= 28:
+        reader.segment()
+    channels = tuple(item for item in reader.objects.values() if item.name)
+    groups = {item.group: item for item in reader.objects.values() if item.group and not item.name}
+    root = reader.objects.get("/")
+    return TdmsFile(root.properties if root else {}, channels, groups, content, where)
+
+
+class _Reader:
+    """Reads segment after segment."""
+
+    def __init__(self, content: bytes, where: str) -> None:
+        self.at, self.objects = 0, dict[str, TdmsChannel]()
+        self._content, self._where = content, where
+        self._order = "<"
+        self._present: dict[str, TdmsChannel] = {}  # in this segment, in the order of their raw data
+        self._metadata_bytes = self._visits = 0
+
+    def segment(self) -> None:
+        tag, contents = _LEAD_IN.unpack_from(self._content, self.at)
+        if tag != b"TDSm":
+            raise self._damaged("another kind of file" if self.at == 0 else "no segment where the next should be")
+        self._order = ">" if contents & _BIG_ENDIAN else "<"
+        self.at += _LEAD_IN.size
+        _, to_next, to_raw = self._unpack("IQQ")
+        start, size = self.at, len(self._content)
+        end = size if to_next == _WITHOUT_END else start + to_next
+        if contents & _DAQMX:
+            raise self._damaged("raw data of DAQmx", "export it with values in physical units")
+        if end > size or start + to_raw > end:
+            raise self._damaged("one that was cut short")
+        if contents & _METADATA:
+            self._read_objects(anew=bool(contents & _NEW_LIST))
+        self._visits += len(self._present)
+        if self._visits > _MOST_VISITS:
+            raise self._damaged("too many objects", "choose the file of one test")
+        if contents & _RAW:
+            self._find_data(start + to_raw, end, interleaved=bool(contents & _INTERLEAVED))
+        self.at = end
+
+    def _read_objects(self, *, anew: bool) -> None:
+        if anew:
+            self._present = {}
+        for _ in range(self._unpack("I")[0]):
+            path = self._text()
+            group, name, *_ = [*(part.replace("''", "'") for part in _PATH.findall(path)), "", ""]
+            item = self.objects.setdefault(path, TdmsChannel(group, name))
+            (index,) = self._unpack("I")
+            if index == _NO_DATA:
+                self._present.pop(path, None)
+            else:
+                if index != _AS_BEFORE:
+                    item._layout = self._layout()
+                if item._layout is None:
+                    raise self._damaged("a channel without a type")
+                self._present[path] = item
+            for _ in range(self._unpack("I")[0]):
+                name, value = self._text(), self._value()
+                if value is not None:
+                    item.properties[name.lower()] = value
+
+    def _layout(self) -> _Layout:
+        kind, dimensions, count = self._unpack("IIQ")
+        if kind == _TEXT:
+            return _Layout(kind, count, self._unpack("Q")[0])
+        if dimensions != 1 or (kind not in _NUMBERS and kind not in _OTHERS):
+            raise self._damaged("a type of data that is not known", "export it as float")
+        return _Layout(
+            kind, count, count * (struct.calcsize(f"={_NUMBERS[kind]}") if kind in _NUMBERS else _OTHERS[kind])
+        )
+
+    def _find_data(self, start: int, end: int, *, interleaved: bool) -> None:
+        layouts = [(item, item._layout) for item in self._present.values() if item._layout is not None]
+        chunk = sum(layout.size for _, layout in layouts)
+        chunks = (end - start) // chunk if chunk else 0
+        row = sum(layout.size // max(layout.count, 1) for _, layout in layouts)
+        if interleaved and len({layout.count for _, layout in layouts}) > 1:
+            raise self._damaged("interleaved channels of unlike length")
+        at = start
+        for item, layout in layouts:
+            width = layout.size // max(layout.count, 1)
+            if layout.kind in _NUMBERS and chunks:
+                code = f"{self._order}{_NUMBERS[layout.kind]}"
+                strides = (chunk, row if interleaved else width)
+                item._extents.append(_Extent(code, at, chunks, layout.count, strides))
+            at += width if interleaved else layout.size
+
+    def _value(self) -> str | float | None:
+        (kind,) = self._unpack("I")
+        if kind == _TEXT:
+            return self._text()
+        if kind in _NUMBERS:
+            return float(self._unpack(_NUMBERS[kind])[0])
+        if kind not in _OTHERS:
+            raise self._damaged("a property of a type that is not known")
+        self._bytes(_OTHERS[kind])
+        return None
+
+    def _text(self) -> str:
+        return self._bytes(self._unpack("I")[0]).decode("utf-8", "replace")
+
+    def _unpack(self, codes: str) -> tuple[int, ...]:
+        layout = f"{self._order}{codes}"
+        return struct.unpack(layout, self._bytes(struct.calcsize(layout)))
+
+    def _bytes(self, count: int) -> bytes:
+        if count > len(self._content) - self.at:
+            raise self._damaged("one that was cut short")
+        self._metadata_bytes += count
+        if self._metadata_bytes > _MOST_METADATA:
+            raise self._damaged("too many properties", "choose the file of one test")
+        self.at += count
+        return self._content[self.at - count : self.at]
+
+    def _damaged(self, found: str, advice: str = "download it again") -> DataError:
+        return DataError(Problem(self._where, "a sound TDMS file", found, advice))

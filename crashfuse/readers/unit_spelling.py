@@ -1,0 +1,58 @@
+"""How units are spelt outside: ``m/(s*s)``, ``G'S``, ``km/h``, ``[ms]`` … all to one name and one factor to SI."""
+
+import re
+from collections.abc import Mapping
+
+from crashfuse.readers.record import ACCELERATION_UNITS
+from crashfuse.units import KPH, LB, MPH, MS
+
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "time": {"s": 1.0, "ms": MS, "µs": 1e-6},
+    "acceleration": ACCELERATION_UNITS,
+    "speed": {"km/h": KPH, "mph": MPH, "m/s": 1.0},
+    "mass": {"kg": 1.0, "lb": LB, "t": 1000.0},
+    "share": {"%": 0.01, "1": 1.0},
+}
+"""Factors to SI by quantity and by the name that units have here."""
+
+_SPELLINGS = {
+    "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden"),
+    "ms": ("ms", "msec", "millisecond", "milliseconds", "millisekunden"),
+    "µs": ("µs", "us", "μs", "usec"),
+    "g": ("g", "g's", "gs", "gn", "g0", "gee"),
+    "m/s²": ("m/s2", "m/ss", "m/s/s", "mps2", "ms-2", "m/sec2"),
+    "mm/s²": ("mm/s2", "mm/ss", "mm/s/s", "mmps2", "mm/sec2"),
+    "mm/ms²": ("mm/ms2", "mm/ms/ms", "mmpms2"),
+    "km/h": ("km/h", "kph", "kmh", "kmph", "km/hr"),
+    "mph": ("mph", "mi/h", "mileperhour", "milesperhour"),
+    "m/s": ("m/s", "mps", "m/sec"),
+    "kg": ("kg", "kgs", "kilogram", "kilograms"),
+    "lb": ("lb", "lbs", "pound", "pounds", "lbm"),
+    "t": ("t", "tonne", "tonnes"),
+    "%": ("%", "percent", "prozent", "pct"),
+}
+_NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings}
+_LEADING_NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?")
+
+
+def unit_named(text: str, quantity: str | None = None) -> str | None:
+    """Return the name of the unit that a text spells, None if it spells none (of this quantity).
+
+    Parameters
+    ----------
+    text : str
+    quantity : {"time", "acceleration", "speed", "mass", "share"}, optional
+        Any by default.
+    """
+    plain = text.strip().strip("[](){}").lower().replace("²", "2").replace("’", "'")
+    name = _NAMES.get(re.sub(r"[\s^*·()]", "", plain))
+    known = {name for units in UNITS.values() for name in units} if quantity is None else UNITS[quantity]
+    return name if name in known else None
+
+
+def number_and_unit(text: str) -> tuple[float, str] | None:
+    """Split ``56,3 km/h`` into number and the rest, None if it does not begin with a number."""
+    match = _LEADING_NUMBER.match(text.strip())
+    if match is None:
+        return None
+    return float(match.group().replace(",", ".")), text.strip()[match.end() :].strip()

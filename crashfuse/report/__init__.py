@@ -1,7 +1,0 @@
-"""The report: one HTML file that needs no network, opens anywhere and prints on paper."""
-
-from crashfuse.report.planning import next_test_report, sweep_report
-from crashfuse.report.prediction import prediction_report
-from crashfuse.report.study import study_report
-
-__all__ = ["next_test_report", "prediction_report", "study_report", "sweep_report"]

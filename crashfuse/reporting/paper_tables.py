@@ -1,0 +1,49 @@
+"""The paper's tables of ratings: by test, approach and window, the best in bold (Tables 3 and 5)."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.study.study import Study
+
+TABLE_3 = {"lf_tcn": "LF_TCN", "time_domain": "MF_TCN"}
+"""What Table 3 compares: the network before and after it has seen the tests."""
+
+TABLE_5 = {name: LABELS[name] for name in ("time_domain", "displacement_domain", "fused", "cae")}
+"""What Table 5 compares, and our mixture."""
+
+MEAN = "Mean"
+
+
+def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
+    """Overall ratings in the form of the paper's Tables 3 and 5, with the mean over the tests at the foot.
+
+    Parameters
+    ----------
+    study : Study
+    rows : mapping of str to str
+        Approaches, and what they are called: :data:`TABLE_3` or :data:`TABLE_5`; those not in the study are left out.
+
+    Returns
+    -------
+    DataFrame
+        Indexed by test and approach, a column each window ("(0, 20) ms"), unrounded.
+    """
+    config = study.config
+    columns = {window: f"(0, {window:g}) ms" for window in config.windows_ms}
+    own = {name: label for name, label in rows.items() if name in config.approaches}
+    found = {
+        (fold.held_out, label): [fold.ratings[name][window].overall for window in columns]
+        for fold in study.folds
+        for name, label in own.items()
+    }
+    means = {(MEAN, label): [study.mean_rating(name, window) for window in columns] for name, label in own.items()}
+    index = pd.MultiIndex.from_tuples([*found, *means], names=["Test", "Approach"])
+    return pd.DataFrame([*found.values(), *means.values()], index=index, columns=list(columns.values()))
+
+
+def best(table: pd.DataFrame) -> pd.DataFrame:
+    """Which of a test's ratings over a window is the highest, as it is shown: to three digits. Same shape, bool."""
+    shown = table.round(3)
+    return shown == shown.groupby(level=0, sort=False).transform("max")

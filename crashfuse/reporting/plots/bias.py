@@ -1,0 +1,147 @@
+"""Figures of the CAE model's bias over displacement: what it got wrong, and the parts that explain it."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+
+from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
+from crashfuse.campaign import CrashTest
+from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, Unit, accel_scale, height_under_names
+from crashfuse.reporting.plots.displacement import displacement_figure, draw_band, draw_line, fit_axis
+from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR, speed_lines
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import MPH
+
+_PARTS: Mapping[str, str] = {
+    "shared": "Shared",
+    "by speed": "By speed",
+    "by weight": "By weight",
+    "ratio": "Ratio × CAE",
+    "own": "The test's own",
+    "total": "Total, the sum of the parts below",
+}
+_IN_A_ROW = 3  # more of them, and their titles overlap on a narrow page
+
+
+def bias_by_speed(
+    tests: Sequence[CrashTest],
+    biases: Sequence[BiasPoints],
+    *,
+    highlight: str | None = None,
+    unit: Unit = "g",
+    deceleration: bool = False,
+) -> go.Figure:
+    """Draw what the CAE model got wrong in each test, over displacement and coloured by speed (Fig. 16).
+
+    Parameters
+    ----------
+    tests : sequence of CrashTest
+    biases : sequence of BiasPoints
+        Of these tests, in their order.
+    highlight : str, optional
+        Id of the test to draw thick (the held-out one).
+    unit, deceleration
+        As in :func:`over_displacement`.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = displacement_figure(height_under_names(len(tests)))
+    scale = accel_scale(unit, deceleration)
+    lines = speed_lines(tests)
+    for test, bias in sorted(zip(tests, biases, strict=True), key=lambda pair: pair[0].condition.speed_mps):
+        thick = test.id == highlight
+        draw_line(
+            figure,
+            bias.displacement_m,
+            bias.bias_mps2 * scale,
+            name=f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph" + (" (held out)" if thick else ""),
+            line={**lines[test.id], "width": 4 if thick else 1.7},
+            legendgroup=test.id,  # names of one group each stand as close as they can
+        )
+    figure.update_layout(LEGEND_ABOVE)
+    figure.update_yaxes(title=f"Bias, test − CAE ({unit})")
+    return fit_axis(figure)
+
+
+def bias_parts(
+    parts: Sequence[BiasPart],
+    displacement_m: FloatArray,
+    measured: BiasPoints | None = None,
+    *,
+    unit: Unit = "g",
+    deceleration: bool = False,
+) -> go.Figure:
+    """Draw the parts of the bias that is expected at a condition, and their total, each with its 95 % band.
+
+    The y axes hold what lies before the measured maximum crush, if there is one: bands widen beyond it.
+
+    Parameters
+    ----------
+    parts : sequence of BiasPart
+        The total last.
+    displacement_m : ndarray, shape (n,)
+        Where they are given, in m.
+    measured : BiasPoints, optional
+        The held-out test's own bias, black over the total: what was to be foreseen.
+    unit, deceleration
+        As in :func:`over_displacement`.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    *some, total = parts
+    rows = -(-len(some) // _IN_A_ROW)
+    figure = displacement_figure(height=400 + 200 * rows)
+    x_style, y_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
+    places = [{"row": 1, "col": 1}]
+    places += [{"row": 2 + number // _IN_A_ROW, "col": 1 + number % _IN_A_ROW} for number in range(len(some))]
+    specs: list[list[dict[str, int] | None]] = [[None] * _IN_A_ROW for _ in range(1 + rows)]
+    for place in places:
+        specs[place["row"] - 1][place["col"] - 1] = {"colspan": _IN_A_ROW if place["row"] == 1 else 1}
+    figure.set_subplots(
+        1 + rows, _IN_A_ROW, specs=specs, row_heights=[1.7, *[1.0] * rows], horizontal_spacing=0.05,
+        vertical_spacing=0.24 / (1 + rows),
+        subplot_titles=[_PARTS.get(part.name, part.name[:1].upper() + part.name[1:]) for part in (total, *some)],
+    )  # fmt: skip
+    figure.update_annotations(font_size=14)
+    figure.update_xaxes(x_style)
+    figure.update_yaxes(y_style)
+    scale, colour = accel_scale(unit, deceleration), COLOURS["displacement_domain"]
+    for part, place in zip((total, *some), places, strict=True):
+        first = part is total
+        draw_band(
+            figure, displacement_m, part.lower_mps2, part.upper_mps2, scale, colour,
+            name="95 % band", showlegend=first, legendgroup="band", **place,
+        )  # fmt: skip
+        draw_line(
+            figure, displacement_m, part.mean_mps2 * scale, name="Expected", line={"color": colour, "width": 2},
+            showlegend=first, legendgroup="mean", **place,
+        )  # fmt: skip
+    if measured is not None:
+        draw_line(
+            figure, measured.displacement_m, measured.bias_mps2 * scale, name="Measured in this test",
+            line={"color": MEASURED_COLOUR, "width": 2.5}, **places[0],
+        )  # fmt: skip
+    figure.update_layout(LEGEND_ABOVE, margin={"t": 64}, legend={"y": 1.06})
+    figure.update_xaxes(title=None, nticks=4)
+    figure.update_xaxes(title="Displacement (mm)", row=1 + rows, col=min(2, len(some) - _IN_A_ROW * (rows - 1)))
+    before = np.full(displacement_m.size, True) if measured is None else displacement_m <= measured.displacement_m.max()
+    bounds = scale * np.array([[part.lower_mps2[before], part.upper_mps2[before]] for part in some])
+    figure.update_yaxes(range=_with_margin(bounds), showticklabels=False)  # to be compared
+    figure.update_yaxes(title=f"Bias ({unit})", showticklabels=True, col=1)
+    shown = [total.lower_mps2[before], total.upper_mps2[before]] + ([measured.bias_mps2] if measured else [])
+    figure.update_yaxes(
+        title=f"Bias, test − CAE ({unit})", range=_with_margin(scale * np.concatenate(shown)), row=1, col=1
+    )
+    return fit_axis(figure)
+
+
+def _with_margin(values: FloatArray) -> list[float]:
+    """Range of an axis that holds these, and zero."""
+    low, high = min(values.min(), 0.0), max(values.max(), 0.0)
+    margin = 0.05 * (high - low)
+    return [low - margin, high + margin]

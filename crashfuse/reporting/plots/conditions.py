@@ -1,0 +1,145 @@
+"""Figure of the condition space: where the CAE runs lie, where the tests, and which of these lie outside."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+
+from crashfuse.campaign import CaeLibrary, CrashTest
+from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, new_figure
+from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import LB, MPH
+
+_MAX_RUNS = 600  # points; more only fill the same cloud, and browsers draw each one by itself
+_UNITS = np.array([MPH, LB, LB])
+_LABEL = np.array([0.07, 0.08])  # of an axis: the size of a test's label
+_SIDES = {
+    "top center": np.array([0.0, 0.9]),
+    "bottom center": np.array([0.0, -0.9]),
+    "middle right": np.array([0.9, 0.0]),
+    "middle left": np.array([-0.9, 0.0]),
+}
+_WEIGHTS = ("front weight", "rear weight")
+
+
+def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None) -> go.Figure:
+    """Draw front and rear weight over speed, one below the other: CAE runs, their range, and the tests.
+
+    A test outside the range of the CAE runs, its own paired run left aside, is drawn open where its speed or that
+    weight lies outside: predicting it is extrapolation. The range shown is that of the runs paired with no test.
+
+    Parameters
+    ----------
+    library : CaeLibrary
+    tests : sequence of CrashTest
+    held_out : str, optional
+        Id of the test to mark by a ring.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = new_figure(height=640)
+    style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
+    figure.set_subplots(2, 1, shared_xaxes=True, vertical_spacing=0.06)
+    figure.update_xaxes({**style, "title": None, "range": None, "showspikes": False, "unifiedhovertitle": None})
+    figure.update_xaxes(title="Impact speed (mph)", row=2)
+    figure.update_yaxes(other_style)
+    runs = library.vectors / _UNITS
+    low, high = _range(library, tests)
+    points = np.array([test.condition.vector for test in tests]).reshape(-1, 3) / _UNITS
+    everything = np.vstack([runs, points])
+    bottom, top = everything.min(axis=0), everything.max(axis=0)
+    margin = 0.09 * (top - bottom) + 1e-6
+    figure.update_xaxes(range=[max(bottom[0] - margin[0], 0), top[0] + margin[0]])
+    for row, weight in enumerate(_WEIGHTS, start=1):  # the row is the weight's place in a condition's vector, too
+        place: dict[str, object] = {"row": row, "col": 1, "showlegend": row == 1}
+        _draw_runs(figure, runs[:: -(-len(runs) // _MAX_RUNS)], row, len(runs), place)
+        _draw_range(figure, low, high, row, place)
+        sides = _label_sides(points[:, [0, row]], (top - bottom + 2 * margin)[[0, row]])
+        _draw_tests(figure, library, tests, points, sides, held_out, row, place)
+        figure.update_yaxes(
+            title=f"{weight.capitalize()} (lb)", range=[bottom[row] - margin[row], top[row] + margin[row]], row=row
+        )
+    figure.update_layout(LEGEND_ABOVE, hovermode="closest")
+    return figure
+
+
+def _range(library: CaeLibrary, tests: Sequence[CrashTest]) -> tuple[FloatArray, FloatArray]:
+    """Least and greatest speed (mph) and weights (lb) of the runs that are paired with no test."""
+    paired = {library.paired_run(test.condition) for test in tests}
+    free = [run for run in range(len(library)) if run not in paired] or list(range(len(library)))
+    vectors = library.vectors[free] / _UNITS
+    return vectors.min(axis=0), vectors.max(axis=0)
+
+
+def _draw_runs(figure: go.Figure, runs: FloatArray, row: int, count: int, place: dict[str, object]) -> None:
+    figure.add_scatter(
+        x=runs[:, 0].astype(np.float32), y=runs[:, row].astype(np.float32), mode="markers",
+        name=f"{count:,} CAE runs", legendgroup="runs", hoverinfo="skip",
+        marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.35}, **place,
+    )  # fmt: skip
+
+
+def _draw_range(figure: go.Figure, low: FloatArray, high: FloatArray, row: int, place: dict[str, object]) -> None:
+    figure.add_scatter(
+        x=np.array([low[0], high[0], high[0], low[0], low[0]], dtype=np.float32),
+        y=np.array([low[row], low[row], high[row], high[row], low[row]], dtype=np.float32),
+        mode="lines", name="Their range", legendgroup="range", hoverinfo="skip",
+        line={"color": CURSOR, "width": 1.5, "dash": "dash"}, **place,
+    )  # fmt: skip
+
+
+def _draw_tests(
+    figure: go.Figure,
+    library: CaeLibrary,
+    tests: Sequence[CrashTest],
+    points: FloatArray,
+    sides: Sequence[str],
+    held_out: str | None,
+    row: int,
+    place: dict[str, object],
+) -> None:
+    notes = [library.extrapolation(test.condition) for test in tests]
+    elsewhere = _WEIGHTS[2 - row]  # an axis of the other plot
+    outside = [any(elsewhere not in note for note in own) for own in notes]
+    for name, symbol, chosen in (
+        ("Tests", "circle", [i for i, is_out in enumerate(outside) if not is_out]),
+        ("Tests outside it: extrapolation", "circle-open", [i for i, is_out in enumerate(outside) if is_out]),
+    ):
+        if chosen:
+            figure.add_scatter(
+                x=points[chosen, 0].astype(np.float32),
+                y=points[chosen, row].astype(np.float32),
+                mode="markers+text",
+                cliponaxis=False,
+                name=name,
+                legendgroup=name,
+                text=[tests[i].id for i in chosen],
+                textposition=[sides[i] for i in chosen],
+                marker={"color": MEASURED_COLOUR, "symbol": symbol, "size": 10, "line": {"width": 2}},
+                customdata=[["<br>".join([str(tests[i].condition), *notes[i]])] for i in chosen],
+                hovertemplate="<b>Test %{text}</b><br>%{customdata[0]}<extra></extra>",
+                **{**place, "showlegend": name not in {trace.name for trace in figure.data}},
+            )
+    for i in [i for i, test in enumerate(tests) if test.id == held_out]:
+        figure.add_scatter(
+            x=points[[i], 0].astype(np.float32), y=points[[i], row].astype(np.float32), mode="markers",
+            name=f"{held_out}: held out", legendgroup="held out", hoverinfo="skip",
+            marker={"color": MEASURED_COLOUR, "symbol": "circle-open", "size": 20, "line": {"width": 2}},
+            **place,
+        )  # fmt: skip
+
+
+def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
+    """Where each point's label is least in the way of the points and of the labels before it."""
+    places = points / span / _LABEL
+    taken = list(places)
+    chosen = []
+    for i, place in enumerate(places):
+        others = np.array(taken[:i] + taken[i + 1 :]).reshape(-1, 2)
+        room = {side: np.abs(others - place - off).max(axis=1).min(initial=9.0) for side, off in _SIDES.items()}
+        chosen.append(max(room, key=lambda side: min(room[side], 1.2)))  # enough is enough: then the first
+        taken.append(place + _SIDES[chosen[-1]])
+    return chosen

@@ -1,0 +1,72 @@
+"""Figures of how networks learn."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+
+from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, new_figure
+
+
+def learning_curves(
+    curves: Mapping[str, Sequence[tuple[int, float]]], *, value: str, step: str = "Step", total: int
+) -> go.Figure:
+    """Draw what a training reports as it goes (losses, say); on a logarithmic axis where all is positive.
+
+    Parameters
+    ----------
+    curves : mapping of str to sequence of (int, float)
+        By the value's name: how far the step was, and the value.
+    value : str
+        What all of them are: the title of the y axis.
+    step : str
+        What is counted: the title of the x axis.
+    total : int
+        How far it will go.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = new_figure(height=260)
+    for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
+        done, values = np.array(points, dtype=np.float32).T
+        figure.add_scatter(x=done, y=values, name=name, mode="lines", line={"color": colour, "width": 2})
+    figure.update_layout(LEGEND_ABOVE, showlegend=True)
+    figure.update_xaxes(title=step, range=[0, total], unifiedhovertitle=None)
+    figure.update_yaxes(title=value)
+    if all(value > 0 for points in curves.values() for _, value in points):
+        figure.update_yaxes(type="log", exponentformat="power", dtick=1)
+    return figure
+
+
+def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], chosen: str) -> go.Figure:
+    """Draw how far tests are missed for each strength of the fine-tuning: learned from, and left out in turn.
+
+    Parameters
+    ----------
+    errors, left_out : mapping of str to float
+        Root mean square error by the share that each test has to itself, strongest last; on tests that were learned
+        from, and on each as predicted from the others.
+    chosen : str
+        The share that was taken.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = new_figure(height=260)
+    for name, values, colour in (("Learned from", errors, "#0072B2"), ("Left out", left_out, "#D55E00")):
+        figure.add_scatter(
+            x=list(values), y=np.array(list(values.values()), dtype=np.float32), name=name, mode="lines+markers",
+            line={"color": colour, "width": 2}, marker={"size": 9}, hovertemplate="%{y:.3f}",
+        )  # fmt: skip
+    place = list(errors).index(chosen)
+    side = "left" if place > len(errors) / 2 else "right"
+    figure.add_vline(
+        x=place, line={"color": "#5B6270", "dash": "dot"}, annotation_text="chosen", annotation_position=f"top {side}"
+    )
+    figure.update_layout(LEGEND_ABOVE)
+    figure.update_xaxes(title="Share a test has to itself", type="category", range=None, unifiedhovertitle=None)
+    figure.update_yaxes(title="Error (CAE RMS = 1)", rangemode="tozero")
+    return figure

@@ -1,0 +1,76 @@
+"""The figure of the next test: what each would take off the band."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+
+from crashfuse.campaign import CrashTest
+from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, new_figure
+from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
+from crashfuse.study.next_test import NextTest
+from crashfuse.units import LB, MPH, G
+
+_BEST = 5
+_HOVER = (
+    "%{x:.1f} mph, front %{customdata[0]:.0f} lb, rear %{customdata[1]:.0f} lb<br>"
+    "band ± %{customdata[2]:.2f} g now, ± %{customdata[3]:.2f} g with this test (− %{y:.1f} %)<extra></extra>"
+)
+
+
+def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Figure:
+    """Draw by how much each candidate would shrink the band, over its speed; ticks are the tests that were run.
+
+    Candidates of the same weights are joined by a line; with several weights each is a point. The best five are
+    numbered, and what lies outside the CAE runs' range is drawn open.
+
+    Parameters
+    ----------
+    ranked : sequence of NextTest
+        The largest gain first.
+    tests : sequence of CrashTest
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
+    by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)
+    weights = [(c.condition.front_weight_kg / LB, c.condition.rear_weight_kg / LB) for _, c in by_speed]
+    figure.add_scatter(
+        x=np.array([c.condition.speed_mps / MPH for _, c in by_speed], dtype=np.float32),
+        y=np.array([100 * c.gain for _, c in by_speed], dtype=np.float32),
+        text=[f"{rank}" if rank <= _BEST else "" for rank, _ in by_speed],
+        customdata=[[*w, c.before_mps2 / G, c.after_mps2 / G] for w, (_, c) in zip(weights, by_speed, strict=True)],
+        name="Candidates, the best numbered",
+        mode="lines+markers+text" if len(set(weights)) == 1 else "markers+text",
+        textposition="top center",
+        cliponaxis=False,
+        textfont={"size": 15},
+        line={"color": colour, "width": 2},
+        marker={
+            "color": colour,
+            "size": [11 if rank <= _BEST else 7 for rank, _ in by_speed],
+            "symbol": ["circle-open" if c.extrapolation else "circle" for _, c in by_speed],
+            "line": {"width": 1.5},
+        },
+        hovertemplate=_HOVER,
+    )
+    figure.add_scatter(
+        x=np.array([test.condition.speed_mps / MPH for test in tests], dtype=np.float32),
+        y=np.zeros(len(tests), dtype=np.float32),
+        text=[test.id for test in tests],
+        name="Tests that were run",
+        mode="markers",
+        marker={"color": MEASURED_COLOUR, "symbol": "line-ns-open", "size": 16, "line": {"width": 2}},
+        hovertemplate="%{text}, %{x:.1f} mph<extra></extra>",
+    )
+    if any(test.extrapolation for test in ranked):
+        figure.add_scatter(
+            x=[None], y=[None], name="Outside the CAE runs", mode="markers",
+            marker={"color": colour, "symbol": "circle-open", "size": 9, "line": {"width": 1.5}},
+        )  # fmt: skip
+    figure.update_layout(LEGEND_ABOVE, hovermode="closest")
+    figure.update_xaxes(title="Impact speed (mph)", range=None, unifiedhovertitle=None)
+    figure.update_yaxes(title="Band shrinks by (%)", rangemode="tozero")
+    return figure

@@ -1,0 +1,114 @@
+"""Figures of ratings, by test and approach."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import plotly.graph_objects as go
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, new_figure
+from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS
+from crashfuse.signals.rating import GRADES, grade
+
+
+def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
+    """Draw overall ratings as a table of test by approach, coloured by grade, with the mean over the tests at the foot.
+
+    Parameters
+    ----------
+    scores : mapping of str to mapping of str to float
+        Overall rating by test id, then by approach name.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    tests = list(scores)
+    approaches = list(scores[tests[0]])
+    z = np.array([[scores[test][name] for name in approaches] for test in tests])
+    z = np.vstack([z, z.mean(axis=0)])
+    rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
+    text = [[f"{value:.3f}  {grade(value)}" for value in row] for row in z]
+    figure = new_figure(height=64 + 34 * len(rows))
+    figure.add_heatmap(
+        z=z.astype(np.float32),
+        x=[LABELS[name].replace(" domain", "<br>domain") for name in approaches],
+        y=rows,
+        text=text,
+        texttemplate="%{text}",
+        textfont={"color": "#000000"},
+        hoverinfo="skip",
+        colorscale=_grade_scale(),
+        zmin=0,
+        zmax=1,
+        xgap=2,
+        ygap=2,
+        showscale=False,
+    )
+    names = [LABELS[name].replace(" domain", "<br>domain") for name in approaches]
+    figure.add_scatter(  # cells of a heat map can't be clicked, marks can; those of the mean stand for no test
+        x=names * len(rows),
+        y=[row for row in rows for _ in approaches],
+        customdata=[test for test in (*tests, "") for _ in approaches],
+        mode="markers",
+        marker={"size": 26, "opacity": 0},
+        hoverinfo="none",
+        showlegend=False,
+    )
+    figure.update_layout(
+        hovermode="closest",
+        hoverdistance=-1,  # wherever in a cell, its own mark is the nearest
+        dragmode=False,
+        margin={"t": 52, "b": 8},
+        modebar={"remove": ["zoom2d", "pan2d", "resetScale2d", "toImage"]},
+    )
+    figure.update_xaxes(side="top", title=None, range=None, ticks="", showline=False, showgrid=False, showspikes=False)
+    figure.update_yaxes(autorange="reversed", type="category", ticks="", showline=False, zeroline=False, showgrid=False)
+    return figure
+
+
+def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]]) -> go.Figure:
+    """Draw each test's rating by approach, with the interval that single drawn pulses are rated in.
+
+    Parameters
+    ----------
+    ratings : mapping of str to mapping of str to (float, float, float)
+        By test id, then by approach: overall rating, and lower and upper end of the interval.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = new_figure(height=420)
+    tests = list(ratings)
+    approaches = [name for name in LABELS if any(name in own for own in ratings.values())]
+    for place, name in enumerate(approaches):
+        own = [(i, *ratings[test][name]) for i, test in enumerate(tests) if name in ratings[test]]
+        number, overall, lower, upper = np.array(own, dtype=np.float32).T
+        figure.add_scatter(
+            x=number + 0.18 * (place - (len(approaches) - 1) / 2),
+            y=overall,
+            error_y={"array": upper - overall, "arrayminus": overall - lower, "width": 0, "thickness": 1.5},
+            mode="markers",
+            name=LABELS[name],
+            marker={"color": COLOURS[name], "size": 9},
+            customdata=np.column_stack([lower, upper]),
+            hovertemplate="%{y:.3f}, single draws %{customdata[0]:.3f} to %{customdata[1]:.3f}",
+        )
+    for limit, _ in GRADES:
+        if limit > 0:
+            figure.add_hline(y=limit, line={"color": AXIS, "width": 1, "dash": "dot"})
+    figure.update_layout(LEGEND_ABOVE, hovermode="closest")
+    figure.update_xaxes(
+        title="Held-out test", tickvals=list(range(len(tests))), ticktext=tests, range=[-0.6, len(tests) - 0.4],
+        zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,
+    )  # fmt: skip
+    figure.update_yaxes(title="Overall rating (dotted: limits of the grades)", range=[0, 1.01])
+    return figure
+
+
+def _grade_scale() -> list[tuple[float, str]]:
+    """Four flat steps between 0 and 1."""
+    limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
+    steps = zip(GRADE_COLOURS.values(), limits[:-1], limits[1:], strict=True)
+    return [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]

@@ -1,0 +1,149 @@
+"""Figure of a sweep: a pulse metric over impact speed, with the tests beside it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.colors import hex_to_rgb
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, new_figure
+from crashfuse.reporting.plots.palette import COLOURS, DASHES, MEASURED_COLOUR
+from crashfuse.signals.metrics import METRIC_LABELS, Metric
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.study.sweep import Sweep, measured_metrics, uncovered_speeds
+from crashfuse.units import KPH, LB, MPH
+
+
+def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign) -> go.Figure:
+    """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points.
+
+    Where a pulse has no such number, its record being too short, the line has a gap. Speeds without CAE runs are
+    shaded; a tick at the foot marks the speed of each test.
+
+    Parameters
+    ----------
+    sweeps : sequence of Sweep
+        At least one, all over the same speeds and at the same weights.
+    metric : str
+        Name of the metric, as ``olc``.
+    campaign : Campaign
+        For its tests, whose weights are their own, and the speeds of its CAE runs.
+
+    Returns
+    -------
+    plotly.graph_objects.Figure
+    """
+    figure = new_figure(height=460)
+    for sweep in sweeps:
+        _band(figure, sweep, sweep.over_speed(metric))
+    for sweep in sweeps:
+        _line(figure, sweep, sweep.over_speed(metric))
+    _points(figure, campaign.tests, metric)
+    speeds = np.concatenate([sweeps[0].speeds_mps, [test.condition.speed_mps for test in campaign.tests]])
+    margin = 0.02 * np.ptp(speeds) + 0.1 * MPH
+    low, high = float(speeds.min() - margin), float(speeds.max() + margin)
+    _mark_speeds(figure, campaign, low, high)
+    unit = sweeps[0].over_speed(metric)[0].unit
+    figure.update_layout(LEGEND_ABOVE, hovermode="closest")
+    figure.update_xaxes(title="Impact speed (mph)", range=[low / MPH, high / MPH], showspikes=False)
+    figure.update_yaxes(title=f"{METRIC_LABELS[metric]} ({unit})")
+    return figure
+
+
+def _line(figure: go.Figure, sweep: Sweep, metrics: Sequence[Metric]) -> None:
+    name = sweep.approach
+    has_band = any(metric.lower is not None for metric in metrics)
+    figure.add_scatter(
+        x=_mph(sweep.speeds_mps),
+        y=np.array([metric.value for metric in metrics], dtype=np.float32),
+        name=LABELS[name] + (" (95 % band)" if has_band else ""),
+        mode="lines+markers",
+        line={"color": COLOURS[name], "width": 2, "dash": DASHES.get(name, "solid")},
+        marker={"size": 4},
+        connectgaps=False,
+        legendgroup=name,
+        customdata=_texts(sweep.speeds_mps, metrics),
+        hovertemplate=f"<b>{LABELS[name]}</b><br>%{{customdata[0]}}<br>%{{customdata[1]}}<extra></extra>",
+    )
+
+
+def _band(figure: go.Figure, sweep: Sweep, metrics: Sequence[Metric]) -> None:
+    """One closed outline for each stretch of speeds at which both ends are known."""
+    lower, upper = (
+        np.array([getattr(metric, end) for metric in metrics], dtype=np.float32) for end in ("lower", "upper")
+    )
+    known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
+    if not known.size:
+        return
+    x: list[FloatArray] = []
+    y: list[FloatArray] = []
+    gap = np.array([np.nan])
+    for stretch in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+        speeds = _mph(sweep.speeds_mps[stretch])
+        x += [speeds, speeds[::-1], gap]
+        y += [lower[stretch], upper[stretch][::-1], gap]
+    colour = COLOURS[sweep.approach]
+    figure.add_scatter(
+        x=np.concatenate(x, dtype=np.float32),
+        y=np.concatenate(y, dtype=np.float32),
+        name=f"{LABELS[sweep.approach]} (95 % band)",
+        mode="lines",
+        line={"width": 0, "color": colour},
+        fill="toself",
+        fillcolor=f"rgba{(*hex_to_rgb(colour), 0.18)}",
+        hoverinfo="skip",
+        legendgroup=sweep.approach,
+        showlegend=False,
+    )
+
+
+def _points(figure: go.Figure, tests: Sequence[CrashTest], metric: str) -> None:
+    found = [(test, own) for test in tests for own in measured_metrics(test) if own.name == metric]
+    figure.add_scatter(
+        x=_mph(np.array([test.condition.speed_mps for test, _ in found])),
+        y=np.array([own.value for _, own in found], dtype=np.float32),
+        name="Tests (each with its own weights)",
+        mode="markers",
+        marker={"color": MEASURED_COLOUR, "size": 9},
+        customdata=[
+            [
+                test.id,
+                *_text(test.condition.speed_mps, own),
+                f"front {test.condition.front_weight_kg / LB:.0f} lb, rear {test.condition.rear_weight_kg / LB:.0f} lb",
+            ]
+            for test, own in found
+        ],
+        hovertemplate="<b>Test %{customdata[0]}</b><br>%{customdata[1]}, %{customdata[3]}<br>%{customdata[2]}"
+        "<extra></extra>",
+    )
+
+
+def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps: float) -> None:
+    """Shade speeds without CAE runs, and tick those of the tests."""
+    for number, (start, end) in enumerate(uncovered_speeds(campaign.cae, low_mps, high_mps)):
+        figure.add_shape(
+            type="rect", xref="x", yref="y domain", x0=start / MPH, x1=end / MPH, y0=0, y1=1, layer="below",
+            fillcolor="#EEF0F3", line_width=0, name="No CAE runs: extrapolation", showlegend=number == 0,
+            legendgroup="extrapolation",
+        )  # fmt: skip
+    for test in campaign.tests:
+        speed = test.condition.speed_mps / MPH
+        figure.add_shape(
+            type="line", xref="x", yref="y domain", x0=speed, x1=speed, y0=0, y1=0.03,
+            line={"color": MEASURED_COLOUR, "width": 1.5},
+        )  # fmt: skip
+
+
+def _texts(speeds_mps: FloatArray, metrics: Sequence[Metric]) -> list[tuple[str, str]]:
+    return [_text(speed, metric) for speed, metric in zip(speeds_mps.tolist(), metrics, strict=True)]
+
+
+def _text(speed_mps: float, metric: Metric) -> tuple[str, str]:
+    """Speed in both units, and the metric with its interval."""
+    return f"{speed_mps / MPH:.1f} mph ({speed_mps / KPH:.1f} km/h)", f"{metric.text} {metric.unit}"
+
+
+def _mph(speeds_mps: FloatArray) -> FloatArray:
+    return np.asarray(speeds_mps / MPH, dtype=np.float32)

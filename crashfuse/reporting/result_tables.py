@@ -1,0 +1,102 @@
+"""The numbers of a study or a prediction as tables with one row a number, as they stand in the files."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+
+import numpy as np
+import pandas as pd
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.signals.metrics import Metric, pulse_metrics
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.study import Study
+from crashfuse.units import MS, G
+
+
+def scores_table(study: Study) -> pd.DataFrame:
+    """One row a held-out test, approach and window: overall rating, its four parts, its grade."""
+    return pd.DataFrame(
+        {"held_out": fold.held_out, "approach": approach, "window_ms": window, **asdict(rating)}
+        for fold in study.folds
+        for approach, ratings in fold.ratings.items()
+        for window, rating in ratings.items()
+    )
+
+
+def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
+    """One row a study, way to leave tests out, approach and window: mean and least overall rating of its tests.
+
+    Parameters
+    ----------
+    studies : iterable of (str, Study)
+        With the name of the campaign.
+    """
+    parts = []
+    for name, study in studies:
+        for one in (study, study.speed_groups):
+            if one is not None:
+                config = one.config.each[0]
+                table = scores_table(one).groupby(["approach", "window_ms"], sort=False)["overall"]
+                rows = table.agg(tests="size", mean="mean", least="min").reset_index()
+                about = {"campaign": name, "preset": config.preset, "seed": config.seed, "left_out": config.hold_out}
+                about["held_out"] = " ".join(fold.held_out for fold in one.folds)
+                parts.append(rows.assign(**about)[[*about, *rows.columns]])
+    return pd.concat(parts, ignore_index=True)
+
+
+def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
+    """Predicted pulses in ms and g with the central 95 % band, empty where an approach has none.
+
+    Parameters
+    ----------
+    estimates : iterable of (str, Estimate)
+        With the id of the held-out test, or an empty text for a new condition.
+    """
+    return pd.concat(
+        [_pulse_rows(held_out, estimate.approach, estimate.prediction) for held_out, estimate in estimates]
+    )
+
+
+def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]]) -> pd.DataFrame:
+    """Pulse metrics, one row each, from (held-out test, approach or ``test``, metrics)."""
+    return pd.DataFrame(
+        [
+            {
+                "held_out": held_out,
+                "approach": approach,
+                "metric": metric.name,
+                "value": metric.value,
+                "lower": metric.lower,
+                "upper": metric.upper,
+                "unit": metric.unit,
+            }
+            for held_out, approach, metrics in rows
+            for metric in metrics
+        ],
+        columns=["held_out", "approach", "metric", "value", "lower", "upper", "unit"],
+    )
+
+
+def study_metrics(study: Study) -> pd.DataFrame:
+    """Pulse metrics of every held-out test as measured (``test``) and as predicted."""
+    rows: list[tuple[str, str, Sequence[Metric]]] = []
+    for fold in study.folds:
+        test = study.campaign.test(fold.held_out)
+        measured = pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
+        rows.append((fold.held_out, "test", measured))
+        rows.extend((fold.held_out, estimate.approach, estimate.metrics) for estimate in fold.estimates)
+    return metrics_table(rows)
+
+
+def _pulse_rows(held_out: str, approach: str, prediction: Prediction) -> pd.DataFrame:
+    lower, upper = prediction.band() or (np.full(prediction.time_s.size, np.nan),) * 2
+    return pd.DataFrame(
+        {
+            "held_out": held_out,
+            "approach": approach,
+            "time_ms": (prediction.time_s / MS).round(6),
+            "acceleration_g": prediction.accel_mps2 / G,
+            "lower_g": lower / G,
+            "upper_g": upper / G,
+        }
+    )

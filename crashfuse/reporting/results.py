@@ -1,0 +1,213 @@
+"""The files that a study and a prediction write: tables, settings and report, each whole or not at all."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from crashfuse.campaign import Campaign
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.files.atomic import write_atomically
+from crashfuse.reporting.exports import isomme_prediction, parquet_bytes
+from crashfuse.reporting.provenance import provenance
+from crashfuse.reporting.report import next_test_report, prediction_report, study_report, sweep_report
+from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, study_metrics
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.nearest import nearest_sentences
+from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table
+from crashfuse.study.recommendation import recommend, recommend_for
+from crashfuse.study.study import Study
+from crashfuse.study.sweep import Sweep, sweep_table
+
+
+@dataclass(frozen=True, slots=True)
+class StudyRecord:
+    """What ``study.json`` says of a study before it ends: enough to continue one that was killed."""
+
+    fingerprint: str
+    held_out: tuple[str, ...]
+    config: StudyConfig
+
+
+def begin_study(folder: Path, campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> None:
+    """Note in ``study.json`` what is about to be computed, so that it can be resumed."""
+    _write_json(folder / "study.json", {**provenance(campaign, held_out, config), "finished": False})
+
+
+def read_record(folder: Path) -> StudyRecord:
+    """Read what was being computed in this folder.
+
+    Raises
+    ------
+    UsageError
+        If the folder holds no study.
+    DataError
+        If its ``study.json`` is damaged.
+    """
+    path = folder / "study.json"
+    if not path.is_file():
+        raise UsageError(f"There is no study to resume in {folder}: it has no study.json. Leave out --resume.")
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+        settings: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in values["config"].items()
+        }
+        return StudyRecord(
+            values["fingerprint"],
+            tuple(values["held_out"]),
+            StudyConfig(**settings),
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        advice = "start the study again without --resume"
+        raise DataError(Problem(str(path), "the record of a study", f"{error!r}", advice)) from error
+
+
+def write_study(study: Study, folder: str | Path) -> None:
+    """Write the results of a study.
+
+    ``scores.csv``, ``pulses.csv``, ``metrics.csv``, ``report.html``; ``speed_groups.csv``, the scores with whole speed
+    groups left out, if that was asked for; and, last, ``study.json``.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    folder = Path(folder)
+    named = [(fold.held_out, estimate) for fold in study.folds for estimate in fold.estimates]
+    _write_csv(folder / "scores.csv", scores_table(study))
+    _write_csv(folder / "pulses.csv", pulses_table(named))
+    _write_csv(folder / "metrics.csv", study_metrics(study))
+    if study.speed_groups is not None:
+        _write_csv(folder / "speed_groups.csv", scores_table(study.speed_groups))
+    write_atomically(folder / "report.html", study_report(study).encode())
+    _write_json(folder / "study.json", _study_record(study))
+
+
+def _study_record(study: Study) -> dict[str, object]:
+    campaign, config = study.campaign, study.config
+    window = max(config.windows_ms)
+    tests = {}
+    for fold in study.folds:
+        rest, condition = config.rest(campaign, fold.held_out), campaign.test(fold.held_out).condition
+        advice = recommend_for(fold.estimates, rest, condition, window)
+        tests[fold.held_out] = {
+            "approach": advice.approach,
+            "sentences": list(advice.sentences),
+            "expected_rating": None if advice.expected is None else asdict(advice.expected),
+            "rating": fold.ratings[advice.approach][window].overall,
+        }
+    verdict = recommend(study)
+    return {
+        **provenance(campaign, [fold.held_out for fold in study.folds], config),
+        "finished": True,
+        "seconds": {key: round(value, 3) for key, value in study.seconds.items()},
+        "recommendation": {
+            "campaign": {"approach": verdict.approach, "sentences": list(verdict.sentences)},
+            "tests": tests,
+        },
+        "coverage": {name: found.counts for name, found in study.coverage.items()},
+        "speed_groups": None
+        if (groups := study.speed_groups) is None
+        else {
+            "mean_rating": {name: round(groups.mean_rating(name, window), 4) for name in config.approaches},
+            "coverage": {name: found.counts for name, found in groups.coverage.items()},
+        },
+        "rating_intervals": {
+            fold.held_out: {
+                name: {f"{w:g}": [round(end, 4) for end in fold.rating_interval(name, w)] for w in config.windows_ms}
+                for name in fold.with_band
+            }
+            for fold in study.folds
+        },
+        "fits": [
+            {"held_out": fold.held_out, **_fit_record(estimate)} for fold in study.folds for estimate in fold.estimates
+        ],
+    }
+
+
+def write_prediction(
+    campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig, folder: str | Path
+) -> pd.DataFrame:
+    """Write what is predicted at one new condition; returns the metrics.
+
+    ``pulses.csv`` and ``.parquet``, ``metrics.csv``, ``report.html``, ``isomme/`` with the pulses as channels of an
+    ISO-MME test, and ``prediction.json`` with the condition, whether it lies outside the CAE runs, what rating may be
+    expected, and how the fits went.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    folder = Path(folder)
+    metrics = metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates)
+    pulses = pulses_table(("", estimate) for estimate in estimates)
+    _write_csv(folder / "pulses.csv", pulses)
+    write_atomically(folder / "pulses.parquet", parquet_bytes(pulses))
+    for name, content in isomme_prediction(campaign, estimates).items():
+        write_atomically(folder / "isomme" / name, content)
+    _write_csv(folder / "metrics.csv", metrics)
+    condition = estimates[0].prediction.condition
+    advice = recommend_for(estimates, campaign, condition)
+    record = {
+        **provenance(campaign, (), config),
+        "condition": asdict(condition),
+        "extrapolation": list(campaign.cae.extrapolation(condition)),
+        "nearest": list(nearest_sentences(campaign, condition)),
+        "recommendation": {"approach": advice.approach, "sentences": list(advice.sentences)},
+        "expected_rating": None if advice.expected is None else asdict(advice.expected),
+        "fits": [_fit_record(estimate) for estimate in estimates],
+    }
+    write_atomically(folder / "report.html", prediction_report(campaign, estimates, config).encode())
+    _write_json(folder / "prediction.json", record)
+    return metrics
+
+
+def write_sweep(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, folder: str | Path) -> None:
+    """Write ``sweep.csv``, with the tests' own metrics, and ``report.html``.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    folder = Path(folder)
+    _write_csv(folder / "sweep.csv", sweep_table(sweeps, campaign.tests))
+    write_atomically(folder / "report.html", sweep_report(campaign, sweeps, config).encode())
+
+
+def write_next_tests(
+    campaign: Campaign, over: ConditionRange, ranked: Sequence[NextTest], config: StudyConfig, folder: str | Path
+) -> None:
+    """Write ``next_tests.csv``, the best first, and ``report.html``.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    folder = Path(folder)
+    _write_csv(folder / "next_tests.csv", next_tests_table(ranked))
+    write_atomically(folder / "report.html", next_test_report(campaign, over, ranked, config).encode())
+
+
+def _fit_record(estimate: Estimate) -> dict[str, object]:
+    return {
+        "approach": estimate.approach,
+        "seconds": round(estimate.seconds, 3),
+        "notes": list(estimate.prediction.notes),
+        "state": estimate.state,
+    }
+
+
+def _write_csv(path: Path, table: pd.DataFrame) -> None:
+    write_atomically(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode())
+
+
+def _write_json(path: Path, values: Mapping[str, object]) -> None:
+    write_atomically(path, (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode())

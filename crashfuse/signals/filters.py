@@ -1,0 +1,70 @@
+"""Channel frequency class filters: what SAE J211-1 lets through of a crash signal."""
+
+import math
+
+import numpy as np
+from scipy.signal import filtfilt
+
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.signals.pulse import FloatArray
+
+_CORNER = 2.0775  # corner frequency of one pass in Hz, a unit of class (SAE J211-1, Appendix C)
+_PADDING_S = 0.01
+
+
+def cfc_filter(accel: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
+    """Filter to a channel frequency class: a 2-pole Butterworth low pass, forward and backward (SAE J211-1).
+
+    Filter the whole record before cutting it to the crash: the cut would become a jump.
+
+    Parameters
+    ----------
+    accel : ndarray, shape (..., n)
+        Signals along the last axis, in any unit.
+    cfc : float
+        The class: 60, 180, 600, 1000. Not a corner frequency: that of each pass is 2.0775 times the class, and both
+        together are down 3 dB at 1.667 times it (100 Hz for CFC 60).
+    dt_s : float
+        Time step in s.
+
+    Returns
+    -------
+    ndarray of float64, shape (..., n)
+
+    Raises
+    ------
+    UsageError
+        If the class is not positive.
+    DataError
+        If a value is not finite, there are fewer than 10 samples a second per unit of class, or the record is no
+        longer than 10 ms.
+
+    Notes
+    -----
+    ISO 6487 writes 2.0833 instead of 2.0775, a corner 0.3 % higher: on a full-frontal barrier test the outputs differ
+    by up to 0.05 g at CFC 60 (peak 45 g) and 0.3 g at CFC 1000 (peak 127 g). Before filtering, 10 ms are reflected
+    through each end point, and each pass begins settled; other choices change only the record's ends, by more than
+    1e-6 g for 25 ms at CFC 60 and for less at higher classes.
+    """
+    accel = np.asarray(accel, dtype=np.float64)
+    padding = math.ceil(_PADDING_S / dt_s)
+    _check(accel, cfc, dt_s, padding)
+    wa = math.tan(math.pi * cfc * _CORNER * dt_s)
+    a0 = wa**2 / (1 + math.sqrt(2) * wa + wa**2)
+    b1 = 2 * a0 * (1 / wa**2 - 1)
+    b2 = 1 - 4 * a0 - b1
+    filtered: FloatArray = filtfilt([a0, 2 * a0, a0], [1, -b1, -b2], accel, axis=-1, padtype="odd", padlen=padding)
+    return filtered
+
+
+def _check(accel: FloatArray, cfc: float, dt_s: float, padding: int) -> None:
+    if not cfc > 0:
+        raise UsageError(f"There is no channel frequency class {cfc:g}; take 60, 180, 600 or 1000.")
+    if 1 / dt_s < 10 * cfc * (1 - 1e-9):
+        expected = f"at least {10 * cfc:g} samples a second for CFC {cfc:g}"
+        raise DataError(Problem("signal", expected, f"{1 / dt_s:g}", "choose a lower class"))
+    if accel.shape[-1] <= padding:
+        found = f"{accel.shape[-1] * dt_s * 1e3:g} ms"
+        raise DataError(Problem("signal", "a record longer than 10 ms", found, "filter before cutting the record"))
+    if not np.isfinite(accel).all():
+        raise DataError(Problem("signal", "finite numbers", "NaN or infinity", "mend the record"))

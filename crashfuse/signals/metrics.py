@@ -1,0 +1,262 @@
+"""What engineers read off a crash pulse: positive numbers in the units of their tables, with intervals.
+
+A metric is one small function of a :class:`Motion`, in SI, and one line of ``_READINGS``.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from crashfuse.signals.occupant import occupant_load_criterion, vehicle_pulse_index
+from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
+from crashfuse.units import KPH, MS, G
+
+TAIL = 0.025  # on either side of the central 95 %
+_WINDOW_S = 0.025  # of SM25
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One number of a pulse.
+
+    Parameters
+    ----------
+    name : str
+    value : float or None
+        None if the record is too short for the metric; :func:`missing_metrics` says what it lacks.
+    lower, upper : float or None
+        The central 95 % interval; None where there are no draws, or where too many of them are too short for that end.
+    unit : str
+    """
+
+    name: str
+    value: float | None
+    lower: float | None
+    upper: float | None
+    unit: str
+
+    @property
+    def text(self) -> str:
+        """Value and interval for people: ``25.3 [24.1, 26.0]``."""
+        value = "–" if self.value is None else f"{self.value:.1f}"
+        if self.lower is None and self.upper is None:
+            return value
+        lower = "open" if self.lower is None else f"{self.lower:.1f}"
+        upper = "beyond the record" if self.upper is None else f"{self.upper:.1f}"
+        return f"{value} [{lower}, {upper}]"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Motion:
+    """A pulse, or many, with what follows from them; arrays of shape (..., n) in SI, ``t0_s`` of shape (...)."""
+
+    accel_mps2: FloatArray
+    velocity_mps: FloatArray
+    displacement_m: FloatArray
+    t0_s: FloatArray
+    dt_s: float
+
+    @classmethod
+    def of(cls, accel_mps2: FloatArray, speed_mps: float, dt_s: float) -> "Motion":
+        """Integrate acceleration from an impact speed."""
+        accel_mps2 = np.asarray(accel_mps2, dtype=np.float64)
+        motion = kinematics(accel_mps2, speed_mps, dt_s)
+        return cls(accel_mps2, motion.velocity_mps, motion.displacement_m, motion.t0_s, dt_s)
+
+
+def _peak(motion: Motion) -> FloatArray:
+    """Largest deceleration."""
+    return np.asarray(-motion.accel_mps2.min(axis=-1))
+
+
+def _peak_time(motion: Motion) -> FloatArray:
+    """Time of the largest deceleration."""
+    return np.asarray(motion.accel_mps2.argmin(axis=-1) * motion.dt_s)
+
+
+def _delta_v(motion: Motion) -> FloatArray:
+    """Largest change of velocity over the record, rebound included."""
+    return np.asarray((motion.velocity_mps[..., :1] - motion.velocity_mps).max(axis=-1))
+
+
+def _t0(motion: Motion) -> FloatArray:
+    """Time of zero velocity; infinite, that is beyond the record, if there is none."""
+    return np.where(np.isnan(motion.t0_s), np.inf, motion.t0_s)
+
+
+def _max_crush(motion: Motion) -> FloatArray:
+    """Maximum dynamic crush, the largest displacement; infinite if the vehicle does not stop."""
+    return np.where(np.isnan(motion.t0_s), np.inf, motion.displacement_m.max(axis=-1))
+
+
+def _mean(motion: Motion) -> FloatArray:
+    """Mean deceleration from contact to t0, v0/t0; the later the vehicle stops, the smaller."""
+    return np.where(np.isnan(motion.t0_s), -np.inf, motion.velocity_mps[..., 0] / motion.t0_s)
+
+
+def _sm25(motion: Motion) -> FloatArray:
+    """Sliding mean over 25 ms: the largest loss of velocity within 25 ms of the record, over 25 ms."""
+    steps = round(_WINDOW_S / motion.dt_s, 6)
+    whole, share = int(steps), steps % 1
+    velocity = motion.velocity_mps
+    if velocity.shape[-1] <= math.ceil(steps):
+        return np.full(velocity.shape[:-1], np.nan)
+    after = velocity[..., whole:]
+    if share:  # at 12.5 kHz 25 ms are 312.5 steps
+        after = (1 - share) * after[..., :-1] + share * after[..., 1:]
+    return np.asarray((velocity[..., : after.shape[-1]] - after).max(axis=-1) / _WINDOW_S)
+
+
+def _olc(motion: Motion) -> FloatArray:
+    """Occupant load criterion; one that takes longer than the record counts as smaller."""
+    olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s)
+    return np.where(np.isnan(olc), -np.inf, olc)
+
+
+def _vpi(motion: Motion) -> FloatArray:
+    """Vehicle pulse index; NaN, neither smaller nor larger, where its peak is to come."""
+    return vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, motion.dt_s)
+
+
+class _Reading(NamedTuple):
+    """How a metric is read and shown; ``needs`` is what has to happen within the record."""
+
+    label: str
+    function: Callable[[Motion], FloatArray]
+    unit: str
+    in_si: float
+    needs: str = ""
+
+
+_STOP = "the vehicle stops"
+_READINGS: Mapping[str, _Reading] = {
+    "peak": _Reading("Peak deceleration", _peak, "g", G),
+    "peak_time": _Reading("Time of peak", _peak_time, "ms", MS),
+    "delta_v": _Reading("ΔV, rebound included", _delta_v, "km/h", KPH),
+    "t0": _Reading("Time of zero velocity t0", _t0, "ms", MS, _STOP),
+    "max_crush": _Reading("Maximum dynamic crush", _max_crush, "mm", 1e-3, _STOP),
+    "mean": _Reading("Mean deceleration until t0", _mean, "g", G, _STOP),
+    "sm25": _Reading("SM25, largest mean over 25 ms", _sm25, "g", G, "25 ms are over"),
+    "olc": _Reading("OLC, occupant load criterion", _olc, "g", G, "the occupant has moved 300 mm within the vehicle"),
+    "vpi": _Reading("VPI, vehicle pulse index", _vpi, "g", G, "the occupant's deceleration has peaked"),
+}
+
+METRIC_LABELS = {name: reading.label for name, reading in _READINGS.items()}
+"""What tables call the metrics."""
+
+
+def pulse_metrics(
+    accel_mps2: FloatArray, speed_mps: float, *, dt_s: float = DT_S, draws_mps2: FloatArray | None = None
+) -> tuple[Metric, ...]:
+    """Metrics of a pulse; with draws, the central 95 % interval of each.
+
+    Parameters
+    ----------
+    accel_mps2 : ndarray, shape (n,)
+        Signed acceleration in m/s², the first sample at contact.
+    speed_mps : float
+        Impact speed in m/s.
+    dt_s : float
+        Time step in s.
+    draws_mps2 : ndarray, shape (n_draws, n), optional
+        Equally likely whole pulses.
+
+    Returns
+    -------
+    tuple of Metric
+        peak (g), peak_time (ms), delta_v (km/h), t0 (ms), max_crush (mm), mean (g), sm25 (g), olc (g), vpi (g).
+
+    Notes
+    -----
+    peak, peak_time
+        Largest deceleration, and when it is.
+    delta_v
+        Largest change of velocity, rebound included.
+    t0, max_crush, mean
+        Time of zero velocity, the largest displacement, and v0/t0.
+    sm25
+        Largest mean over any 25 ms within the record, (v(t) − v(t + 25 ms))/25 ms.
+    olc, vpi
+        Occupant load criterion (65 mm of free flight, 235 mm of restraint) and vehicle pulse index (ISO/TR 12353-3);
+        formulas in :mod:`crashfuse.signals.occupant`.
+
+    The value is that of the pulse itself, so it can be checked against its curve. The interval is that of the draws,
+    and a single curve through their middle is smoother than any of them: its peak may lie below the interval.
+
+    Where the record ends too early there is no number (None). A draw that ends too early is not left out, which would
+    feign certainty. One that does not stop counts as larger than any that does in t0 and max_crush, as smaller in mean.
+    One whose occupant is still on the way counts as smaller in olc, for it takes longer to lose about as much speed.
+    One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None as
+    soon as more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
+    """
+    pulse = Motion.of(accel_mps2, speed_mps, dt_s)
+    draws = None if draws_mps2 is None else Motion.of(draws_mps2, speed_mps, dt_s)
+    metrics = []
+    for name, reading in _READINGS.items():
+        value = _finite(reading.function(pulse) / reading.in_si)
+        lower, upper = (None, None) if draws is None else _interval(reading.function(draws) / reading.in_si)
+        metrics.append(Metric(name, value, lower, upper, reading.unit))
+    return tuple(metrics)
+
+
+def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
+    """Say which numbers and interval ends are missing and what the record is too short for, a sentence each reason.
+
+    Parameters
+    ----------
+    metrics : sequence of Metric
+        All metrics of one pulse.
+
+    Returns
+    -------
+    tuple of str
+        Empty if nothing is missing.
+    """
+    drawn = any(metric.lower is not None for metric in metrics)
+    values: dict[str, list[str]] = {}
+    ends: dict[str, list[str]] = {}
+    for metric in metrics:
+        reading = _READINGS[metric.name]
+        if metric.value is None:
+            values.setdefault(reading.needs, []).append(reading.label)
+        missing = [name for name, end in (("lower", metric.lower), ("upper", metric.upper)) if drawn and end is None]
+        if missing:
+            ends.setdefault(reading.needs, []).append(f"{reading.label} ({' and '.join(missing)} end)")
+    return (
+        *(f"The record ends before {needs}, so there is no: {'; '.join(who)}." for needs, who in values.items()),
+        *(
+            f"More than one draw in forty ends before {needs}, which leaves open: {'; '.join(who)}."
+            for needs, who in ends.items()
+        ),
+    )
+
+
+def missing_sentences(metrics: Iterable[tuple[str, Sequence[Metric]]]) -> list[str]:
+    """What :func:`missing_metrics` says of several pulses, each sentence once with the names of those it is true of.
+
+    Parameters
+    ----------
+    metrics : iterable of (str, sequence of Metric)
+        By what the reader calls the pulse.
+    """
+    said: dict[str, list[str]] = {}
+    for name, own in metrics:
+        for sentence in missing_metrics(own):
+            said.setdefault(sentence, []).append(name)
+    return [f"{', '.join(names)}: {sentence}" for sentence, names in said.items()]
+
+
+def _interval(values: FloatArray) -> tuple[float | None, float | None]:
+    """Ends of the central 95 %; what is NaN counts as beyond either."""
+    last = values.size - 1
+    lowest, highest = (np.sort(np.where(np.isnan(values), beyond, values)) for beyond in (-np.inf, np.inf))
+    return _finite(lowest[math.floor(TAIL * last)]), _finite(highest[math.ceil((1 - TAIL) * last)])
+
+
+def _finite(value: npt.ArrayLike) -> float | None:
+    number = float(np.asarray(value))
+    return number if math.isfinite(number) else None

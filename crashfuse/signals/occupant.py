@@ -1,0 +1,101 @@
+"""What a crash pulse means for an occupant, by two models with one degree of freedom and no data of the restraints.
+
+Both see the vehicle from contact on. The occupant keeps the impact speed v0 until the restraint takes hold; how far it
+has then moved within the vehicle is the difference of the two displacements.
+"""
+
+import numpy as np
+
+from crashfuse.signals.pulse import FloatArray
+
+FREE_FLIGHT_M = 0.065
+RESTRAINT_M = 0.235
+"""The OLC's free flight, and the way over which it restrains the occupant."""
+
+SLACK_M = 0.03
+STIFFNESS_NPM = 2500.0
+MASS_KG = 1.0
+"""The VPI's slack, spring and mass."""
+
+
+def occupant_load_criterion(velocity_mps: FloatArray, displacement_m: FloatArray, dt_s: float) -> FloatArray:
+    """The constant deceleration that brings the occupant to the vehicle's velocity after 300 mm (OLC).
+
+    With the vehicle's v and s, the free flight ends at t1 and the restraint at t2, the first times at which
+
+    - v0·t1 − s(t1) = 65 mm,
+    - (v0 + v(t2))/2·(t2 − t1) − (s(t2) − s(t1)) = 235 mm, for the occupant slows evenly from v0 to v(t2),
+
+    and OLC = (v0 − v(t2))/(t2 − t1). A vehicle that brakes at a constant rate a has OLC = a·300/235.
+
+    Parameters
+    ----------
+    velocity_mps, displacement_m : ndarray, shape (..., n)
+        Of the vehicle, the first sample at contact.
+    dt_s : float
+        Time step in s.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        In m/s², positive; NaN where the record ends before t2.
+
+    References
+    ----------
+    L. Kübler, S. Gargallo, K. Elsäßer: Characterization and evaluation of frontal crash pulses with respect to occupant
+    safety. Airbag 2008. Euro NCAP, Technical Bulletin TB 027, applies it to a barrier trolley.
+    """
+    speed = velocity_mps[..., :1]
+    time = np.arange(velocity_mps.shape[-1]) * dt_s
+    flown = speed * time - displacement_m
+    t1 = _first_reached(flown, FREE_FLIGHT_M)[..., None] * dt_s
+    way = (speed + velocity_mps) / 2 * (time - t1) - (displacement_m - (speed * t1 - FREE_FLIGHT_M))
+    end = _first_reached(way, RESTRAINT_M)
+    return np.asarray((speed[..., 0] - _at(velocity_mps, end)) / (end * dt_s - t1[..., 0]))
+
+
+def vehicle_pulse_index(velocity_mps: FloatArray, displacement_m: FloatArray, dt_s: float) -> FloatArray:
+    """Peak deceleration of 1 kg behind 30 mm of slack on a spring of 2500 N/m in the vehicle (VPI, ISO/TR 12353-3).
+
+    The mass follows m·y'' = −k·max(0, y − s − slack), with y(0) = 0 and y'(0) = v0; the spring only pulls, undamped.
+    It is integrated by y(t + Δt) = 2 y(t) − y(t − Δt) + Δt²·y''(t), all draws at once. A vehicle that brakes at a
+    constant rate a has VPI = a (1 + √(1 + 2·slack·k/(m·a))).
+
+    Parameters
+    ----------
+    velocity_mps, displacement_m : ndarray, shape (..., n)
+        Of the vehicle, the first sample at contact.
+    dt_s : float
+        Time step in s.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        In m/s², positive; NaN where the spring is longest when the record ends, or never taut: the peak is to come.
+    """
+    vehicle = np.ascontiguousarray(np.moveaxis(displacement_m, -1, 0))
+    stretch = np.zeros_like(vehicle)
+    before: FloatArray = np.zeros(vehicle.shape[1:])
+    now: FloatArray = velocity_mps[..., 0] * dt_s
+    for i in range(1, len(vehicle)):
+        stretch[i] = np.maximum(now - vehicle[i] - SLACK_M, 0.0)
+        before, now = now, 2 * now - before - STIFFNESS_NPM / MASS_KG * dt_s**2 * stretch[i]
+    longest = stretch.argmax(axis=0)
+    peaked = (longest > 0) & (longest < len(stretch) - 1)
+    return np.where(peaked, STIFFNESS_NPM / MASS_KG * stretch.max(axis=0), np.nan)
+
+
+def _first_reached(values: FloatArray, level: float) -> FloatArray:
+    """Where along the last axis a level is first reached, in samples and fractions; NaN where it is not."""
+    reached = values >= level
+    after = np.maximum(reached.argmax(axis=-1), 1)[..., None]
+    high, low = np.take_along_axis(values, after, axis=-1), np.take_along_axis(values, after - 1, axis=-1)
+    share = np.divide(level - low, high - low, out=np.zeros_like(low), where=high > low)
+    return np.where(reached.any(axis=-1), (after - 1 + share)[..., 0], np.nan)
+
+
+def _at(values: FloatArray, sample: FloatArray) -> FloatArray:
+    """Values at fractional samples of the last axis, linearly interpolated; NaN at NaN."""
+    before = np.minimum(np.nan_to_num(sample).astype(int), values.shape[-1] - 2)[..., None]
+    low, high = np.take_along_axis(values, before, axis=-1), np.take_along_axis(values, before + 1, axis=-1)
+    return np.asarray((low + (sample[..., None] - before) * (high - low))[..., 0])

@@ -1,0 +1,63 @@
+"""What a study computes: approaches, preset, seed, windows, and what is left out together."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from crashfuse.approaches.base import Approach
+from crashfuse.approaches.registry import APPROACHES, Preset, create
+from crashfuse.approaches.time_domain.lf_tcn import Device
+from crashfuse.campaign import Campaign
+from crashfuse.execution.cache import Cache
+
+WINDOWS_MS = (20.0, 40.0, 60.0)
+HoldOut = Literal["test", "speed group", "both"]
+
+
+@dataclass(frozen=True, slots=True)
+class StudyConfig:
+    """What a study computes.
+
+    Parameters
+    ----------
+    approaches : tuple of str
+    preset : {"fast", "paper"}
+    seed : int
+    windows_ms : tuple of float
+        The rating is taken over [0, w) for each w, in ms.
+    hold_out : {"test", "speed group", "both"}
+        Whether each test is left out alone, or with all tests at about its speed: then nothing like it remains to be
+        remembered, and what is rated is the step to a new speed. Both gives one study beside the other.
+    device : {"auto", "cpu", "cuda"}
+        Where networks are trained: numbers of different kinds of device differ in their last digits.
+    """
+
+    approaches: tuple[str, ...] = APPROACHES
+    preset: Preset = "fast"
+    seed: int = 0
+    windows_ms: tuple[float, ...] = WINDOWS_MS
+    hold_out: HoldOut = "test"
+    device: Device = "auto"
+
+    def rest(self, campaign: Campaign, test_id: str) -> Campaign:
+        """What may be learned from when this test is to be predicted."""
+        return campaign.without(campaign.speed_group(test_id) if self.hold_out == "speed group" else [test_id])
+
+    @property
+    def each(self) -> tuple["StudyConfig", ...]:
+        """One config for each way to leave tests out."""
+        ways: tuple[HoldOut, ...] = ("test", "speed group") if self.hold_out == "both" else (self.hold_out,)
+        return tuple(replace(self, hold_out=way) for way in ways)
+
+    def check(self) -> None:
+        """Raise what is wrong with an approach, the preset or the device before anything is computed.
+
+        Raises
+        ------
+        UsageError
+        """
+        for name in self.approaches:
+            _ = self.create(name).hardware
+
+    def create(self, approach: str, cache: Cache | None = None) -> Approach:
+        """The approach of this name with these settings, unfitted."""
+        return create(approach, preset=self.preset, seed=self.seed, device=self.device, cache=cache)

@@ -1,0 +1,217 @@
+"""What an approach expects at a condition, once it has learned from a campaign; both are kept in the cache."""
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from crashfuse.approaches.base import Approach, Prediction
+from crashfuse.approaches.fit_cache import fitted, settings
+from crashfuse.approaches.fused.approach import Fused
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.metrics import Metric, pulse_metrics
+from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.study.config import StudyConfig
+from crashfuse.units import LB, MPH
+
+FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
+"""What is predicted at most; no barrier test comes near."""
+
+_KIND = "predictions"  # of entries in the cache
+_LEFT_OUT = "left out "  # before the id of a test, in the names of arrays there
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """An approach's prediction at one condition, with what its fit found and how long both took.
+
+    Attributes
+    ----------
+    approach : str
+    prediction : Prediction
+    state : dict
+        What the fit found, as plain JSON values.
+    seconds : float
+    left_out_mps2 : mapping of str to ndarray, shape (1250,)
+        What it expects of each test that it learned from, as if that test had not been run; empty where unknown.
+    """
+
+    approach: str
+    prediction: Prediction
+    state: dict[str, object]
+    seconds: float
+    left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @cached_property
+    def metrics(self) -> tuple[Metric, ...]:
+        """Pulse metrics of the prediction, with intervals where it has draws."""
+        p = self.prediction
+        return pulse_metrics(p.accel_mps2, p.condition.speed_mps, dt_s=DT_S, draws_mps2=p.draws_mps2)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """An approach that has learned from a campaign and answers any condition.
+
+    Attributes
+    ----------
+    approach : Approach
+    config : StudyConfig
+    seconds : float
+        What the learning took.
+    left_out_mps2 : mapping of str to ndarray, shape (1250,)
+        As in :class:`Estimate`.
+    """
+
+    approach: Approach
+    config: StudyConfig
+    seconds: float
+    left_out_mps2: Mapping[str, FloatArray]
+
+    @classmethod
+    def of(
+        cls,
+        campaign: Campaign,
+        approach: str,
+        config: StudyConfig = StudyConfig(),
+        *,
+        cache: Cache | None = None,
+        watch: Watch = SILENT,
+    ) -> Self:
+        """Fit an approach on the whole campaign that is handed over, or take from the cache what was learned from it.
+
+        Raises
+        ------
+        UsageError
+            If there is no such approach, preset or device, or not enough to learn from.
+        Cancelled
+            If the watch was told to stop.
+        """
+        cache = cache or Cache()
+        learned, seconds = fitted(config.create(approach, cache), campaign, cache, watch)
+        return cls(learned, config, seconds, learned.left_out(campaign))
+
+    @cached_property
+    def state(self) -> dict[str, object]:
+        """What the fit found, as plain JSON values; to find out how well it knows that takes longer than to predict."""
+        with threadpool_limits(1):  # two contended threads cost many times the work of one
+            return self.approach.state
+
+    def estimate(self, condition: Condition) -> Estimate:
+        """What the approach expects at a condition, with numbers as they are kept.
+
+        Raises
+        ------
+        UsageError
+            If the speed or a weight is not above 0.
+        """
+        return estimates_at([self], condition)[0]
+
+
+def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
+    """What several approaches expect at a condition: as each alone, but what they share is computed once.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        All of one campaign. What ``fused`` is made of are predictions that others of them may need too.
+    condition : Condition
+
+    Raises
+    ------
+    UsageError
+        If the speed or a weight is not above 0.
+    """
+    if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
+        raise UsageError(f"A prediction takes a speed and weights above 0, not {condition}.")
+    if condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG:
+        most = f"{FASTEST_MPS / MPH:.0f} mph and {HEAVIEST_KG / LB:.0f} lb in all"
+        raise UsageError(f"No barrier test is made at {condition}: at most {most} can be predicted.")
+    known: dict[tuple[object, ...], Prediction] = {}
+
+    def predict(approach: Approach) -> Prediction:
+        key = tuple(settings(approach).values())
+        if key not in known:
+            if isinstance(approach, Fused):
+                one, other = approach.parts
+                known[key] = approach.mixed(predict(one), predict(other))
+            else:
+                known[key] = approach.predict(condition)
+        return known[key]
+
+    estimates = []
+    for fit in fits:
+        start = time.perf_counter()
+        prediction = predict(fit.approach)
+        if prediction.draws_mps2 is not None:
+            prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
+        seconds = fit.seconds + time.perf_counter() - start
+        estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, fit.left_out_mps2))
+    return estimates
+
+
+def estimate_at(
+    campaign: Campaign,
+    condition: Condition,
+    approach: str,
+    config: StudyConfig = StudyConfig(),
+    *,
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+) -> Estimate:
+    """Fit an approach on the whole campaign that is handed over and predict at a condition; kept in the cache.
+
+    Raises
+    ------
+    UsageError
+        If there is no such approach or preset, or speed or a weight is not above 0.
+    Cancelled
+        If the watch was told to stop.
+    """
+    cache = cache or Cache()
+    kept = find_estimate(campaign, condition, approach, config, cache=cache)
+    if kept is not None:
+        return kept
+    estimate = Fit.of(campaign, approach, config, cache=cache, watch=watch).estimate(condition)
+    prediction = estimate.prediction
+    text = json.dumps({"notes": prediction.notes, "state": estimate.state, "seconds": estimate.seconds})
+    arrays = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
+    arrays |= {f"{_LEFT_OUT}{test}": pulse for test, pulse in estimate.left_out_mps2.items()}
+    if prediction.draws_mps2 is not None:
+        arrays["draws_mps2"] = prediction.draws_mps2
+    cache.put(_KIND, _key(campaign, condition, approach, config), arrays)
+    return estimate
+
+
+def find_estimate(
+    campaign: Campaign,
+    condition: Condition,
+    approach: str,
+    config: StudyConfig = StudyConfig(),
+    *,
+    cache: Cache | None = None,
+) -> Estimate | None:
+    """What :func:`estimate_at` computed from this very data with these settings before, or None.
+
+    The campaign is the one that was handed over there: without the held-out test.
+    """
+    entry = (cache or Cache()).get(_KIND, _key(campaign, condition, approach, config))
+    if entry is None:
+        return None
+    text = json.loads(str(entry["text"]))
+    prediction = Prediction(condition, entry["accel_mps2"], entry.get("draws_mps2"), tuple(text["notes"]))
+    left_out = {name.removeprefix(_LEFT_OUT): entry[name] for name in entry if name.startswith(_LEFT_OUT)}
+    return Estimate(approach, prediction, text["state"], text["seconds"], left_out)
+
+
+def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
+    return {**settings(config.create(approach)), "campaign": campaign.fingerprint, "condition": condition}

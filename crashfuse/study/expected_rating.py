@@ -1,0 +1,104 @@
+"""The rating that may be expected of a prediction before there is a test to rate it by."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.rating import grade, rate_windows
+from crashfuse.units import MPH
+
+_REACH_MPS = 5 * MPH
+_LEAST = 3  # tests, however far away
+_BESIDE_MPS = 1 * MPH  # a test this near is beside the condition
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedRating:
+    """How tests near a condition were rated, each predicted as if it had not been run.
+
+    Attributes
+    ----------
+    mean, lowest, highest : float
+        Overall ISO/TS 18571 ratings over one window.
+    window_ms : float
+    tests : tuple of str
+        Ids of those tests, the nearest in speed first.
+    reach_mps : float
+        How far away in speed the last of them is.
+    farther : bool
+        Whether the condition is farther in speed from all tests than any of these was from the others: then the rating
+        may well be lower.
+    """
+
+    mean: float
+    lowest: float
+    highest: float
+    window_ms: float
+    tests: tuple[str, ...]
+    reach_mps: float
+    farther: bool
+
+    @property
+    def sentence(self) -> str:
+        """What may be expected, and from how many tests that is known."""
+        n, within = len(self.tests), f"within {self.reach_mps / MPH:.1f} mph"
+        tests, rated = f"{n} left-out test{'s' * (n > 1)}", f"{self.lowest:.2f} to {self.highest:.2f}"
+        if self.farther:
+            return (
+                f"How it will rate is not known: expect less than the {rated} over 0–{self.window_ms:g} ms of {tests} "
+                f"{within}, each of which had a nearer test to learn from."
+            )
+        expected = f"Expected rating over 0–{self.window_ms:g} ms: about {self.mean:.2f} ({grade(self.mean)})"
+        return f"{expected}; {tests} {within} rated {rated}."
+
+
+def expected_rating(
+    left_out_mps2: Mapping[str, FloatArray], campaign: Campaign, condition: Condition, window_ms: float = 60.0
+) -> ExpectedRating | None:
+    """Rate what an approach expects of tests near a condition, as if none of them had been run.
+
+    Taken are all tests within 5 mph of it in speed, at least the three nearest.
+
+    Parameters
+    ----------
+    left_out_mps2 : mapping of str to ndarray, shape (1250,)
+        As in :class:`crashfuse.study.estimate.Estimate`: pulses in m/s² by the test's id.
+    campaign : Campaign
+        What the approach learned from.
+    condition : Condition
+    window_ms : float
+        The rating is over [0, window_ms).
+
+    Returns
+    -------
+    ExpectedRating or None
+        None if the approach does not know how it predicts tests that it has not seen.
+    """
+    tests = [test for test in campaign.tests if test.id in left_out_mps2]
+    if not tests:
+        return None
+    speeds = np.array([test.condition.speed_mps for test in campaign.tests])
+
+    def away(test_speed_mps: float) -> float:
+        return abs(test_speed_mps - condition.speed_mps)
+
+    nearest = sorted(tests, key=lambda test: away(test.condition.speed_mps))
+    near = [t for i, t in enumerate(nearest) if i < _LEAST or away(t.condition.speed_mps) <= _REACH_MPS]
+    ratings = [
+        rate_windows(test.pulse, Pulse(GRID_S, left_out_mps2[test.id]), [window_ms])[float(window_ms)].overall
+        for test in near
+    ]
+    gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test
+    return ExpectedRating(
+        float(np.mean(ratings)),
+        min(ratings),
+        max(ratings),
+        float(window_ms),
+        tuple(test.id for test in near),
+        away(near[-1].condition.speed_mps),
+        bool(np.abs(speeds - condition.speed_mps).min() > max(*gaps, _BESIDE_MPS)),
+    )

@@ -1,0 +1,189 @@
+"""Next test: where one more test would shrink the displacement domain's band most, over a range of conditions.
+
+The bias is a Gaussian process, whose variance depends on where tests were run and not on what they showed. So what a
+test would take off the band is known before it is run, and the test that takes most off its mean over a range is the
+next one. That is the sequential design of Sacks et al., Statistical Science 4 (1989), or Cohn, Neural Networks
+9 (1996), with the mean of the standard deviation, which is what an engineer sees, for that of the variance, in which a
+few wide spots outweigh all else.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import pandas as pd
+from scipy.stats import qmc
+from threadpoolctl import threadpool_limits
+
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.campaign import CrashTest
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import LB, MPH, G
+
+_N_TARGETS = 48
+
+
+@dataclass(frozen=True, slots=True)
+class ConditionRange:
+    """Speeds and weights that the engineer cares about, all equally.
+
+    Parameters
+    ----------
+    low, high : Condition
+        Lowest and highest speed, front and rear weight; equal values keep one fixed. Both of the same factors.
+
+    Raises
+    ------
+    UsageError
+        If a value is not above 0, a low one is above the high one, or the factors differ.
+    """
+
+    low: Condition
+    high: Condition
+
+    def __post_init__(self) -> None:
+        low, high = self.low.vector, self.high.vector
+        if not (np.isfinite(high).all() and (low > 0).all() and (low <= high).all()):
+            raise UsageError(f"A range goes from values above 0 to higher ones, not from {self.low} to {self.high}.")
+        if self.low.factors != self.high.factors:
+            raise UsageError(f"A range is of one kind of vehicle, not from {self.low.factors} to {self.high.factors}.")
+
+    @classmethod
+    def of(cls, tests: Sequence[CrashTest]) -> Self:
+        """From the lowest to the highest speed and weights of some tests, for a vehicle of the kind tested most often.
+
+        Raises
+        ------
+        UsageError
+            If there is no test.
+        """
+        if not tests:
+            raise UsageError("A range needs a test at least, or limits of your own.")
+        vectors = np.array([test.condition.vector for test in tests])
+        limits = np.array([vectors.min(axis=0), vectors.max(axis=0)])
+        [(kind, _)] = Counter(test.condition.factors for test in tests).most_common(1)
+        low, high = (Condition(v, front, rear, kind) for v, front, rear in limits.tolist())
+        return cls(low, high)
+
+    def grid(self, n_speeds: int, n_weights: int = 1) -> tuple[Condition, ...]:
+        """Conditions at evenly spaced speeds and weights, limits included; a single value is the middle one."""
+        numbers = (n_speeds, n_weights, n_weights)
+        axes = [
+            np.unique(np.linspace(low, high, n) if n > 1 else (low + high) / 2)
+            for low, high, n in zip(self.low.vector, self.high.vector, numbers, strict=True)
+        ]
+        vectors = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        return self._at(vectors)
+
+    def spread(self, n: int) -> tuple[Condition, ...]:
+        """Conditions that fill the range evenly: the first points of the Halton sequence, always the same."""
+        shares = qmc.Halton(d=3, scramble=False).random(n + 1)[1:]  # the first is a corner
+        return self._at(self.low.vector + shares * (self.high.vector - self.low.vector))
+
+    def _at(self, vectors: FloatArray) -> tuple[Condition, ...]:
+        return tuple(Condition(v, front, rear, self.low.factors) for v, front, rear in vectors.tolist())
+
+
+@dataclass(frozen=True, slots=True)
+class NextTest:
+    """A test that could be run, and what it would do to the band.
+
+    Parameters
+    ----------
+    condition : Condition
+    before_mps2, after_mps2 : float
+        Half the width of the 95 % band of the bias, mean over the range, in m/s²: now, and with this test.
+    extrapolation : tuple of str
+        Which of its inputs lie outside the CAE runs' range.
+    """
+
+    condition: Condition
+    before_mps2: float
+    after_mps2: float
+    extrapolation: tuple[str, ...] = ()
+
+    @property
+    def gain(self) -> float:
+        """Share by which the band would shrink."""
+        return 1 - self.after_mps2 / self.before_mps2
+
+
+def rank_next_tests(
+    domain: DisplacementDomain,
+    over: ConditionRange,
+    candidates: Sequence[Condition] | None = None,
+    planned: Sequence[Condition] = (),
+) -> tuple[NextTest, ...]:
+    """Rank conditions by how much a test there would shrink the band over a range.
+
+    The band is that of a new test's bias, its own deviation and stop included. It is averaged over conditions spread
+    over the range and, for each of them, over displacement up to the crush of its CAE pulse: as an acceleration at each
+    stage of the crash, however long it takes. A candidate is taken to crush as its CAE pulse does, and to deviate from
+    its like as tests do. Hyperparameters stay those of the tests that were run; Student's t gets narrower too, for one
+    more test tells better how much tests differ. What the band has beyond the bias (rebound, emulator) is left out.
+
+    Parameters
+    ----------
+    domain : DisplacementDomain
+        Fitted to all tests that were run, with the hierarchical bias.
+    over : ConditionRange
+    candidates : sequence of Condition, optional
+        By default 14 speeds at the middle weights: by weight gains hardly differ, and the middle is like most crashes.
+        They may lie outside the range, and outside the CAE runs'.
+    planned : sequence of Condition
+        Tests that will be run anyway, as if they had been. With the best one added each time several can be chosen.
+
+    Returns
+    -------
+    tuple of NextTest
+        The largest gain first.
+
+    Raises
+    ------
+    NotFittedError
+        If the approach has not been fitted.
+    UsageError
+        If its bias is that of Table 4, or the range leaves open a factor by which the bias of tests differs.
+    """
+    candidates = over.grid(14) if candidates is None else candidates
+    targets = [domain.foreseen(condition) for condition in over.spread(_N_TARGETS)]
+    bias = domain.bias_
+    if not isinstance(bias, HierarchicalBias):
+        raise UsageError("The next test is chosen by the hierarchical bias (preset fast); Table 4 has no part for it.")
+    if open_factors := bias.unknown_factors(over.low):
+        raise UsageError(
+            f"Tests differ by {' and '.join(open_factors)}: say of which kind the vehicle is that the range is for."
+        )
+    with threadpool_limits(1):
+        bias = bias.also([domain.foreseen(condition) for condition in planned])
+        now, then = bias.half_widths(targets, [domain.foreseen(condition) for condition in candidates])
+    weights = np.concatenate([np.full(n := t.displacement_m.size, 1 / (n * len(targets))) for t in targets])
+    widening, cae = domain.calibration_.widening, domain.model_.cae_
+    before, after = (widening * half_width @ weights for half_width in (now, then))
+    ranked = np.argsort(after, kind="stable")
+    return tuple(
+        NextTest(c := candidates[i], float(before), float(after[i]), cae.extrapolation(c)) for i in ranked.tolist()
+    )
+
+
+def next_tests_table(ranked: Sequence[NextTest]) -> pd.DataFrame:
+    """Ranked tests for people, one row each, in mph, lb and g."""
+    return pd.DataFrame(
+        {
+            "rank": number,
+            "speed (mph)": round(test.condition.speed_mps / MPH, 1),
+            "front weight (lb)": round(test.condition.front_weight_kg / LB),
+            "rear weight (lb)": round(test.condition.rear_weight_kg / LB),
+            **dict(test.condition.factors),
+            "band now (± g)": round(test.before_mps2 / G, 2),
+            "band then (± g)": round(test.after_mps2 / G, 2),
+            "gain (%)": round(100 * test.gain, 1),
+            "extrapolation": "yes" if test.extrapolation else "no",
+        }
+        for number, test in enumerate(ranked, start=1)
+    )

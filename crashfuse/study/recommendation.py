@@ -1,0 +1,198 @@
+"""Which approach to trust, for one prediction and for a whole campaign, in sentences that an engineer can argue with.
+
+What is recommended for a test rests on the other tests alone; only the verdict on a campaign looks at how tests were
+predicted that had been left out. It is reached by a proper score of the whole band (CRPS), and told in ratings.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from crashfuse.approaches.fused.weights import Scores
+from crashfuse.approaches.left_out import STRIDE
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.rating import grade
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.expected_rating import ExpectedRating, expected_rating
+from crashfuse.study.fold import Fold
+from crashfuse.study.study import Study
+from crashfuse.units import MPH, G
+
+_PREFERRED = ("fused", "displacement_domain", "time_domain", "lf_tcn", "cae")
+_CLEARLY = 0.02  # of the rating: closer than that, a handful of tests can't tell two approaches apart
+_NEAR_MPS = 3 * MPH
+_GOOD = 0.80
+
+
+@dataclass(frozen=True, slots=True)
+class Recommendation:
+    """What to use, and why.
+
+    Attributes
+    ----------
+    approach : str
+    sentences : tuple of str
+        The recommendation, what it rests on, and what to be careful of.
+    expected : ExpectedRating, optional
+        Of that approach, for a single prediction.
+    """
+
+    approach: str
+    sentences: tuple[str, ...]
+    expected: ExpectedRating | None = None
+
+
+def recommend_for(
+    estimates: Sequence[Estimate], campaign: Campaign, condition: Condition, window_ms: float = 60.0
+) -> Recommendation:
+    """Recommend an approach for one condition, from how each predicted tests near it that it had not seen.
+
+    Parameters
+    ----------
+    estimates : sequence of Estimate
+        One for each approach, at this condition.
+    campaign : Campaign
+        What they learned from: without the held-out test, if this is one.
+    condition : Condition
+    window_ms : float
+        By the rating over [0, window_ms).
+    """
+    by_name = {estimate.approach: estimate for estimate in estimates}
+    names = [name for name in _PREFERRED if name in by_name]
+    expected = {
+        name: found
+        for name in names
+        if (found := expected_rating(by_name[name].left_out_mps2, campaign, condition, window_ms)) is not None
+    }
+    if len(campaign.tests) == 1:  # nor could the weights of a mixture be learned
+        return _by_the_paper([name for name in names if name != "fused"] or names, campaign, condition)
+    if set(expected) <= {"cae", "lf_tcn"} and set(names) - set(expected):
+        return _by_the_paper(names, campaign, condition)
+    most = max(expected.values(), key=lambda e: e.mean).mean
+    chosen = next(name for name in expected if expected[name].mean > most - _CLEARLY)
+    sentences = [f"Use {_in_words(chosen)}. {expected[chosen].sentence}"]
+    if chosen != "cae" and "cae" in expected:
+        raw = expected["cae"].mean
+        worse = " No better than that is to be expected here." * (expected[chosen].mean <= raw)
+        sentences.append(f"The raw CAE model rated {raw:.2f} on the same tests.{worse}")
+    if chosen == "fused":
+        sentences.append(by_name[chosen].prediction.notes[0])
+    if expected[chosen].mean <= _GOOD:
+        sentences.append(f"Less than {grade(_GOOD + 1e-9)} is to be expected: a guide, not a proof.")
+    return Recommendation(chosen, (*sentences, *campaign.cae.extrapolation(condition)), expected[chosen])
+
+
+def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
+    """The paper's own advice (Sect. 4.3), where nothing is known of tests that were left out."""
+    away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
+    order = ("time_domain", *_PREFERRED) if away <= _NEAR_MPS else _PREFERRED
+    chosen = next(name for name in order if name in names)
+    reason = (
+        f"Use {_in_words(chosen)}: the nearest test is {away / MPH:.1f} mph away, and the paper (Sect. 4.3) trusts the "
+        "time domain beside a test of about the same speed, else the displacement domain."
+    )
+    unknown = "How it predicts tests that it has not seen was not asked under these settings."
+    if len(campaign.tests) == 1:
+        unknown = "There is only one test, which cannot be left out: what rating to expect is not known."
+    return Recommendation(chosen, (reason, unknown, *campaign.cae.extrapolation(condition)))
+
+
+def recommend(study: Study) -> Recommendation:
+    """Recommend an approach for a campaign, from how each predicted the tests that were left out.
+
+    The lowest mean CRPS decides; approaches that are within one standard error of it, test by test, count as equal,
+    and of those the mixture comes first, then the displacement domain, which the paper prefers (Sect. 4.3).
+    """
+    verdict = _Verdict(study)
+    chosen = verdict.chosen
+    others = [name for name in verdict.names if name != chosen]
+    compared = ", ".join(f"{_in_words(name)} {verdict.mean_crps_g[name]:.2f} g" for name in others)
+    left_out = f"{_tests(len(study.folds))} that {'was' if len(study.folds) == 1 else 'were'} left out"
+    sentences = [
+        f"Use {_in_words(chosen)} for this campaign. Over 0–{verdict.window_ms:g} ms, on {left_out}, its mean distance "
+        f"from what was measured (CRPS, less is better) is {verdict.mean_crps_g[chosen]:.2f} g"
+        + (f"; {compared}." if compared else "."),
+        verdict.ratings_of(chosen),
+    ]
+    if equal := [name for name in verdict.equal if name != chosen]:
+        sentences.append(f"These tests can't tell it from {' and '.join(_in_words(name) for name in equal)}.")
+    if chosen in study.coverage:
+        found = study.coverage[chosen]
+        n = len(found.tests)
+        sentences.append(
+            f"95 % model band: {100 * found.share('accel'):.0f} % of a(t) up to t0 inside, maximum crush in "
+            f"{found.count('crush')} of {n} left-out tests, peak in {found.count('peak')} of {n}."
+        )
+    if study.speed_groups is not None:
+        apart = _Verdict(study.speed_groups)
+        told = apart.ratings_of(chosen)
+        sentences.append(f"Where no test of about the same speed was left to learn from: {told[0].lower()}{told[1:]}")
+    return Recommendation(chosen, tuple(sentences))
+
+
+class _Verdict:
+    """What the left-out tests of a study say of each approach."""
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self.window_ms = max(study.config.windows_ms)
+        self.names = [name for name in _PREFERRED if name in study.config.approaches]
+
+    @cached_property
+    def crps_g(self) -> Mapping[str, FloatArray]:
+        """CRPS of each test's prediction by approach, in g, shape (n_tests,)."""
+        return {name: np.array([self._crps(fold, name) for fold in self.study.folds]) / G for name in self.names}
+
+    def _crps(self, fold: Fold, approach: str) -> float:
+        prediction = fold.estimate(approach).prediction
+        rated = slice(0, round(self.window_ms / 1e3 / DT_S), STRIDE)
+        draws = prediction.accel_mps2[None] if prediction.draws_mps2 is None else prediction.draws_mps2
+        measured = self.study.campaign.test(fold.held_out).pulse.accel_mps2
+        return Scores.of(measured[rated], [draws[:, rated]]).crps(np.ones(1))
+
+    @cached_property
+    def mean_crps_g(self) -> Mapping[str, float]:
+        """Mean CRPS over the tests, in g."""
+        return {name: float(values.mean()) for name, values in self.crps_g.items()}
+
+    @cached_property
+    def equal(self) -> list[str]:
+        """The best approach by CRPS and all that are within a standard error of it."""
+        best = self.crps_g[min(self.names, key=lambda name: self.mean_crps_g[name])]
+        n = best.size
+        excess = {name: values - best for name, values in self.crps_g.items()}
+        return [name for name, e in excess.items() if e.mean() <= (e.std(ddof=1) / np.sqrt(n) if n > 1 else 0.0)]
+
+    @property
+    def chosen(self) -> str:
+        """The preferred one of these."""
+        return self.equal[0]
+
+    def ratings_of(self, name: str) -> str:
+        """Mean, worst and harm of an approach, in a sentence."""
+        overall = {f.held_out: f.ratings[name][self.window_ms].overall for f in self.study.folds}
+        mean, worst = float(np.mean(list(overall.values()))), min(overall, key=lambda test: overall[test])
+        speed = self.study.campaign.test(worst).condition.speed_mps / MPH
+        sentence = f"mean rating {mean:.3f} ({grade(mean)}), worst {overall[worst]:.3f} ({worst}, {speed:.1f} mph)"
+        if name == "cae" or "cae" not in self.names:
+            return f"{sentence[0].upper()}{sentence[1:]}."
+        raw = {f.held_out: f.ratings["cae"][self.window_ms].overall for f in self.study.folds}
+        below = [test for test in overall if overall[test] < raw[test]]
+        harm = max((raw[test] - overall[test] for test in below), default=0.0)
+        compared = f"better than this in {', '.join(below)} (by up to {harm:.3f})" if below else "better in no test"
+        return f"{sentence[0].upper()}{sentence[1:]}; the raw CAE model {np.mean(list(raw.values())):.3f}, {compared}."
+
+
+def _tests(n: int) -> str:
+    return f"{n} test{'s' * (n > 1)}"
+
+
+def _in_words(approach: str) -> str:
+    return {"cae": "the raw CAE model", "lf_tcn": "the LF TCN", "fused": "the fused prediction"}.get(
+        approach, f"the {LABELS[approach].lower()}"
+    )

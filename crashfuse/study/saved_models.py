@@ -1,0 +1,154 @@
+"""A fitted approach as a file: arrays as safetensors, all else as JSON in its header, nothing that could run.
+
+A model belongs to the data that it learned from: it names their fingerprint, and is loaded beside them. It predicts to
+the same bits as on the day it was saved, so whoever holds campaign and model can check what was shown.
+"""
+
+import hashlib
+import json
+import platform
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors
+from safetensors.numpy import save
+
+from crashfuse.approaches.base import Approach
+from crashfuse.approaches.fitted_state import Learned
+from crashfuse.campaign import Campaign
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.execution.cache import Cache, Entry
+from crashfuse.files.atomic import write_atomically
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Fit
+from crashfuse.version import __version__
+
+_HEADER = "crashfuse"
+_MOST_BYTES = 4 << 30
+_AGAIN = "train it again with crashfuse train"
+_PACKAGES = ("numpy", "scipy", "scikit-learn", "torch", "safetensors")
+
+
+def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
+    """Write a fitted approach to a ``.safetensors`` file.
+
+    Parameters
+    ----------
+    fit : Fit
+    campaign : Campaign
+        What it was fitted to.
+    path : str or Path
+
+    Raises
+    ------
+    NotFittedError
+        If the approach has learned nothing yet.
+    OSError
+        If the file cannot be written.
+    """
+    approach = fit.approach
+    learned = approach.learned()
+    arrays = {name: np.ascontiguousarray(array) for name, array in learned.arrays.items()}
+    record = {
+        "approach": approach.name,
+        "preset": fit.config.preset,
+        "seed": fit.config.seed,
+        "settings": _settings(approach),
+        "hardware": approach.hardware,
+        "campaign": campaign.name,
+        "fingerprint": campaign.fingerprint,
+        "crashfuse": __version__,
+        "python": platform.python_version(),
+        "packages": {name: metadata.version(name) for name in _PACKAGES},
+        "seconds": round(fit.seconds, 3),
+        "learned": learned.values,
+    }
+    text = json.dumps(record, sort_keys=True)
+    write_atomically(Path(path), save(arrays, {_HEADER: text, "sha256": _digest(text, arrays)}))
+
+
+def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = None) -> Fit:
+    """Read a model back, beside the campaign that it learned from.
+
+    Parameters
+    ----------
+    path : str or Path
+    campaign : Campaign
+    cache : Cache, optional
+        Where the trained emulator of the CAE model is kept.
+
+    Raises
+    ------
+    DataError
+        If the file is no model, was cut off or altered, learned from other data, or was made by another version.
+    """
+    path = Path(path)
+    record, arrays = _read(path)
+    try:
+        _check(path, record, campaign)
+        config = StudyConfig(preset=record["preset"], seed=int(record["seed"]))
+        approach = config.create(record["approach"], cache)
+        if json.loads(json.dumps(_settings(approach))) != record["settings"]:
+            raise ValueError("settings that are not those of its preset")
+        approach.restore(campaign, Learned(record["learned"], arrays))
+        return Fit(approach, config, float(record["seconds"]), approach.left_out(campaign))
+    except (
+        KeyError,
+        IndexError,
+        TypeError,
+        ValueError,
+        RuntimeError,
+        ArithmeticError,
+        AttributeError,
+        UsageError,
+    ) as error:
+        raise _unfit(path, f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}") from error
+
+
+def _check(path: Path, record: dict[str, Any], campaign: Campaign) -> None:
+    """Refuse what another version made, or what learned from other data."""
+    if record["crashfuse"] != __version__:
+        raise DataError(Problem(str(path), f"a model made by crashfuse {__version__}", record["crashfuse"], _AGAIN))
+    if record["fingerprint"] != campaign.fingerprint:
+        expected = f"a model of the data in {campaign.name} (fingerprint {campaign.fingerprint[:12]}…)"
+        found = f"one of {record['campaign']} ({record['fingerprint'][:12]}…)"
+        raise DataError(Problem(str(path), expected, found, f"{_AGAIN}, or take the campaign it belongs to"))
+
+
+def _read(path: Path) -> tuple[dict[str, Any], Entry]:
+    if not path.is_file():
+        raise DataError(Problem(str(path), "a saved model", "no such file", "train it with crashfuse train"))
+    if path.stat().st_size > _MOST_BYTES:
+        raise _unfit(path, f"{path.stat().st_size / 2**30:.1f} GiB")
+    try:
+        with safetensors.safe_open(path, framework="numpy") as file:
+            header = file.metadata() or {}
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no dict
+        record = json.loads(header[_HEADER])
+        digest = header["sha256"]
+    except (safetensors.SafetensorError, KeyError, ValueError, TypeError) as error:
+        raise _unfit(path, "a file that was cut off, or another kind of file") from error
+    if digest != _digest(header[_HEADER], arrays):
+        raise _unfit(path, "a file that was altered: its checksum is not that of its content")
+    return record, arrays
+
+
+def _unfit(path: Path, found: str) -> DataError:
+    return DataError(Problem(str(path), "a model as crashfuse saved it", found, _AGAIN))
+
+
+def _settings(approach: Approach) -> dict[str, object] | None:
+    config = getattr(approach, "config", None)
+    return None if config is None else asdict(config)
+
+
+def _digest(text: str, arrays: Entry) -> str:
+    digest = hashlib.sha256(text.encode())
+    for name in sorted(arrays):
+        array = arrays[name]
+        digest.update(f"\n{name} {array.dtype} {array.shape} ".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,169 @@
+"""A sweep over impact speed: what each approach expects of the pulse metrics, at fixed weights."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.condition import Condition
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.metrics import Metric, missing_sentences, pulse_metrics
+from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
+from crashfuse.study.estimate import Fit, estimates_at
+from crashfuse.units import LB, MPH
+
+_SLOWEST_MPS = 5 * MPH  # below, a vehicle hardly crushes, and no pulse of 100 ms tells what becomes of its occupant
+_GAP_MPS = 3 * MPH  # between the speeds of CAE runs: what is wider is not covered by them
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sweep:
+    """Metrics that one approach expects over impact speed.
+
+    Attributes
+    ----------
+    approach : str
+    condition : Condition
+        With the weights and factors of all speeds.
+    speeds_mps : ndarray, shape (n,)
+        Ascending.
+    metrics : tuple of tuple of Metric
+        Those of the pulse at each speed, all of them.
+    """
+
+    approach: str
+    condition: Condition
+    speeds_mps: FloatArray
+    metrics: tuple[tuple[Metric, ...], ...]
+
+    def over_speed(self, metric: str) -> tuple[Metric, ...]:
+        """One metric at each speed."""
+        return tuple(own for metrics in self.metrics for own in metrics if own.name == metric)
+
+
+def sweep_speed(
+    fits: Sequence[Fit], condition: Condition, speeds_mps: FloatArray, watch: Watch = SILENT
+) -> tuple[Sweep, ...]:
+    """Predict at several impact speeds, all else equal.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        All of one campaign; what they share is computed once.
+    condition : Condition
+        Weights and factors; its speed does not matter.
+    speeds_mps : ndarray, shape (n,)
+        In m/s; see :func:`usual_speeds`.
+    watch : Watch
+
+    Returns
+    -------
+    tuple of Sweep
+        One for each fit.
+
+    Raises
+    ------
+    UsageError
+        If a speed or a weight is not above 0.
+    Cancelled
+        If the watch was told to stop.
+    """
+    speeds = np.unique(speeds_mps)
+    rows = []
+    for number, speed in enumerate(speeds.tolist()):
+        watch.report("Sweep over speed", number, len(speeds))
+        rows.append([estimate.metrics for estimate in estimates_at(fits, replace(condition, speed_mps=speed))])
+    watch.report("Sweep over speed", len(speeds), len(speeds))
+    return tuple(
+        Sweep(fit.approach.name, condition, speeds, tuple(row[i] for row in rows)) for i, fit in enumerate(fits)
+    )
+
+
+def usual_speeds(campaign: Campaign) -> FloatArray:
+    """Every full mph in the range of a campaign's CAE runs and tests, and the ends of that range, in m/s.
+
+    It begins and ends with a run or test whose vehicle stops within the record, for most metrics need that; what is
+    slower than 5 mph does not count.
+    """
+    runs = zip(campaign.cae.vectors[:, 0].tolist(), campaign.cae.accel_mps2, strict=True)
+    crashes = [*runs, *((test.condition.speed_mps, test.pulse.accel_mps2) for test in campaign.tests)]
+    crashes.sort(key=lambda crash: crash[0])
+    quick = [crash for crash in crashes if crash[0] >= _SLOWEST_MPS] or crashes
+    low, high = (
+        next((speed for speed, accel in ordered if _stops(accel, speed)), ordered[0][0])
+        for ordered in (quick, quick[::-1])
+    )
+    within = np.arange(np.ceil(low / MPH), np.floor(high / MPH) + 1) * MPH
+    return np.unique(np.clip([low, *within, high], low, high))
+
+
+def _stops(accel_mps2: FloatArray, speed_mps: float) -> bool:
+    return bool(np.isfinite(kinematics(accel_mps2.astype(np.float64), speed_mps, DT_S).t0_s))
+
+
+def uncovered_speeds(library: CaeLibrary, low_mps: float, high_mps: float) -> tuple[tuple[float, float], ...]:
+    """Parts of a range of speeds without CAE runs, as (from, to) in m/s: beyond all runs, or between far apart ones."""
+    speeds = np.unique(library.vectors[:, 0])
+    inner = [
+        pair for pair in zip(speeds[:-1].tolist(), speeds[1:].tolist(), strict=True) if pair[1] - pair[0] > _GAP_MPS
+    ]
+    parts = [(low_mps, float(speeds[0])), *inner, (float(speeds[-1]), high_mps)]
+    clipped = ((max(start, low_mps), min(end, high_mps)) for start, end in parts)
+    return tuple((start, end) for start, end in clipped if start < end)
+
+
+def measured_metrics(test: CrashTest) -> tuple[Metric, ...]:
+    """Metrics of a test's own pulse."""
+    return pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
+
+
+def sweep_table(sweeps: Sequence[Sweep], tests: Sequence[CrashTest] = ()) -> pd.DataFrame:
+    """One row a speed, approach (or ``test``) and metric: speed_mph, approach, metric, value, lower, upper, unit.
+
+    Tests have weights of their own, not those of the sweep.
+    """
+    rows = [
+        (speed, sweep.approach, metrics)
+        for sweep in sweeps
+        for speed, metrics in zip(sweep.speeds_mps.tolist(), sweep.metrics, strict=True)
+    ]
+    rows += [(test.condition.speed_mps, "test", measured_metrics(test)) for test in tests]
+    return pd.DataFrame(
+        [
+            (speed / MPH, approach, metric.name, metric.value, metric.lower, metric.upper, metric.unit)
+            for speed, approach, metrics in rows
+            for metric in metrics
+        ],
+        columns=["speed_mph", "approach", "metric", "value", "lower", "upper", "unit"],
+    )
+
+
+def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:
+    """Say at which speeds a metric has no value, and what the record is too short for there."""
+    said = []
+    for sweep in sweeps:
+        gaps = [
+            (speed / MPH, own)
+            for speed, own in zip(sweep.speeds_mps.tolist(), sweep.over_speed(metric), strict=True)
+            if own.value is None
+        ]
+        if gaps:
+            (low, own), (high, _) = gaps[0], gaps[-1]
+            where = f"{len(gaps)} of {len(sweep.metrics)} speeds, from {low:.1f} to {high:.1f} mph"
+            said.append((f"{LABELS[sweep.approach]} ({where})", [own]))
+    return missing_sentences(said)
+
+
+def weights_sentence(condition: Condition, tests: Sequence[CrashTest]) -> str:
+    """Say at which weights a sweep is, and that those of the tests differ."""
+    said = f"Swept at front {condition.front_weight_kg / LB:.0f} lb, rear {condition.rear_weight_kg / LB:.0f} lb."
+    if not tests:
+        return said
+    low, high = (f(np.array([test.condition.vector[1:] for test in tests]), axis=0) / LB for f in (np.min, np.max))
+    return (
+        f"{said} The tests (black) were run with weights of their own: front {low[0]:.0f}–{high[0]:.0f} lb, "
+        f"rear {low[1]:.0f}–{high[1]:.0f} lb."
+    )

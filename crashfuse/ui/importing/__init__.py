@@ -1,0 +1,1 @@
+"""The import of foreign files on the page Data."""

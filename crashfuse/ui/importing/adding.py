@@ -1,0 +1,213 @@
+"""The end of an import: into which campaign, and adding it there."""
+
+import threading
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import streamlit as st
+
+from crashfuse.campaign_folder.condition_tables import read_conditions
+from crashfuse.errors import DataError, Problem
+from crashfuse.importing import Choices, Role, Settled, add_settled, own_filter_class
+from crashfuse.importing.draft import Reading
+from crashfuse.ui import campaigns, frame
+from crashfuse.ui.importing.session import NEXT_ROLE, REFUSED, UNFINISHED, Source, leave, settled_of
+from crashfuse.ui.problems import show_problems
+from crashfuse.ui.text import plain
+from crashfuse.ui.uploads import is_scratch
+
+_FOLDER, _INTO = "import folder", "import into"  # in the session
+WHAT: dict[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
+_FACTOR_PX = 260
+_adding = threading.Lock()
+
+
+def show_door(
+    source: Source,
+    reading: Reading,
+    choices: Choices,
+    role: Role,
+    settled: Sequence[Settled],
+) -> None:
+    """Where to, and the button."""
+    st.subheader("Add to a campaign")
+    if refused := st.session_state.get(REFUSED):
+        show_problems(refused, "Nothing was added", "The campaign is as it was.")
+    if len(settled) == 1:
+        left, right = st.columns([2, 3], gap="large")
+        left.text_input(
+            "Id in the campaign", placeholder=settled[0].id, key=f"{source.key} id", persist_state="session"
+        )
+        with right:
+            _ask_folder()
+    else:
+        _ask_folder()
+    _ask_factors(source, role, settled)
+    st.button(
+        f"Add {counted(len(settled), role)}" if len(settled) > 1 else f"Add as {WHAT[role][0]}",
+        type="primary",
+        icon=":material/add:",
+        disabled=not settled,
+        on_click=_add,
+        args=(source, reading, choices, role),
+    )
+
+
+def _ask_folder() -> None:
+    open_one = _open_folder()
+    if open_one is not None:
+        st.radio(
+            "Into",
+            ["open", "folder"],
+            format_func={
+                "open": f"{st.session_state['campaign']}, which is open",
+                "folder": "Another folder",
+            }.__getitem__,
+            key=_INTO,
+            persist_state="session",
+            horizontal=True,
+        )
+    if open_one is None or st.session_state.get(_INTO) == "folder":
+        st.text_input(
+            "Campaign folder on this computer",
+            key=_FOLDER,
+            persist_state="session",
+            placeholder=str(Path.home() / "my-campaign"),
+            help="A new folder, which will be made, or a campaign that is there already.",
+        )
+
+
+def _ask_factors(source: Source, role: Role, settled: Sequence[Settled]) -> None:
+    """Ask for what the campaign tells its tests or runs apart by besides speed and weights."""
+    known = _factors_of_target(role)
+    row = st.container(horizontal=True)
+    for name, values in known.items():
+        found = sorted({value for one in settled if (value := dict(one.condition.factors).get(name))})
+        row.selectbox(
+            plain(name) + (", of all" if len(settled) > 1 else ""),
+            values,
+            index=None,
+            accept_new_options=True,
+            placeholder=", ".join(found) or "not given",
+            key=f"{source.key} factor {name}",
+            persist_state="session",
+            help="A column of the campaign's table. Choose a value that it has, or type in another.",
+            width=_FACTOR_PX,
+        )
+
+
+def _with_factors(settled: Settled, source: Source, role: Role) -> Settled:
+    """The record with what was filled in of its factors."""
+    keys = {name: f"{source.key} factor {name}" for name in _factors_of_target(role)}
+    given = {name: str(value) for name, key in keys.items() if (value := st.session_state.get(key))}
+    factors = tuple({**dict(settled.condition.factors), **given}.items())
+    return replace(settled, condition=replace(settled.condition, factors=factors))
+
+
+def _factors_of_target(role: Role) -> dict[str, list[str]]:
+    """Columns of the table that is added to that are factors, and the values in them."""
+    try:
+        folder = _target()
+        tables = [folder / f"{role}.csv", folder / "tests.csv", folder / "cae.csv"]
+        table = next((path for path in tables if path.is_file()), None)
+        return {} if table is None else _factors_in(table, table.stat().st_mtime_ns)
+    except (DataError, OSError):
+        return {}
+
+
+@st.cache_resource(max_entries=4, show_spinner=False)
+def _factors_in(table: Path, changed_ns: int) -> dict[str, list[str]]:  # noqa: ARG001  (part of the key)
+    read = read_conditions(table, standstill_allowed=True, problems=[])
+    pairs = [] if read is None else [pair for condition in read.conditions for pair in condition.factors]
+    return {
+        name: sorted({value for own, value in pairs if own == name and value}) for name in dict.fromkeys(dict(pairs))
+    }
+
+
+def own_class() -> float | None:
+    """With what the campaign that is added to filters its records, as far as it is known yet."""
+    try:
+        return own_filter_class(_target())
+    except (DataError, OSError):
+        return None
+
+
+def _add(source: Source, reading: Reading, choices: Choices, role: Role) -> None:
+    """Add all that can be added, and turn to the campaign."""
+    st.session_state.pop(REFUSED, None)
+    try:
+        folder = _target()
+        own = own_filter_class(folder)
+        settled, problems = settled_of(source, reading, choices, role, raw=own is not None)
+        if len(settled) == 1 and (new_id := st.session_state.get(f"{source.key} id", "").strip()):
+            settled = (replace(settled[0], id=new_id),)
+        if not settled:
+            raise DataError(problems)
+        settled = tuple(_with_factors(one, source, role) for one in settled)
+        with _adding:
+            add_settled(folder, settled, role=role)
+    except DataError as error:
+        st.session_state[REFUSED] = error.problems
+        return
+    except OSError as error:
+        expected, found = "a folder that can be written", error.strerror or str(error)
+        st.session_state[REFUSED] = (Problem("campaign", expected, found, "check the path and your rights"),)
+        return
+    leave()
+    _turn_to(folder, f"{counted(len(settled), role)} added")
+
+
+def _turn_to(folder: Path, sentence: str) -> None:
+    st.session_state.pop(NEXT_ROLE, None)
+    try:
+        frame.choose_campaign(campaigns.open_folder(folder))
+        st.toast(f"{sentence}; campaign.toml tells how.", icon=":material/check:")
+    except DataError as error:
+        st.session_state[_FOLDER] = str(folder)  # where the rest is likely to go
+        if not (folder / "cae.csv").is_file():
+            st.session_state[NEXT_ROLE] = "cae"
+        st.session_state[UNFINISHED] = (f"{sentence} to {plain(str(folder))}.", error.problems)
+
+
+def _open_folder() -> Path | None:
+    """The folder of the open campaign, if it is one that can be added to."""
+    folder = campaigns.shelf().get(st.session_state.get("campaign") or "")
+    return None if folder is None or is_scratch(folder) or campaigns.is_sample(folder) else folder
+
+
+def _target() -> Path:
+    """The folder to add to.
+
+    Raises
+    ------
+    DataError
+        If it is none that anything should be added to.
+    """
+    own = _open_folder()
+    if own is not None and st.session_state.get(_INTO, "open") == "open":
+        return own
+    text = st.session_state.get(_FOLDER, "").strip().strip('"')  # as file managers copy a path
+    expected, advice = "a new or empty folder, or a campaign", "name a folder by its whole path"
+    try:
+        folder = Path(text).expanduser()
+        if not folder.is_absolute():
+            raise DataError(Problem("campaign folder", expected, text or "none", advice))
+        folder = folder.resolve()
+        trouble = None
+        if campaigns.is_sample(folder) or is_scratch(folder):
+            trouble = "one of crashfuse's own"
+        elif folder.exists() and not folder.is_dir():
+            trouble = "a file"
+        elif folder.is_dir() and not any((folder / name).is_file() for name in ("tests.csv", "cae.csv")):
+            trouble = "a folder of other things" if any(folder.iterdir()) else None
+    except (OSError, RuntimeError, ValueError) as error:  # no such home, a name that no folder can have
+        raise DataError(Problem("campaign folder", expected, str(error), advice)) from error
+    if trouble is not None:
+        raise DataError(Problem(str(folder), expected, trouble, "name another folder"))
+    return folder
+
+
+def counted(number: int, role: Role) -> str:
+    """Return so many tests or CAE runs, in words."""
+    return f"{number} {WHAT[role][number != 1]}"

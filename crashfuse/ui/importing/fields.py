@@ -1,0 +1,235 @@
+"""The fields of an import: what was found stands in them in grey, what is filled in overrules it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
+
+from crashfuse.errors import DataError, UsageError
+from crashfuse.importing import Choices, ColumnChoice, Role, Settled, settle
+from crashfuse.importing.draft import Reading
+from crashfuse.importing.sources import tables_of
+from crashfuse.importing.table_forms import TableForm
+from crashfuse.readers.record import ACCELERATION_UNITS, Record
+from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole
+from crashfuse.readers.unit_spelling import UNITS
+from crashfuse.ui.importing.condition import Units, condition_of, units_of
+from crashfuse.ui.importing.session import Source, forms_of
+from crashfuse.ui.text import plain
+from crashfuse.units import MS
+
+_OF_PULSES: dict[ColumnRole, str] = {"time": "Time", "acceleration": "Acceleration along X", "id": "Ids"}
+_OF_CONDITIONS: dict[ColumnRole, str] = {
+    "id": "Ids",
+    "speed": "Speed",
+    "front_weight": "Front weight",
+    "rear_weight": "Rear weight",
+    "mass": "Mass",
+    "front_share": "Front share",
+    "factor": "Other columns to keep",
+}
+_SEVERAL: tuple[ColumnRole, ...] = ("acceleration", "factor")
+_MOST_FORMS, _MOST_COLUMNS = 4, 30  # shown; the rest is read as proposed
+_UNIT_PX = 110
+_CLASSES: dict[str, float | str] = {
+    **{f"CFC {cfc}": float(cfc) for cfc in (60, 180, 600, 1000)},
+    "Not filtered": "none",
+}
+_BRAKING = {"Braking negative": "negative", "Braking positive": "positive"}
+
+
+def reading_of(source: Source) -> Reading:
+    """Ask how a source is to be read: of tables what their columns are, else which table has the conditions."""
+    forms = forms_of(source)
+    if source.fmt == "csv":
+        columns = tuple(choice for form in forms[:_MOST_FORMS] for choice in _columns(form, source.key))
+        if len(forms) > _MOST_FORMS:
+            st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read as their headers say.")
+        together = False
+        role_of = {choice.column: choice.role for choice in columns}
+        pulses = [[role_of.get(use.column, use.role) for use in form.proposed.uses] for form in forms]
+        if any(roles.count("acceleration") > 1 for roles in pulses):
+            chosen = st.radio(
+                "Accelerations in one table are",
+                ["each", "averaged"],
+                # one crash that is taken for several tests would be predicted from itself
+                index=0 if any(form.proposed.kind == "conditions" for form in forms) else 1,
+                format_func={"each": "Each a record of its own", "averaged": "Sensors of one record"}.__getitem__,
+                key=f"{source.key} together",
+                persist_state="session",
+            )
+            together = chosen == "averaged"
+        return Reading(source.path, source.fmt, columns, together)
+    tables = {path.name: path for path in tables_of(source.path)} if source.path.is_dir() else {}
+    known = {name.partition(": ")[0] for form in forms if form.proposed.kind == "conditions" for name in form.names}
+    if not tables:
+        return Reading(source.path, source.fmt)
+    names = list(tables)
+    name = st.selectbox(
+        "Table of conditions, by id",
+        names,
+        index=names.index(next(iter(known))) if len(known) == 1 else None,
+        placeholder="none",
+        key=f"{source.key} conditions",
+        persist_state="session",
+    )
+    columns = ()
+    for form in forms:
+        if name is not None and name in {own.partition(": ")[0] for own in form.names}:
+            columns = _columns(form, source.key)
+    conditions: Path | None = tables.get(name) if name else None
+    return Reading(source.path, source.fmt, columns, conditions=conditions)
+
+
+def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
+    """Ask what the columns of tables with these headers are."""
+    key = f"{source_key} {hash(form.columns)}"
+    rest = f" and {len(form.names) - 1} more with the same columns" if len(form.names) > 1 else ""
+    with st.container(border=True):
+        st.markdown(f"**{plain(form.names[0])}**{rest}")
+        st.dataframe(form.head.iloc[:, :_MOST_COLUMNS], hide_index=True, height="content")
+        holds = st.segmented_control(
+            "It holds",
+            ["pulses", "conditions", "neither"],
+            default=form.proposed.kind,
+            required=True,
+            format_func=str.capitalize,
+            key=f"{key} holds",
+            persist_state="session",
+        )
+        if holds == "neither":
+            return form.nothing()
+        asked = _OF_PULSES if holds == "pulses" else _OF_CONDITIONS
+        picked: dict[ColumnRole, Sequence[str]] = {} if holds == "pulses" else {"time": (), "acceleration": ()}
+        units: dict[ColumnRole, str | None] = {}
+        for role, label in asked.items():
+            place = st.container(horizontal=True, vertical_alignment="bottom")
+            picked[role] = _pick(place, form, role, label, key)
+            if role in QUANTITIES:
+                units[role] = place.selectbox(
+                    f"Unit of {role.replace('_', ' ')}",
+                    list(UNITS[QUANTITIES[role]]),
+                    index=None,
+                    placeholder=form.unit_of(picked[role]) or "?",
+                    key=f"{key} unit of {role}",
+                    persist_state="session",
+                    disabled=not picked[role],
+                    label_visibility="collapsed",
+                    width=_UNIT_PX,
+                )
+    return form.choices(picked, units)
+
+
+def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, key: str) -> Sequence[str]:
+    proposed = [use.column for use in form.proposed.of(role)]
+    key = f"{key} {role}"
+    if role in _SEVERAL:
+        return place.multiselect(
+            label, form.columns, default=proposed, key=key, placeholder="none", persist_state="session"
+        )
+    column = place.selectbox(
+        label,
+        form.columns,
+        index=form.columns.index(proposed[0]) if proposed else None,
+        placeholder="the table's name" if role == "id" and label in _OF_PULSES.values() else "none",
+        key=key,
+        persist_state="session",
+    )
+    return () if column is None else (column,)
+
+
+def choices_of(
+    source: Source, records: Sequence[Record], first: Record, role: Role, own_class: float | None
+) -> tuple[Choices, Units]:
+    """Ask for everything that is not to be left to be detected; it holds for all records.
+
+    Parameters
+    ----------
+    source : Source
+    records : sequence of Record
+    first : Record
+        The one that is looked at.
+    role : {"tests", "cae"}
+    own_class : float or None
+        With which the campaign filters its records itself.
+
+    Returns
+    -------
+    Choices, Units
+        The second is what the condition is said in.
+    """
+    channels = _channels(source, records, first)
+    units = units_of(source)
+    condition, share = condition_of(source, records, units)
+    found = _found(first, Choices(channels=channels, condition=condition, front_share=share), role)
+    left, right = st.columns(2)
+    unit = _field(left, "Unit", list(ACCELERATION_UNITS), found.unit if found else None, source)
+    braking = _field(right, "Sign", list(_BRAKING), f"Braking {found.braking}" if found else None, source)
+    left, right = st.columns(2)
+    zero_ms = left.number_input(
+        "Time zero (ms)",
+        value=None,
+        placeholder="to be found" if found is None else f"{found.time_zero_s / MS:.4g}",
+        key=f"{source.key} time zero",
+        persist_state="session",
+        help="First contact, in the file's own time.",
+    )
+    if own_class is not None:
+        right.selectbox("Filter", [f"CFC {own_class:g}, by the campaign"], disabled=True, key=f"{source.key} own class")
+        cfc: float | str | None = own_class
+    else:
+        detected = None
+        if found is not None:
+            detected_class = found.channel_filter_class
+            detected = "Not filtered" if detected_class is None else f"CFC {detected_class:g}"
+        name = _field(right, "Filter", list(_CLASSES), detected, source)
+        cfc = _CLASSES[name] if name else None
+    choices = Choices(
+        channels,
+        unit,
+        _BRAKING.get(braking or ""),  # type: ignore[arg-type]
+        None if zero_ms is None else zero_ms * MS,
+        cfc,  # type: ignore[arg-type]
+        condition,
+        share,
+    )
+    return choices, units
+
+
+def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple[str, ...]:
+    if all(len(record.channels) == 1 for record in records):
+        return ()
+    labels = {channel.name: channel.label for record in reversed(records) for channel in record.channels}
+    names = [channel.name for channel in first.channels] if first.channels else []
+    names += [name for name in labels if name not in names]
+    chosen = st.multiselect(
+        "Channels, averaged",
+        names,
+        default=records[0].proposed,
+        format_func=lambda name: name if labels[name] in ("", name) else f"{name} · {labels[name]}",
+        key=f"{source.key} channels {hash(frozenset(names))}",
+        persist_state="session",
+        wrap=True,
+        help="All that could be the vehicle's pulse along X. Those that are proposed are filled in.",
+    )
+    return () if tuple(chosen) == records[0].proposed else tuple(chosen)
+
+
+def _field(place: DeltaGenerator, label: str, options: list[str], found: str | None, source: Source) -> str | None:
+    return place.selectbox(
+        label,
+        options,
+        index=None,
+        placeholder=found or "to be found",
+        key=f"{source.key} {label}",
+        persist_state="session",
+    )
+
+
+def _found(record: Record, choices: Choices, role: Role) -> Settled | None:
+    """What is detected of a record where nothing overrules it."""
+    try:
+        return settle(record, choices, role=role)
+    except (DataError, UsageError):
+        return None

@@ -1,0 +1,164 @@
+"""The step between foreign files and a campaign: what was recognised, what comes of it, and adding it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import streamlit as st
+
+from crashfuse.errors import Problem
+from crashfuse.importing import Choices, Role, Settled
+from crashfuse.readers.record import Record
+from crashfuse.reporting.plots.canvas import Unit
+from crashfuse.reporting.plots.imports import imported_pulse
+from crashfuse.signals.pulse import kinematics
+from crashfuse.ui import evidence, frame
+from crashfuse.ui.importing.adding import WHAT, counted, own_class, show_door
+from crashfuse.ui.importing.condition import Units
+from crashfuse.ui.importing.fields import choices_of, reading_of
+from crashfuse.ui.importing.session import NEXT_ROLE, UNFINISHED, Source, leave, records_of, settled_of
+from crashfuse.ui.problems import show_problems
+from crashfuse.ui.text import plain
+from crashfuse.units import MS, G
+
+_FORMATS = {
+    "csv": "tables",
+    "nhtsa": "NHTSA vehicle crash test",
+    "isomme": "ISO-MME",
+    "lsdyna": "LS-DYNA",
+    "tdms": "TDMS",
+}
+_MOST_ROWS = 100
+_KEY = "import-step"
+# fields and figure stand side by side only where both have room; Streamlit looks at the window, not at what is left
+_STACKED = f"""<style>
+.st-key-{_KEY} > [data-testid="stLayoutWrapper"] > [data-testid="stHorizontalBlock"] > [data-testid="stColumn"] {{
+    min-width: min(100%, 23rem);
+}}
+</style>"""
+_COMMAND_LINE = " (COLUMN=ROLE:UNIT)"  # how columns are mapped there; here they are chosen
+
+
+def show_unfinished() -> None:
+    """Say what a campaign that was begun by an import still needs before it can be opened."""
+    if UNFINISHED in st.session_state:
+        sentence, problems = st.session_state[UNFINISHED]
+        needs = "\n".join(f"- {plain(str(problem))}" for problem in problems)
+        then = "Drop them on the field above: what is imported next goes to the same folder, unless you name another."
+        st.info(f"{sentence} Before it can be opened:\n\n{needs}\n\n{then}", icon=":material/check:")
+
+
+def show(source: Source, view: frame.View | None) -> None:
+    """Show the step."""
+    st.html(_STACKED)
+    with st.container(key=_KEY):
+        _show_step(source, view)
+
+
+def _show_step(source: Source, view: frame.View | None) -> None:
+    st.title("Import files" if source.several else f"Import {plain(source.path.name)}")
+    st.caption(f"Recognised: {_FORMATS[source.fmt]}. Nothing is added before you say so.")
+    st.button("Back without importing", icon=":material/arrow_back:", on_click=leave)
+    left, right = st.columns([2, 3], gap="large")
+    with left:
+        role = _role(source)
+        reading = reading_of(source)
+        records, unread = records_of(source, reading)
+    with right:
+        first = _looked_at(source, records)
+    if first is None:
+        unread = tuple(replace(one, advice=one.advice.removesuffix(_COMMAND_LINE)) for one in unread)
+        show_problems(unread, "Nothing of it can be read", "Correct the fields or the files.")
+        return
+    with left:
+        st.caption("In grey: what was found. What is filled in overrules it" + _for_all(records) + ".")
+        if len(records) > 1 and any(
+            None in (one.condition.speed_mps, *one.condition.weights.axles()) for one in records
+        ):
+            st.caption("A table of conditions, dropped along with the files, gives each record its own: one row an id.")
+        choices, units = choices_of(source, records, first, role, own_class())
+    settled, problems = settled_of(source, reading, choices, role)
+    with right:
+        _preview(first, choices, next((one for one in settled if one.id == first.id), None), view, units)
+        if len(records) > 1 and settled:
+            _table(settled, units)
+        if problems and not settled and (len(records) == 1 or {problem.found for problem in problems} == {"none"}):
+            needs = dict.fromkeys(_need(problem) for problem in problems)
+            st.warning("Before it can be added:\n\n" + "\n".join(f"- {need}" for need in needs), icon=":material/edit:")
+        elif problems:
+            can = f"{counted(len(settled), role)} can be added without." if settled else ""
+            show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
+    show_door(source, reading, choices, role, settled)
+
+
+def _role(source: Source) -> Role:
+    role: Role = st.segmented_control(
+        "Take it as",
+        list(WHAT),
+        default="cae" if source.fmt == "lsdyna" else st.session_state.get(NEXT_ROLE, "tests"),
+        required=True,
+        format_func={"tests": "Tests", "cae": "CAE runs"}.__getitem__,
+        key=f"{source.key} role",
+        persist_state="session",
+    )
+    return role
+
+
+def _for_all(records: Sequence[Record]) -> str:
+    return f", for all {len(records)} records" if len(records) > 1 else ""
+
+
+def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
+    if len(records) < 2:
+        return records[0] if records else None
+    number = st.selectbox(
+        f"{len(records)} records; this is",
+        range(len(records)),
+        format_func=lambda number: f"{number + 1}: {records[number].id}",
+        key=f"{source.key} record {len(records)}",
+        persist_state="session",
+    )
+    return records[number]
+
+
+def _preview(record: Record, choices: Choices, settled: Settled | None, view: frame.View | None, units: Units) -> None:
+    known = {channel.name: channel for channel in record.channels}
+    names = settled.channels if settled is not None else choices.channels or record.proposed
+    channels = [known[name] for name in names if name in known] or list(record.channels)
+    unit: Unit = "g" if view is None else view.unit
+    evidence.show_figure(
+        imported_pulse(channels, settled, unit=unit, deceleration=view is not None and view.deceleration),
+        alt=f"The pulse that comes of {record.id}, over its channels as recorded",
+    )
+    if settled is not None:
+        st.markdown(f"**{plain(settled.id)}**: {units.told(settled.condition)}")
+        st.markdown("\n".join(f"- {plain(step)}" for step in settled.steps))
+
+
+def _table(settled: Sequence[Settled], units: Units) -> None:
+    """What comes of many records."""
+    rows = []
+    for one in settled[:_MOST_ROWS]:
+        motion = kinematics(one.pulse.accel_mps2, one.condition.speed_mps, one.pulse.dt_s)
+        stop_s = float(motion.t0_s)
+        rows.append(
+            {
+                "Id": one.id,
+                f"Speed ({units.speed})": round(one.condition.speed_mps / units.speed_mps, 1),
+                f"Front ({units.weight})": round(one.condition.front_weight_kg / units.weight_kg),
+                f"Rear ({units.weight})": round(one.condition.rear_weight_kg / units.weight_kg),
+                "Peak (g)": round(float(abs(one.pulse.accel_mps2).max()) / G, 1),
+                "Stops (ms)": f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record",
+                "Crush (mm)": round(float(motion.displacement_m.max()) / MS),
+            }
+        )
+    st.dataframe(pd.DataFrame(rows), hide_index=True)
+    if len(settled) > _MOST_ROWS:
+        st.caption(f"The first {_MOST_ROWS} of {len(settled)}.")
+
+
+def _need(problem: Problem) -> str:
+    lacks = problem.found == "none"
+    told = problem.advice if lacks else f"{problem.advice}: expected {problem.expected}, found {problem.found}"
+    return plain(f"{told[:1].upper()}{told[1:]}.")

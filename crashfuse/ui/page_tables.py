@@ -1,0 +1,153 @@
+"""Tables of the pages, in the reader's words and units; the numbers come from the library."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import pandas as pd
+import streamlit as st
+from pandas.io.formats.style import Styler
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.reporting.paper_tables import best, rating_table
+from crashfuse.reporting.plots.canvas import Unit
+from crashfuse.reporting.plots.palette import GRADE_COLOURS
+from crashfuse.signals.metrics import METRIC_LABELS, Metric
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.rating import Rating, grade, rate_windows
+from crashfuse.study.config import WINDOWS_MS
+from crashfuse.study.next_test import NextTest, next_tests_table
+from crashfuse.study.study import Study
+from crashfuse.units import KPH, LB, MPH, G
+
+_PARTS = ("corridor", "phase", "magnitude", "slope")
+
+
+def window_label(window_ms: float) -> str:
+    """How a rated window is named."""
+    return f"0–{window_ms:g} ms"
+
+
+def conditions(campaign: Campaign) -> Styler:
+    """Every test with its condition, its paired CAE run and how the uncorrected run rates over each window."""
+    return _coloured(_conditions(campaign.fingerprint, campaign))
+
+
+@st.cache_data(show_spinner=False, max_entries=4)
+def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa: ARG001 - the key
+    campaign, rows = _campaign, []
+    for test in campaign.tests:
+        condition, run = test.condition, campaign.cae.paired_run(test.condition)
+        row: dict[str, str] = {
+            "Test": test.id,
+            "Speed (mph)": f"{condition.speed_mps / MPH:.1f}",
+        }
+        # what is asked for first: the rest may lie beyond the edge of a narrow page
+        by_window: dict[float, Rating] = {}
+        if run is not None:
+            pulse = Pulse(GRID_S, campaign.cae.accel_mps2[run])
+            by_window = rate_windows(test.pulse, pulse, WINDOWS_MS)
+        row |= {window_label(w): _graded(by_window[w].overall) if w in by_window else "–" for w in WINDOWS_MS}
+        row["In CAE range"] = "no" if campaign.cae.extrapolation(condition) else "yes"
+        row |= {
+            "Speed (km/h)": f"{condition.speed_mps / KPH:.1f}",
+            "Front (lb)": f"{condition.front_weight_kg / LB:.0f}",
+            "Rear (lb)": f"{condition.rear_weight_kg / LB:.0f}",
+            **{name.capitalize(): value for name, value in condition.factors},
+            "Paired run": "none" if run is None else campaign.cae.ids[run],
+        }
+        rows.append(row)
+    return pd.DataFrame(rows).fillna("–")
+
+
+def ratings(by_approach: Mapping[str, Mapping[float, Rating]], window_ms: float) -> Styler:
+    """Overall rating with its grade, approach by window, and the four parts of the rating over one of them."""
+    return _coloured(
+        pd.DataFrame(
+            {
+                "Approach": LABELS[name],
+                **{f"Rating {window_label(w)}": _graded(rating.overall) for w, rating in by_window.items()},
+                **{
+                    f"{part.capitalize()} {window_label(window_ms)}": f"{getattr(by_window[window_ms], part):.3f}"
+                    for part in _PARTS
+                },
+            }
+            for name, by_window in by_approach.items()
+        )
+    )
+
+
+def mean_ratings(study: Study) -> Styler:
+    """Overall rating averaged over the held-out tests, approach by window."""
+    return _coloured(
+        pd.DataFrame(
+            {
+                "Approach": LABELS[name],
+                **{window_label(w): _graded(study.mean_rating(name, w)) for w in study.config.windows_ms},
+            }
+            for name in study.config.approaches
+        )
+    )
+
+
+def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
+    """Ratings by test, approach and window in the form of the paper's tables, the best in bold."""
+    table = rating_table(study, rows)
+    bold = best(table).reset_index(drop=True).map(lambda is_best: "font-weight: 700" if is_best else "")
+    shown = table.map("{:.3f}".format).reset_index()
+    marks = bold.reindex(columns=shown.columns, fill_value="")
+    shown["Test"] = shown["Test"].where(~shown["Test"].duplicated(), "")  # named once, as in the paper
+    return _plain(shown).apply(lambda _: marks, axis=None)
+
+
+def metrics(columns: Iterable[tuple[str, Sequence[Metric]]], unit: Unit = "g") -> Styler:
+    """Pulse metrics, one column for the test and each approach, with the 95 % interval in brackets.
+
+    Parameters
+    ----------
+    columns : iterable of (str, sequence of Metric)
+        Heading and metrics of each column.
+    unit : {"g", "m/s²"}
+        Of accelerations.
+    """
+    table: dict[str, dict[str, str]] = {}
+    for heading, values in columns:
+        for metric in (_in_unit(metric, unit) for metric in values):
+            row = f"{METRIC_LABELS.get(metric.name, metric.name)} ({metric.unit})"
+            table.setdefault(row, {"Pulse metric": row})[heading] = metric.text
+    return _plain(pd.DataFrame(list(table.values())))
+
+
+def next_tests(ranked: Sequence[NextTest]) -> Styler:
+    """Ranked tests, what they are chosen by first."""
+    table = next_tests_table(ranked)
+    first = ["rank", "speed (mph)", "gain (%)", "extrapolation"]
+    table = table[[*first, *table.columns.drop(first)]].rename(columns=str.capitalize)
+    digits = {"Gain (%)": 1, "Speed (mph)": 1, "Band now (± g)": 2, "Band then (± g)": 2}
+    texts = table.assign(**{name: table[name].map(f"{{:.{n}f}}".format) for name, n in digits.items()})
+    return _plain(texts.astype(str))
+
+
+def _in_unit(metric: Metric, unit: Unit) -> Metric:
+    """A metric that is an acceleration in this unit; others as they are."""
+    if metric.unit != "g" or unit == "g":
+        return metric
+    value, lower, upper = (None if n is None else n * G for n in (metric.value, metric.lower, metric.upper))
+    return Metric(metric.name, value, lower, upper, unit)
+
+
+def _graded(overall: float) -> str:
+    return f"{overall:.3f} {grade(overall)}"
+
+
+def _coloured(table: pd.DataFrame) -> Styler:
+    """Colour every cell that ends in a grade word; the word itself stays, for those who can't see the colour."""
+
+    def style(cell: object) -> str:
+        colour = GRADE_COLOURS.get(str(cell).rpartition(" ")[2])
+        return f"background-color: {colour}; color: #000000" if colour else ""
+
+    return _plain(table).map(style)
+
+
+def _plain(table: pd.DataFrame) -> Styler:
+    return table.style.hide(axis="index")

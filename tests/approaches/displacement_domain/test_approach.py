@@ -1,0 +1,304 @@
+"""The displacement domain from campaign to prediction, on vehicles whose truth is known."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.calibration import Coverage
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
+from crashfuse.approaches.displacement_domain.dynamics import integrate
+from crashfuse.approaches.displacement_domain.rebound import follow_unloading
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.condition import Condition
+from crashfuse.errors import NotFittedError, UsageError
+from crashfuse.execution.progress import Progress, Watch
+from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
+from crashfuse.signals.rating import rate_windows
+
+FEW = DisplacementConfig(n_draws=60)
+SPEEDS = (5.0, 7.5, 10.0, 11.0, 13.0, 15.5)
+S = np.linspace(0, 2, 2001)
+
+
+def crash(force: FloatArray, speed_mps: float) -> FloatArray:
+    """The pulse of a vehicle that brakes with ``force`` over displacement S and lets go within 5 ms."""
+    motion = integrate(force[None], S[1], np.zeros((1, 2)), speed_mps)
+    never = np.full(1250, -1.0)
+    return np.asarray(follow_unloading(motion.accel_mps2, speed_mps, never, loading_phase(never, speed_mps))[0])
+
+
+def cae_force() -> FloatArray:
+    """The CAE model's braking over displacement, in m/s²."""
+    return np.asarray(-120 * (1 - np.exp(-S / 0.04)) - 150 * S - 20 * np.sin(S / 0.05))
+
+
+def bias() -> FloatArray:
+    """What the real vehicle does in addition."""
+    return np.asarray(-70 * np.exp(-(((S - 0.15) / 0.08) ** 2)) + 60 * np.exp(-(((S - 0.4) / 0.1) ** 2)))
+
+
+def made_up(extra: FloatArray, speeds: tuple[float, ...] = SPEEDS) -> Campaign:
+    """Tests at these speeds, each with a paired CAE run, of a vehicle whose bias is ``extra`` (one, or one a test)."""
+    conditions = [Condition(v, 950.0 + 5 * i, 700.0 + 3 * i) for i, v in enumerate(speeds)]
+    cae = np.array([crash(cae_force(), c.speed_mps) for c in conditions], np.float32)
+    tests = tuple(
+        CrashTest(f"T{i + 1}", c, Pulse(GRID_S, crash(cae_force() + own, c.speed_mps)))
+        for i, (c, own) in enumerate(zip(conditions, np.broadcast_to(extra, (len(speeds), S.size)), strict=True))
+    )
+    return Campaign("Made up", CaeLibrary(tuple(f"C{i}" for i in range(len(speeds))), tuple(conditions), cae), tests)
+
+
+def test_a_perfect_cae_model_is_left_as_it_is() -> None:
+    """Tests identical to the CAE runs have no bias, so the prediction is the CAE pulse."""
+    campaign = made_up(0 * S)
+    campaign = replace(
+        campaign,
+        tests=tuple(
+            replace(t, pulse=Pulse(GRID_S, a.astype(float)))
+            for t, a in zip(campaign.tests, campaign.cae.accel_mps2, strict=True)
+        ),
+    )
+    held_out = campaign.tests[2]
+    prediction = DisplacementDomain(FEW).fit(campaign.without([held_out.id])).predict(held_out.condition)
+    loading = loading_phase(held_out.pulse.accel_mps2, held_out.condition.speed_mps).t0_s > GRID_S
+    error = (prediction.accel_mps2 - held_out.pulse.accel_mps2)[loading]
+    assert np.abs(error).max() < 0.02 * np.abs(held_out.pulse.accel_mps2).max()
+
+
+@pytest.mark.parametrize("held_out", ["T3", "T6"])
+def test_a_known_bias_is_recovered(held_out: str) -> None:
+    """A vehicle with a bias over displacement is predicted at a held-out speed, where the CAE model is poor."""
+    campaign = made_up(bias())
+    test = campaign.test(held_out)
+    prediction = DisplacementDomain(FEW).fit(campaign.without([held_out])).predict(test.condition)
+    run = campaign.cae.paired_run(test.condition)
+    assert run is not None
+    cae = Pulse(GRID_S, campaign.cae.accel_mps2[run].astype(float))
+    corrected = rate_windows(test.pulse, Pulse(GRID_S, prediction.accel_mps2), [60.0])[60.0].overall
+    assert corrected > 0.95
+    assert corrected > rate_windows(test.pulse, cae, [60.0])[60.0].overall + 0.1
+
+
+def test_the_band_covers_velocity_and_crush() -> None:
+    """Tests that differ as the model says: the 95 % band holds the left-out test's v(t) and crush as often as it says.
+
+    Each test has a random bias of its own beside the shared one. Independent noise at every step would average out
+    and cover a tenth of this.
+    """
+    rng = np.random.default_rng(4)
+    distance = np.abs(np.subtract.outer(S[::20], S[::20])) / 0.08
+    covariance = 15**2 * (1 + np.sqrt(5) * distance + 5 / 3 * distance**2) * np.exp(-np.sqrt(5) * distance)
+    own = rng.multivariate_normal(np.zeros(101), covariance, size=len(SPEEDS), method="eigh")
+    campaign = made_up(bias() + np.array([np.interp(S, S[::20], function) for function in own]))
+    inside_v, inside_crush = [], []
+    for test in campaign.tests:
+        speed = test.condition.speed_mps
+        prediction = (
+            DisplacementDomain(DisplacementConfig(n_draws=200)).fit(campaign.without([test.id])).predict(test.condition)
+        )
+        assert prediction.draws_mps2 is not None
+        drawn, truth = kinematics(prediction.draws_mps2, speed, DT_S), kinematics(test.pulse.accel_mps2, speed, DT_S)
+        low, high = np.quantile(drawn.velocity_mps, [0.025, 0.975], axis=0)
+        loading = slice(1, int(float(truth.t0_s) / DT_S))
+        inside_v.append(np.mean(((low <= truth.velocity_mps) & (truth.velocity_mps <= high))[loading]))
+        low, high = np.quantile(drawn.displacement_m.max(axis=1), [0.025, 0.975])
+        inside_crush.append(low <= truth.displacement_m.max() <= high)
+    assert np.mean(inside_v) > 0.85
+    assert sum(inside_crush) >= len(SPEEDS) - 1
+
+
+def test_a_held_out_pulse_changes_nothing(campaign: Campaign) -> None:
+    """The prediction stays the same to the bit when the held-out test's pulse is another."""
+    test = campaign.tests[1]
+    other = replace(test, pulse=Pulse(GRID_S, test.pulse.accel_mps2 * 3 - 7))
+    changed = replace(campaign, tests=(campaign.tests[0], other, *campaign.tests[2:]))
+    first, second = (
+        DisplacementDomain(FEW).fit(c.without([test.id])).predict(test.condition) for c in (campaign, changed)
+    )
+    np.testing.assert_array_equal(first.accel_mps2, second.accel_mps2)
+    assert first.draws_mps2 is not None
+    assert second.draws_mps2 is not None
+    np.testing.assert_array_equal(first.draws_mps2, second.draws_mps2)
+
+
+def test_the_seed_decides_the_draws(campaign: Campaign) -> None:
+    """Same seed, same draws; another seed, other draws about the same mean."""
+    condition = campaign.tests[0].condition
+    first, again, other = (
+        DisplacementDomain(FEW, seed=seed).fit(campaign).predict(condition).draws_mps2 for seed in (1, 1, 2)
+    )
+    assert first is not None
+    assert other is not None
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first - other).max() > 1
+
+
+def test_velocity_and_energy_agree_with_the_pulse(campaign: Campaign) -> None:
+    """½v0² is the integral of -a ds over the loading phase of the pulse that is reported, to 0.5 %."""
+    condition = campaign.tests[1].condition
+    pulse = DisplacementDomain(FEW).fit(campaign).predict(condition).accel_mps2
+    loading = loading_phase(pulse, condition.speed_mps)
+    work = np.trapezoid(-loading.accel_mps2, loading.displacement_m)
+    assert work == pytest.approx(0.5 * condition.speed_mps**2, rel=0.005)
+
+
+def test_notes_tell_where_the_cae_pulse_comes_from(campaign: Campaign) -> None:
+    """Paired or emulated, and what is extrapolated."""
+    model = DisplacementDomain(FEW).fit(campaign)
+    assert model.predict(campaign.tests[0].condition).notes[0].startswith("CAE pulse: paired run")
+    notes = model.predict(Condition(20.0, 930.0, 690.0)).notes
+    assert notes[0] == "CAE pulse: from the emulator."
+    assert notes[1].startswith("Extrapolation: speed")
+
+
+def test_one_test_is_a_fallback_that_is_said() -> None:
+    """One test corrects the CAE model too, with a band from prior knowledge alone."""
+    campaign = made_up(bias())
+    prediction = (
+        DisplacementDomain(FEW).fit(replace(campaign, tests=campaign.tests[:1])).predict(campaign.tests[1].condition)
+    )
+    assert any("Only one test" in note for note in prediction.notes)
+    assert np.isfinite(prediction.accel_mps2).all()
+
+
+def test_two_tests_and_tests_at_the_same_condition_work() -> None:
+    """Repeats are no trouble: what they differ in is their own."""
+    campaign = made_up(bias())
+    again = replace(campaign.tests[0], id="again", pulse=Pulse(GRID_S, 1.05 * campaign.tests[0].pulse.accel_mps2))
+    model = DisplacementDomain(FEW).fit(replace(campaign, tests=(campaign.tests[0], again)))
+    assert np.isfinite(model.predict(campaign.tests[2].condition).accel_mps2).all()
+
+
+def test_no_test_is_an_error() -> None:
+    """It learns from tests."""
+    campaign = made_up(bias())
+    with pytest.raises(UsageError, match="none"):
+        DisplacementDomain(FEW).fit(campaign.without(campaign.test_ids))
+
+
+def test_it_must_be_fitted_first() -> None:
+    """The error says what to do."""
+    with pytest.raises(NotFittedError, match="fit"):
+        DisplacementDomain(FEW).predict(Condition(10.0, 900.0, 700.0))
+
+
+def test_vehicles_that_never_stop_within_the_record_are_predicted() -> None:
+    """A CAE model and a car so soft that 100 ms are not enough: every sample has a finite value all the same."""
+    conditions = [Condition(v, 950.0, 700.0 + 5 * v) for v in (12.0, 14.0, 16.0)]
+    cae = np.array([np.full(1250, -5 * c.speed_mps) for c in conditions], np.float32)
+    tests = tuple(
+        CrashTest(f"T{i}", c, Pulse(GRID_S, np.full(1250, -6 * c.speed_mps))) for i, c in enumerate(conditions)
+    )
+    campaign = Campaign("Soft", CaeLibrary(("A", "B", "C"), tuple(conditions), cae), tests)
+    prediction = DisplacementDomain(FEW).fit(campaign.without(["T1"])).predict(conditions[1])
+    assert prediction.draws_mps2 is not None
+    assert np.isfinite(prediction.draws_mps2).all()
+    np.testing.assert_allclose(prediction.accel_mps2[200:1000], -6 * 14.0, rtol=0.1)
+
+
+def test_more_tests_have_fewer_points_each() -> None:
+    """The exact process stays small, whatever the number of tests."""
+    campaign = made_up(bias())
+    many = replace(campaign, tests=tuple(replace(t, id=f"{t.id}-{i}") for i in range(10) for t in campaign.tests))
+    model = DisplacementDomain(replace(FEW, max_points=100))
+    for n, most in ((6, 100 // 6), (12, 8)):
+        points = model.fit(replace(many, tests=many.tests[:n])).points_
+        assert max(test.displacement_m.size for test in points) <= most + 1
+
+
+def test_the_paper_preset_runs_and_tells_how_its_fit_went() -> None:
+    """Table 4: 75 points for each projection of each test, 10 restarts; here with fewer, to be quick."""
+    assert DisplacementConfig.paper() == DisplacementConfig(bias="table 4", projected_points=75, restarts=10)
+    campaign = made_up(bias())
+    config = replace(DisplacementConfig.paper(), n_draws=20, projected_points=8, restarts=1)
+    model = DisplacementDomain(config).fit(campaign.without(["T3"]))
+    prediction = model.predict(campaign.test("T3").condition)
+    assert prediction.draws_mps2 is not None
+    assert prediction.draws_mps2.shape == (20, 1250)
+    assert model.state["points"] == 5 * 2 * 8
+    assert "dead" in model.state
+    json.dumps(model.state)
+
+
+def test_progress_is_reported_and_the_state_is_plain_json(campaign: Campaign) -> None:
+    """The emulator, the bias model and the check of the band each begin, in this order."""
+    seen: list[Progress] = []
+    model = DisplacementDomain(FEW).fit(campaign, Watch(seen.append))
+    assert list(dict.fromkeys(p.step for p in seen)) == ["CAE emulator", "Bias model", "Check of the band"]
+    state = json.loads(json.dumps(model.state))
+    assert state["seconds"] >= 0
+    assert state["band_check"]["left_out_tests"] == len(campaign.tests)
+    assert state["spread_factors"].keys() == state["hyperparameters"].keys()
+
+
+def test_the_parts_of_the_bias_foresee_a_test_that_was_left_out(campaign: Campaign) -> None:
+    """They come from the other tests, and yet their total is near what it measured."""
+    held_out = campaign.tests[1]
+    domain = DisplacementDomain().fit(campaign.without([held_out.id]))
+    grid = np.linspace(0, 0.4, 41)
+    *parts, total = domain.bias_parts(held_out.condition, grid)
+    np.testing.assert_allclose(sum(part.mean_mps2 for part in parts), total.mean_mps2, atol=1e-6)
+    bias = measured_bias(held_out, domain.model_)
+    inside = (bias.displacement_m > 0.05) & (bias.displacement_m < 0.3)
+    expected = np.interp(bias.displacement_m, grid, total.mean_mps2)
+    assert np.sqrt(np.mean((bias.bias_mps2 - expected)[inside] ** 2)) < 0.5 * np.abs(bias.bias_mps2[inside]).max()
+    with pytest.raises(NotFittedError):
+        DisplacementDomain().bias_parts(held_out.condition, grid)
+
+
+def test_the_emulators_own_error_is_in_the_band() -> None:
+    """Tests with paired runs say nothing of it, so where no run was made the band is wider by it."""
+    campaign = made_up(bias())
+    domain = DisplacementDomain(FEW).fit(campaign)
+    between = replace(campaign.tests[2].condition, speed_mps=10.4)
+    assert campaign.cae.paired_run(between) is None
+
+    def width() -> float:
+        draws = domain.predict(between).draws_mps2
+        assert draws is not None
+        return float(draws[:, :400].std(axis=0).mean())
+
+    with_error = width()
+    domain.model_.emulator_.residuals_ = 0 * domain.model_.emulator_.residuals_
+    assert with_error > 1.02 * width()
+
+
+def test_the_band_after_the_stop_holds_tests_that_rebound_in_their_own_way() -> None:
+    """Tests that let go otherwise than the CAE model, each in its own way, lie inside when left out."""
+    rng = np.random.default_rng(5)
+    campaign = made_up(bias())
+    tests = []
+    for test in campaign.tests:
+        accel = test.pulse.accel_mps2.copy()
+        t0 = float(test.pulse.kinematics(test.condition.speed_mps).t0_s)
+        after = np.maximum(GRID_S - t0, 0.0)
+        accel += (after > 0) * (40 + 15 * rng.normal()) * np.sin(np.pi * np.minimum(after / 0.02, 1.0))
+        tests.append(replace(test, pulse=Pulse(GRID_S, accel)))
+    campaign = replace(campaign, tests=tuple(tests))
+    inside = []
+    for test in campaign.tests[1:5]:
+        prediction = DisplacementDomain(FEW).fit(campaign.without([test.id])).predict(test.condition)
+        assert prediction.draws_mps2 is not None
+        inside.append(Coverage.of(test, prediction.draws_mps2).rebound)
+        after = test.pulse.kinematics(test.condition.speed_mps).t0_s < GRID_S
+        assert np.abs((prediction.accel_mps2 - test.pulse.accel_mps2)[after]).max() < 60
+    assert np.mean(inside) > 0.85
+
+
+def test_of_many_tests_as_many_are_learned_from_as_an_exact_posterior_bears(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is what the thinned campaign teaches, kept fits and tests left out included, and the prediction says so."""
+    monkeypatch.setattr("crashfuse.approaches.base.MOST_TESTS", 3)
+    monkeypatch.setattr("crashfuse.approaches.displacement_domain.approach.MOST_TESTS", 3)
+    thinned, condition = campaign.evenly_over_speed(3), campaign.tests[1].condition
+    domain, expected = DisplacementDomain().fit(campaign), DisplacementDomain().fit(thinned)
+    one, other = domain.predict(condition), expected.predict(condition)
+    np.testing.assert_array_equal(one.accel_mps2, other.accel_mps2)
+    assert "Of 4 tests 3 were learned from, evenly over speed." in one.notes
+    again = DisplacementDomain().restore(campaign, domain.learned())
+    np.testing.assert_array_equal(again.predict(condition).accel_mps2, one.accel_mps2)
+    assert list(domain.left_out(campaign)) == list(thinned.test_ids)

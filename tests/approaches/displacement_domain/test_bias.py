@@ -1,0 +1,88 @@
+"""Bias points, on hand-made pulses."""
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.displacement_domain.bias import bijective_projection, uniform_points
+from crashfuse.cae.model import LoadingCurve
+from crashfuse.condition import Condition
+from crashfuse.signals.loading import LoadingPhase, loading_phase
+from crashfuse.signals.pulse import GRID_S
+
+SPEED = 10.0
+CONDITION = Condition(SPEED, 950.0, 700.0)
+
+
+def constant(accel_mps2: float) -> LoadingPhase:
+    """Constant braking: stops after v0²/2a."""
+    return loading_phase(np.full(1250, accel_mps2), SPEED)
+
+
+def spring(omega: float) -> LoadingPhase:
+    """A linear spring, a = -ω² s: stops after v0/ω."""
+    return loading_phase(-SPEED * omega * np.sin(omega * GRID_S), SPEED)
+
+
+def test_projection_has_both_directions_evenly_spaced_in_time() -> None:
+    """CAE brakes with 125, the test with 200 m/s²: s = v0 t - a t²/2 at even times up to each one's end (Eqs. 16-22).
+
+    The test stops first, after 0.25 m; the CAE pulse is projected only as far, where its vehicle has
+    v = sqrt(v0² - 2·125·0.25) left.
+    """
+    points = bijective_projection(CONDITION, constant(-200.0), LoadingCurve(constant(-125.0)), 5)
+    test_s = np.linspace(0, 10 / 200, 5)
+    cae_s = np.linspace(0, (10 - np.sqrt(100 - 2 * 125 * 0.25)) / 125, 5)
+    expected = np.concatenate([10 * test_s - 100 * test_s**2, 10 * cae_s - 62.5 * cae_s**2])
+    np.testing.assert_allclose(points.displacement_m, expected, atol=1e-5)
+    np.testing.assert_allclose(points.bias_mps2, -75.0)
+    np.testing.assert_allclose(points.cae_mps2, -125.0)
+
+
+def test_projection_interpolates_the_one_at_the_others_displacement() -> None:
+    """A test at constant braking against a spring: δ = a + ω² s at the test's and at the CAE's displacements."""
+    points = bijective_projection(CONDITION, constant(-200.0), LoadingCurve(spring(20.0)), 40)
+    np.testing.assert_allclose(points.bias_mps2, -200.0 + 400.0 * points.displacement_m, atol=0.5)
+    assert points.displacement_m.size == 80
+
+
+def test_where_the_test_crushed_further_the_curve_says_how_the_cae_goes_on() -> None:
+    """The CAE vehicle on the same spring but faster continues -ω² s beyond the slow one's crush."""
+    fast = loading_phase(-2 * SPEED * 40 * np.sin(40 * GRID_S), 2 * SPEED)
+    points = bijective_projection(CONDITION, constant(-120.0), LoadingCurve(spring(40.0), (fast,)), 30)
+    np.testing.assert_allclose(points.cae_mps2, -1600 * points.displacement_m, atol=3.0)
+    assert points.displacement_m.max() > 0.4  # beyond the slow one's 0.25
+
+
+def test_uniform_points_are_even_in_displacement_up_to_the_crush() -> None:
+    """Steps are equal and no longer than asked for; the last point is the test's maximum crush."""
+    test = constant(-200.0)
+    points = uniform_points(CONDITION, test, LoadingCurve(spring(20.0)), 0.015, 0.25)
+    steps = np.diff(points.displacement_m)
+    assert steps.max() <= 0.015
+    np.testing.assert_allclose(steps, steps[0])
+    assert points.displacement_m[-1] == test.crush_m
+    np.testing.assert_allclose(points.speed_share, np.sqrt(1 - points.displacement_m / test.crush_m), atol=0.03)
+
+
+@pytest.mark.parametrize("end_share", [0.0, 0.25])
+def test_identical_pulses_have_no_bias(end_share: float) -> None:
+    """A perfect CAE model leaves nothing to correct, in either kind of points."""
+    pulse = loading_phase(-250.0 * np.sin(np.pi * GRID_S / 0.075), SPEED)
+    curve = LoadingCurve(pulse)
+    np.testing.assert_allclose(uniform_points(CONDITION, pulse, curve, 0.01, end_share).bias_mps2, 0, atol=0.6)
+    np.testing.assert_allclose(bijective_projection(CONDITION, pulse, curve, 75).bias_mps2, 0, atol=1e-9)
+
+
+def test_what_a_vehicle_does_while_it_stops_moves_to_where_the_test_stops() -> None:
+    """Both let go to half in their last moments, one after 0.25 and one after 0.5 m: there is no bias at the end."""
+
+    def letting_go(accel: float) -> LoadingPhase:
+        velocity, pulse = SPEED, []
+        for _ in range(1250):
+            pulse.append(accel if velocity > 0.2 * SPEED else 0.5 * accel)
+            velocity += pulse[-1] / 12_500
+        return loading_phase(np.array(pulse), SPEED)
+
+    points = uniform_points(CONDITION, letting_go(-200.0), LoadingCurve(letting_go(-100.0)), 0.01, 0.25)
+    np.testing.assert_allclose(points.bias_mps2[:-4], -100.0, atol=3.0)
+    assert points.bias_mps2[-1] == pytest.approx(-50.0, abs=3.0)

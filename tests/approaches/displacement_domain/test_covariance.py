@@ -1,0 +1,39 @@
+"""The covariance of a sum of parts, against scikit-learn's kernels and by hand."""
+
+import numpy as np
+from sklearn.gaussian_process.kernels import Matern
+
+from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
+
+ANY = LogNormal(1.0, 1.0)
+
+
+def test_one_group_is_scikit_learns_matern() -> None:
+    """One Matérn-5/2 over two columns, each with its own length scale."""
+    x = np.random.default_rng(0).normal(size=(20, 3))
+    part = Part("one", ANY, (((0, ANY), (1, ANY)),))
+    ours = Covariance((part,), x, x)(np.log([3.0, 0.5, 2.0]))
+    np.testing.assert_allclose(ours, 9 * Matern([0.5, 2.0], nu=2.5)(x[:, :2]), atol=1e-12)
+
+
+def test_groups_multiply_and_parts_add() -> None:
+    """Two groups make a product of correlations; two parts a sum of covariances."""
+    x, z = np.random.default_rng(0).normal(size=(2, 10, 3))
+    parts = (Part("product", ANY, (((0, ANY),), ((1, ANY),))), Part("other", ANY, (((0, ANY),),)))
+    ours = Covariance(parts, x, z)(np.log([1.0, 0.5, 2.0, 2.0, 0.3]))
+    first = Matern(0.5, nu=2.5)(x[:, :1], z[:, :1]) * Matern(2.0, nu=2.5)(x[:, 1:2], z[:, 1:2])
+    np.testing.assert_allclose(ours, first + 4 * Matern(0.3, nu=2.5)(x[:, :1], z[:, :1]), atol=1e-12)
+
+
+def test_a_part_of_each_test_links_no_two_tests() -> None:
+    """Rows of different tests have no covariance in it."""
+    x = np.array([[0.0, 1], [0.0, 1], [0.0, 2]])
+    ours = Covariance((Part("own", ANY, (((0, ANY),),), same=-1),), x, x)(np.log([2.0, 1.0]))
+    np.testing.assert_allclose(ours, [[4, 4, 0], [4, 4, 0], [0, 0, 4]])
+
+
+def test_a_known_factor_multiplies_both_sides() -> None:
+    """w(x) f(x) has covariance w(x) w(x') k(x, x')."""
+    x = np.array([[0.0, 3.0, 0], [0.0, -2.0, 0]])
+    ours = Covariance((Part("ratio", ANY, (((0, ANY),),), times=1),), x, x)(np.zeros(2))
+    np.testing.assert_allclose(ours, [[9, -6], [-6, 4]])

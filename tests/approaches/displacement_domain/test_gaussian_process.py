@@ -1,0 +1,246 @@
+"""The hierarchical Gaussian process, against scikit-learn, finite differences and the textbook."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
+from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
+from crashfuse.errors import NotFittedError
+from crashfuse.signals.pulse import FloatArray
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+WIDE = LogNormal(1.0, 1.0)
+ONE = Part("one", LogNormal(1.0, 1.0), (((0, LogNormal(0.3, 1.0)), (1, LogNormal(2.0, 1.0))),))
+TWO = Part("two", LogNormal(0.5, 1.0), (((0, LogNormal(1.0, 1.0)), (1, LogNormal(1.0, 1.0))),))
+ALL_KINDS = (
+    Part("shared", WIDE, (((0, LogNormal(0.3, 0.5)),),)),
+    Part("varying", WIDE, (((0, LogNormal(0.3, 0.5)),), ((1, WIDE), (2, WIDE)))),
+    Part("ratio", WIDE, (((0, WIDE),),), times=2),
+    Part("own", LogNormal(0.3, 0.5), (((0, LogNormal(0.2, 0.5)),),), same=-1),
+)
+NOISE = LogNormal(0.1, 0.7)
+
+
+def rows(n: int = 60, seed: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Inputs in three columns and the test's number, and an output of unit root mean square."""
+    rng = np.random.default_rng(seed)
+    x = np.column_stack([rng.uniform(0, 1, n), rng.normal(size=(n, 2)), np.arange(n) // 12])
+    y = np.sin(7 * x[:, 0]) + 0.3 * x[:, 1] + 0.1 * rng.normal(size=n)
+    return x, y / np.sqrt(np.mean(y**2))
+
+
+def test_the_likelihood_is_scikit_learns() -> None:
+    """For a sum of two Matérn kernels, which both can express, at hyperparameters that are not the optimum."""
+    x, y = rows()
+    theta = np.log([1.3, 0.4, 1.5, 0.6, 0.9, 2.2, 0.15])
+    ours = GaussianProcess((ONE, TWO), NOISE).fit(x, y).log_marginal_likelihood(theta)[0]
+    kernel = ConstantKernel(1.3**2) * Matern([0.4, 1.5], nu=2.5) + ConstantKernel(0.6**2) * Matern([0.9, 2.2], nu=2.5)
+    peer = GaussianProcessRegressor(kernel, alpha=0.15**2, optimizer=None).fit(x[:, :2], y)
+    assert ours == pytest.approx(peer.log_marginal_likelihood_value_, abs=1e-8 * len(y))
+
+
+def test_the_gradient_is_the_finite_difference() -> None:
+    """For every hyperparameter of every kind of part, and the noise."""
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
+    theta = process.theta_ + np.random.default_rng(1).normal(scale=0.3, size=process.theta_.size)
+    gradient = process.log_marginal_likelihood(theta)[1]
+    step = 1e-5
+    for i, direction in enumerate(step * np.eye(theta.size)):
+        change = (
+            process.log_marginal_likelihood(theta + direction)[0]
+            - process.log_marginal_likelihood(theta - direction)[0]
+        )
+        assert gradient[i] == pytest.approx(change / (2 * step), rel=1e-5, abs=1e-5)
+
+
+def test_predictions_are_the_textbooks() -> None:
+    """Mean K*ᵀ K⁻¹ y and covariance K** - K*ᵀ K⁻¹ K*, with a plain solver; output in units far from one."""
+    x, y = rows()
+    y = 40 * y
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, y)
+    new = rows(15, seed=5)[0]
+    new[:, -1] = -1
+    logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1])
+    inverse = np.linalg.inv(Covariance(ALL_KINDS, x, x)(logs) + noise * np.eye(len(y)))
+    cross = Covariance(ALL_KINDS, new, x)(logs)
+    mean, covariance = process.predict(new, return_cov=True)
+    np.testing.assert_allclose(mean, cross @ inverse @ y, rtol=1e-5, atol=1e-5)
+    expected = process.output_scale_**2 * (Covariance(ALL_KINDS, new, new)(logs) - cross @ inverse @ cross.T)
+    np.testing.assert_allclose(covariance, expected, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(process.predict(new, return_std=True)[1], np.sqrt(np.diag(expected)), rtol=1e-4)
+
+
+def test_a_fit_at_given_hyperparameters_predicts_as_scikit_learn() -> None:
+    """Priors so tight that the hyperparameters stay where they are: the same regression as scikit-learn's."""
+    x, y = rows()
+    tight = tuple(LogNormal(median, 1e-9) for median in (1.3, 0.4, 1.5))
+    part = Part("one", tight[0], (((0, tight[1]), (1, tight[2])),))
+    process = GaussianProcess((part,), LogNormal(0.15, 1e-9)).fit(x, y)
+    kernel = ConstantKernel(1.3**2) * Matern([0.4, 1.5], nu=2.5)
+    peer = GaussianProcessRegressor(kernel, alpha=0.15**2, optimizer=None).fit(x[:, :2], y)
+    mean, covariance = process.predict(x[:10], return_cov=True)
+    peer_mean, peer_covariance = peer.predict(x[:10, :2], return_cov=True)
+    np.testing.assert_allclose(mean, peer_mean, atol=1e-6)
+    np.testing.assert_allclose(covariance, peer_covariance, atol=1e-6)
+
+
+def test_the_fit_is_a_maximum_of_the_posterior() -> None:
+    """Likelihood times priors falls in every direction."""
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
+    medians = [prior.median for part in ALL_KINDS for prior in part.priors] + [NOISE.median]
+    spreads = np.array([prior.spread for part in ALL_KINDS for prior in part.priors] + [NOISE.spread])
+
+    def posterior(theta: FloatArray) -> float:
+        away = (theta - np.log(medians)) / spreads
+        return process.log_marginal_likelihood(theta)[0] - 0.5 * float(away @ away)
+
+    best = posterior(process.theta_)
+    for direction in 0.1 * np.eye(process.theta_.size):
+        assert posterior(process.theta_ + direction) < best
+        assert posterior(process.theta_ - direction) < best
+
+
+def test_a_new_test_gets_nothing_of_what_others_have_alone() -> None:
+    """A part of each test has zero mean and its full variance for a test that was not trained on."""
+    part = Part("own", LogNormal(1.0, 0.3), (((0, LogNormal(0.3, 0.3)),),), same=-1)
+    x, y = rows()
+    process = GaussianProcess((part,), NOISE).fit(x, y)
+    new = x[:5].copy()
+    new[:, -1] = 99
+    mean, deviation = process.predict(new, return_std=True)
+    np.testing.assert_array_equal(mean, 0)
+    np.testing.assert_allclose(deviation, np.exp(process.theta_[0]) * process.output_scale_)
+    assert np.abs(process.predict(x[:5])).max() > 0.1
+
+
+def test_draws_have_the_posterior_mean_and_spread() -> None:
+    """Over many draws; and the same seed gives the same draws."""
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
+    new = rows(8, seed=5)[0]
+    mean, deviation = process.predict(new, return_std=True)
+    draws = process.sample_y(new, 20_000, random_state=3)
+    assert draws.shape == (8, 20_000)
+    np.testing.assert_allclose(draws.mean(axis=1), mean, atol=0.04 * deviation.max())
+    np.testing.assert_allclose(draws.std(axis=1), deviation, rtol=0.03)
+    np.testing.assert_array_equal(draws, process.sample_y(new, 20_000, random_state=3))
+
+
+def test_noise_alone_is_told_from_a_pattern() -> None:
+    """Where there is nothing to learn the fit is tried again, and then called dead; with a pattern it is not."""
+    x, y = rows()
+    noise = np.random.default_rng(0).normal(size=len(y))
+    nothing = GaussianProcess((ONE,), LogNormal(1.0, 0.5), restarts=2).fit(x, noise)
+    assert nothing.dead_
+    assert nothing.retries_ == 2
+    something = GaussianProcess((ONE,), NOISE).fit(x, y)
+    assert not something.dead_
+    assert something.retries_ == 0
+
+
+def test_all_zero_output_is_fitted_by_zero() -> None:
+    """A perfect CAE model leaves nothing to learn, and nothing breaks."""
+    x, y = rows()
+    np.testing.assert_array_equal(GaussianProcess((ONE,), NOISE).fit(x, 0 * y).predict(x), 0)
+
+
+def test_it_must_be_fitted_first() -> None:
+    """The error says what to do."""
+    with pytest.raises(NotFittedError, match="fit"):
+        GaussianProcess((ONE,), NOISE).predict(rows()[0])
+
+
+def test_each_part_is_the_textbooks() -> None:
+    """Its mean and variance are those of a function that enters the data together with others and noise."""
+    x, y = rows()
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 40 * y)
+    new = rows(15, seed=5)[0]
+    new[:, -1] = -1
+    logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1])
+    inverse = np.linalg.inv(Covariance(ALL_KINDS, x, x)(logs) + noise * np.eye(len(y)))
+    parts = process.predict_parts(new)
+    np.testing.assert_allclose(sum(mean for mean, _ in parts), process.predict(new), rtol=1e-9, atol=1e-9)
+    start = 0
+    for part, (mean, std) in zip(ALL_KINDS, parts, strict=True):
+        own = logs[start : (start := start + len(part.priors))]
+        cross, prior = Covariance((part,), new, x)(own), Covariance((part,), new, new)(own)
+        scale = np.sqrt(np.mean((40 * y) ** 2))
+        np.testing.assert_allclose(mean, cross @ inverse @ (40 * y), rtol=1e-5, atol=1e-5)
+        variance = scale**2 * np.diag(prior - cross @ inverse @ cross.T)
+        np.testing.assert_allclose(std**2, variance, rtol=1e-5, atol=1e-5 * scale**2)
+
+
+def test_the_density_of_a_left_out_test_is_the_textbooks() -> None:
+    """Block by block it is the normal density given the other tests, by a plain solver."""
+    x, y = rows()
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 3 * y)
+    covariance = Covariance(ALL_KINDS, x, x)(process.theta_[:-1])
+    covariance += (np.exp(2 * process.theta_[-1]) + 1e-10) * np.eye(len(y))
+    expected = []
+    for test in range(5):
+        out = x[:, -1] == test
+        gain = covariance[np.ix_(out, ~out)] @ np.linalg.inv(covariance[np.ix_(~out, ~out)])
+        left = covariance[np.ix_(out, out)] - gain @ covariance[np.ix_(~out, out)]
+        scaled = 3 * y / process.output_scale_
+        expected.append(multivariate_normal.logpdf(scaled[out], gain @ scaled[~out], left))
+    np.testing.assert_allclose(process.left_out_log_density(), expected, rtol=1e-6)
+
+
+def test_without_a_test_it_predicts_from_the_others() -> None:
+    """As scikit-learn does from their rows, with the same kernel."""
+    x, y = rows()
+    process = GaussianProcess((ONE,), NOISE).fit(x, y)
+    scale, *lengths, noise = np.exp(process.theta_)
+    rest = x[:, -1] != 2
+    peer = GaussianProcessRegressor(
+        ConstantKernel(scale**2) * Matern(lengths, nu=2.5), alpha=noise**2 + 1e-10, optimizer=None
+    ).fit(x[rest, :2], y[rest])
+    np.testing.assert_allclose(process.without(2).predict(x), peer.predict(x[:, :2]), atol=1e-7)
+    assert np.abs(process.predict(x) - peer.predict(x[:, :2])).max() > 1e-3
+
+
+def test_the_spread_of_hyperparameters_is_that_of_the_posteriors_curvature() -> None:
+    """Along one hyperparameter alone it is at least what the second difference of the posterior gives."""
+    process = GaussianProcess((ONE,), NOISE).fit(*rows())
+    spread, step = process.spread(), 1e-3
+    for i, direction in enumerate(step * np.eye(spread.size)):
+        losses = [process._loss(process.theta_ + k * direction)[0] for k in (-1, 0, 1)]
+        alone = step / np.sqrt(losses[0] - 2 * losses[1] + losses[2])
+        assert alone * 0.99 < spread[i] < 4 * alone
+    noise_of_60_rows = 1 / np.sqrt(2 * 60)
+    assert noise_of_60_rows < spread[-1] < 2 * noise_of_60_rows
+
+
+def test_a_pattern_in_few_points_is_not_called_dead() -> None:
+    """A single test has some twenty points: they can give fewer nats than a hierarchy has hyperparameters."""
+    x = np.column_stack([np.linspace(0, 1, 8), np.zeros((8, 3))])
+    noise = np.random.default_rng(0).normal(scale=0.2, size=8)
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, np.sin(5 * x[:, 0]) + noise)
+    assert not process.dead_
+    assert process.retries_ == 0
+
+
+def test_further_rows_take_off_what_a_fit_with_them_would() -> None:
+    """The closed form, set by set, is the textbook's with all rows at once; what is found there does not matter."""
+    x, y = rows()
+    process = GaussianProcess(ALL_KINDS, NOISE).fit(x, 40 * y)
+    new, further = rows(15, seed=5)[0], [rows(6, seed=6)[0], rows(3, seed=7)[0]]
+    new[:, -1], further[0][:, -1], further[1][:, -1] = 98, 99, 3
+    logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1]) + 1e-10
+    now, then = process.std_given(new, further)
+    np.testing.assert_allclose(now, process.predict(new, return_std=True)[1], rtol=1e-9)
+    for std, more in zip(then, further, strict=True):
+        known = np.vstack([x, more])
+        inverse = np.linalg.inv(Covariance(ALL_KINDS, known, known)(logs) + noise * np.eye(len(known)))
+        cross = Covariance(ALL_KINDS, new, known)(logs)
+        left = np.diag(Covariance(ALL_KINDS, new, new)(logs) - cross @ inverse @ cross.T)
+        np.testing.assert_allclose(std, process.output_scale_ * np.sqrt(left), rtol=1e-5)
+        other = process.also_at(more)
+        mean, peer = other.predict(new, return_std=True)
+        np.testing.assert_allclose(std, peer, rtol=1e-6)
+        np.testing.assert_allclose(mean, process.predict(new), rtol=1e-6, atol=1e-6)
+        assert (std <= now).all()
+        assert std.mean() < 0.999 * now.mean()

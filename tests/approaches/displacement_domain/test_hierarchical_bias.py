@@ -1,0 +1,217 @@
+"""The hierarchical bias model, on biases whose parts are known."""
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from scipy.special import stdtrit
+
+from crashfuse.approaches.displacement_domain.bias import BiasPoints
+from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.condition import Condition
+from crashfuse.signals.pulse import FloatArray
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+S = np.linspace(0, 0.5, 26)
+SHARE = np.sqrt(1 - S / 0.5)
+SHARES = np.linspace(0, 1, 101)
+
+
+def condition(speed_mps: float) -> Condition:
+    """A crash at this speed."""
+    return Condition(speed_mps, 950.0, 700.0)
+
+
+def cae(speed_mps: float) -> FloatArray:
+    """A CAE curve that depends on the speed."""
+    return np.asarray(-10 * speed_mps * (1 - np.exp(-S / 0.1)) + 30 * np.sin(20 * S))
+
+
+def fit(biases: Mapping[float, FloatArray]) -> HierarchicalBias:
+    """Fit to a bias for each speed."""
+    return HierarchicalBias().fit([BiasPoints(condition(v), S, SHARE, cae(v), bias) for v, bias in biases.items()])
+
+
+def with_factor(values: str, effect: FloatArray) -> HierarchicalBias:
+    """Fit to tests at 6 to 15 m/s, one for each letter; those of value B have ``effect`` on top of what all share."""
+    tests = []
+    for speed, value in zip(np.linspace(6, 15, len(values)).tolist(), values, strict=True):
+        at = Condition(speed, 950.0, 700.0, factors=(("powertrain", value),))
+        tests.append(BiasPoints(at, S, SHARE, cae(speed), shared(S) + (value == "B") * effect))
+    return HierarchicalBias().fit(tests)
+
+
+def mean_and_width(model: HierarchicalBias, speed_mps: float) -> tuple[FloatArray, FloatArray]:
+    """Mean bias and the standard deviation of the draws at a speed."""
+    rng = np.random.default_rng(0)
+    draws = model.sample(condition(speed_mps), S, cae(speed_mps), SHARES, 400, rng).over_displacement_mps2
+    return draws[0], draws[1:].std(axis=0)
+
+
+def shared(s: FloatArray) -> FloatArray:
+    """A bias that all tests have."""
+    return np.asarray(-60 * np.exp(-(((s - 0.2) / 0.1) ** 2)))
+
+
+def test_a_bias_that_all_tests_share_is_recovered_at_any_speed() -> None:
+    """To 5 % of its height, within and beyond the tested speeds, and the band is narrow there."""
+    model = fit({v: shared(S) for v in (6.0, 9.0, 12.0, 15.0)})
+    for speed in (4.0, 10.0, 16.0):
+        mean, width = mean_and_width(model, speed)
+        np.testing.assert_allclose(mean, shared(S), atol=3.0)
+        assert width[2:22].max() < 15.0
+
+
+def test_a_bias_in_proportion_to_the_speed_is_interpolated() -> None:
+    """Between two tested speeds the bias is between theirs."""
+    model = fit({v: v / 10 * shared(S) for v in (6.0, 8.0, 12.0, 14.0)})
+    mean, _ = mean_and_width(model, 10.0)
+    np.testing.assert_allclose(mean, shared(S), atol=4.0)
+
+
+def test_a_bias_in_proportion_to_the_cae_force_is_carried_to_other_speeds() -> None:
+    """A structure 20 % stiffer at every speed has that bias at an untested speed too, in the CAE curve's own shape."""
+    model = fit({v: 0.2 * cae(v) for v in (5.0, 7.0, 9.0, 11.0)})
+    mean, _ = mean_and_width(model, 15.0)
+    assert np.sqrt(np.mean((mean - 0.2 * cae(15.0)) ** 2)) < 0.25 * np.sqrt(np.mean((0.2 * cae(15.0)) ** 2))
+
+
+def test_tests_that_contradict_each_other_are_not_believed() -> None:
+    """Repeats at one speed with opposite biases: the prediction stays near the CAE model, and the band is wide."""
+    model = fit({10.0: shared(S), 10.01: -shared(S), 9.99: shared(S), 10.02: -shared(S)})
+    mean, width = mean_and_width(model, 10.0)
+    assert np.abs(mean).max() < 0.25 * np.abs(shared(S)).max()
+    assert width.max() > 0.4 * np.abs(shared(S)).max()
+
+
+def test_how_each_test_stops_does_not_blur_what_they_share() -> None:
+    """Wild last moments, another for each test, leave the shared bias before them as it is."""
+    wild = np.where(SHARE < 0.2, 150.0, 0.0)
+    signs = {7.0: 1, 9.0: -1, 11.0: 1, 13.0: -1}
+    mean, _ = mean_and_width(fit({v: shared(S) + sign * wild for v, sign in signs.items()}), 10.0)
+    np.testing.assert_allclose(mean[:20], shared(S)[:20], atol=5.0)
+
+
+def test_few_tests_widen_the_band() -> None:
+    """Draws are Student's t with one degree of freedom less than there are tests, three at least."""
+    assert fit({v: shared(S) for v in (6.0, 9.0)}).freedom_ == 3
+    assert fit({float(v): shared(S) for v in range(6, 14)}).freedom_ == 7
+
+
+def test_the_state_is_plain_json() -> None:
+    """Every hyperparameter by name, with likelihood, points, touched bounds and retries."""
+    state = json.loads(json.dumps(fit({v: shared(S) for v in (6.0, 9.0, 12.0)}).state))
+    assert state["points"] == 3 * 26
+    assert state["retries"] == 0
+    assert "by speed, length in v0 in m/s" in state["hyperparameters"]
+    assert {"log_marginal_likelihood", "touched_bounds", "dead", "bias_rms_g"} <= set(state)
+
+
+def test_a_bias_of_noise_alone_is_said_to_be_one() -> None:
+    """The note tells the reader that nothing was found."""
+    rng = np.random.default_rng(0)
+    model = fit({v: 30 * rng.normal(size=S.size) for v in (6.0, 9.0, 12.0)})
+    assert model.state["dead"] is True
+    assert "nothing" in model.notes[0]
+
+
+def test_the_parts_add_up_to_what_is_expected() -> None:
+    """Their means do, and the total's band is that of the draws."""
+    model = fit({v: v / 10 * shared(S) + 0.1 * cae(v) for v in (6.0, 8.0, 12.0, 14.0)})
+    *parts, total = model.parts(condition(10.0), S, cae(10.0))
+    assert [part.name for part in parts] == ["shared", "by speed", "by weight", "ratio", "own"]
+    draws = model.sample(condition(10.0), S, cae(10.0), SHARES, 8000, np.random.default_rng(0)).over_displacement_mps2
+    np.testing.assert_allclose(sum(part.mean_mps2 for part in parts), draws[0], atol=1e-6)
+    np.testing.assert_allclose(total.mean_mps2, draws[0], atol=1e-9)
+    lower, upper = np.quantile(draws[1:], [0.025, 0.975], axis=0)
+    np.testing.assert_allclose(total.upper_mps2 - total.lower_mps2, upper - lower, rtol=0.1)
+
+
+def test_nothing_is_known_of_what_a_new_test_has_alone_but_its_size() -> None:
+    """Zero, give or take the same at every displacement, the larger the more like tests differ."""
+    alike = fit({v: shared(S) for v in (9.9, 10.0, 10.1, 10.2)}).parts(condition(10.0), S, cae(10.0))[4]
+    wiggle = 15 * np.sin(S / 0.05)
+    unlike = fit({9.9: shared(S) + wiggle, 10.0: shared(S) - wiggle, 10.1: shared(S), 10.2: shared(S) + 2 * wiggle})
+    own = unlike.parts(condition(10.0), S, cae(10.0))[4]
+    np.testing.assert_allclose(own.mean_mps2, 0.0, atol=1e-9)
+    np.testing.assert_allclose(own.upper_mps2, own.upper_mps2[0], rtol=1e-9)
+    assert own.upper_mps2[0] > 3 * alike.upper_mps2[0]
+
+
+def test_a_factor_that_tells_tests_apart_is_used() -> None:
+    """The bias of vehicles with the other powertrain is predicted for a new test with it, and no other."""
+    effect = np.asarray(40 * np.sin(12 * S))
+    model = with_factor("ABABABAB", effect)
+    assert model.factors_ == ("powertrain",)
+    assert model.densities_["powertrain"] > model.densities_["none"]
+    for value, expected in (("A", shared(S)), ("B", shared(S) + effect)):
+        at = Condition(10.0, 950.0, 700.0, factors=(("powertrain", value),))
+        mean = model.sample(at, S, cae(10.0), SHARES, 4, np.random.default_rng(0)).over_displacement_mps2[0]
+        np.testing.assert_allclose(mean, expected, atol=6.0)
+    assert model.unknown_factors(at) == ()
+    assert model.unknown_factors(condition(10.0)) == ("powertrain",)
+    assert "by powertrain" in [part.name for part in model.parts(at, S, cae(10.0))]
+    assert any("powertrain" in note for note in model.notes)
+
+
+def test_a_factor_without_effect_is_left_out() -> None:
+    """Telling tests apart that are alike only makes each less certain."""
+    model = with_factor("ABABABAB", 0 * S)
+    assert model.factors_ == ()
+    assert model.state["factors"] == []
+
+
+@pytest.mark.parametrize("values", ["AAAAAA", "AAAAAB", "ABCDEF"])
+def test_a_factor_that_no_two_pairs_of_tests_share_is_not_tried(values: str) -> None:
+    """Test numbers, dates and single vehicles tell nothing that could be checked."""
+    assert list(with_factor(values, 0 * S).densities_) == ["none"]
+
+
+def test_leaving_a_test_out_forgets_it() -> None:
+    """The model without a test predicts as one that was told of the others alone, with the same hyperparameters."""
+    biases = {v: shared(S) * v / 10 for v in (6.0, 9.0, 12.0, 15.0)}
+    model = fit(biases)
+    rest = model.without(1)
+    assert set(np.unique(rest.process_.x_[:, -1])) == {0.0, 2.0, 3.0}
+    odd = fit({**biases, 9.0: 10 * shared(S)})
+    odd.process_.theta_, odd.process_.output_scale_ = model.process_.theta_, model.process_.output_scale_
+    other = odd.process_._y * 0  # the test that is left out may have been anything
+    odd.process_._y = np.where(odd.process_.x_[:, -1] == 1, other, model.process_._y)
+    np.testing.assert_allclose(mean_and_width(odd.without(1), 9.0)[0], mean_and_width(rest, 9.0)[0], atol=1e-9)
+
+
+def points(speed_mps: float) -> BiasPoints:
+    """Where a test at this speed lies; its bias is not looked at."""
+    return BiasPoints(condition(speed_mps), S, SHARE, cae(speed_mps), np.full(S.size, np.nan))
+
+
+def test_tests_to_come_narrow_the_band_and_leave_the_mean() -> None:
+    """One as foretold by the closed form, most at its own speed; several add up."""
+    model = fit({v: shared(S) * v / 10 for v in (6.0, 9.0, 15.0, 15.2)})
+    targets, further = [points(12.0), points(6.0)], [points(12.0), points(15.0)]
+    now, then = model.half_widths(targets, further)
+    assert now.shape == (2 * S.size,)
+    assert then[0, : S.size].mean() < then[1, : S.size].mean() < now[: S.size].mean()
+    more = model.also(further[:1])
+    assert more.freedom_ == 4
+    np.testing.assert_allclose(more.half_widths(targets, [])[0], then[0], rtol=1e-6)
+    np.testing.assert_allclose(mean_and_width(more, 12.0)[0], mean_and_width(model, 12.0)[0], atol=1e-4)
+    twice = model.also(further)
+    assert twice.tests_ == 6
+    assert (twice.half_widths(targets, [])[0] < more.half_widths(targets, [])[0]).all()
+    assert model.process_.x_.shape[0] == 4 * S.size
+
+
+def test_a_test_to_come_keeps_what_it_has_alone() -> None:
+    """Repeated without end at one condition, tests never tell what another one there would have of its own."""
+    wiggle = 15 * np.sin(S / 0.05)
+    model = fit({9.9: shared(S) + wiggle, 10.0: shared(S) - wiggle, 10.1: shared(S), 10.2: shared(S) + 2 * wiggle})
+    own = model.parts(condition(10.0), S, cae(10.0))[4].upper_mps2
+    many = model.also([points(10.0)] * 12)
+    moving = model.end_share < SHARE
+    now, _ = many.half_widths([points(10.0)], [])
+    share = (now / stdtrit(many.freedom_, 0.975))[moving] / (own / stdtrit(model.freedom_, 0.975))[moving]
+    assert share.min() > 0.98
+    assert share.max() < 1.15

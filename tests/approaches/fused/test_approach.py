@@ -1,0 +1,122 @@
+"""The mixture: it is what its voices say, weighted as left-out tests decide, and tells why."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.calibration import Coverage
+from crashfuse.approaches.fused.approach import Fused
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.condition import Condition
+from crashfuse.errors import NotFittedError, UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.units import LB, MPH
+
+pytestmark = pytest.mark.usefixtures("quick_networks")
+
+
+@pytest.fixture(scope="module")
+def fused(campaign: Campaign, quick_networks: None) -> Fused:  # noqa: ARG001
+    """Fitted to all tests but T3 (26 mph; T2 is at 25)."""
+    return Fused().fit(campaign.without(["T3"]))
+
+
+def test_the_expected_pulse_is_the_weighted_mean_of_its_voices(campaign: Campaign, fused: Fused) -> None:
+    """In the acceleration; so are velocity and displacement, which are linear in it."""
+    condition = campaign.test("T3").condition
+    voices = [
+        fused.time_domain_.predict(condition).accel_mps2,
+        fused.displacement_domain_.predict(condition).accel_mps2,
+        fused.displacement_domain_.model_.pulse(condition).accel_mps2,
+    ]
+    weights = fused.pool_.weights(float(np.exp(-1 / 3)))  # T2 is 1 mph away
+    assert weights.sum() == pytest.approx(1)
+    np.testing.assert_allclose(fused.predict(condition).accel_mps2, weights @ np.array(voices), atol=1e-6)
+
+
+def test_the_reason_is_a_sentence_with_the_weights(campaign: Campaign, fused: Fused) -> None:
+    """Distance to the nearest test, the share of each voice, and what they were learned from."""
+    reason, *_ = fused.predict(campaign.test("T3").condition).notes
+    found = re.fullmatch(
+        r"Nearest test 1\.0 mph away: time domain (\S+), displacement domain (\S+), raw CAE (\S+) "
+        r"\(weights learned from 3 tests, each predicted from the others\)\.",
+        reason,
+    )
+    assert found is not None
+    assert sum(map(float, found.groups())) == pytest.approx(1, abs=0.02)
+    assert len(fused.calibration_.tests) == 3
+
+
+def test_the_band_holds_draws_of_its_voices_by_their_weights(campaign: Campaign, fused: Fused) -> None:
+    """Each drawn pulse is a voice's own but for the band's factor, in proportion; the held-out test lies inside."""
+    test = campaign.test("T3")
+    prediction = fused.predict(test.condition)
+    assert prediction.draws_mps2 is not None
+    assert len(prediction.draws_mps2) == 400
+    of_time = fused.time_domain_.predict(test.condition).draws_mps2
+    assert of_time is not None
+    mean = prediction.accel_mps2
+    found = mean + (prediction.draws_mps2 - mean) / fused.calibration_.widening
+    share = np.mean([np.abs(of_time - draw).max(axis=1).min() < 1e-6 for draw in found])
+    assert share == pytest.approx(fused.pool_.weights(float(np.exp(-1 / 3)))[0], abs=0.01)
+    coverage = Coverage.of(test, prediction.draws_mps2)
+    assert coverage.accel > 0.9
+    assert coverage.crush
+
+
+def test_it_is_better_than_the_raw_cae(campaign: Campaign, fused: Fused) -> None:
+    """Where both approaches are: a quarter of the CAE model's error at most."""
+    test = campaign.test("T3")
+    cae = fused.displacement_domain_.model_.pulse(test.condition).accel_mps2
+    errors = [np.abs(a - test.pulse.accel_mps2).mean() for a in (fused.predict(test.condition).accel_mps2, cae)]
+    assert errors[0] < 0.25 * errors[1]
+
+
+def test_a_cae_model_that_is_right_keeps_its_voice(campaign: Campaign) -> None:
+    """Tests that are just as the CAE says: the raw CAE is what is predicted, whoever says it."""
+    runs = [campaign.cae.paired_run(test.condition) for test in campaign.tests]
+    right = tuple(
+        CrashTest(test.id, test.condition, Pulse(GRID_S, campaign.cae.accel_mps2[run].astype(float)))
+        for test, run in zip(campaign.tests, runs, strict=True)
+        if run is not None
+    )
+    fused = Fused().fit(replace(campaign, tests=right))
+    condition = Condition(20 * MPH, 2050 * LB, 1550 * LB)
+    cae = fused.displacement_domain_.model_.pulse(condition).accel_mps2
+    error = np.abs(fused.predict(condition).accel_mps2 - cae).mean()
+    assert error < 0.05 * np.abs(cae).max()
+
+
+def test_a_single_test_is_enough(campaign: Campaign) -> None:
+    """Then nothing is learned about the weights, and the sentence says so."""
+    prediction = Fused().fit(campaign.without(["T1", "T3", "T4"])).predict(campaign.test("T3").condition)
+    assert np.isfinite(prediction.accel_mps2).all()
+    assert prediction.draws_mps2 is not None
+    assert "weights not learned" in prediction.notes[0]
+
+
+def test_what_its_voices_learned_is_taken_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study has fitted both already."""
+    from crashfuse.study.estimate import Fit
+
+    rest = campaign.without(["T3"])
+    for name in ("time_domain", "displacement_domain"):
+        Fit.of(rest, name, cache=Cache())
+
+    def forbidden(*_: object, **__: object) -> None:
+        raise AssertionError("fitted again")
+
+    monkeypatch.setattr("crashfuse.approaches.time_domain.approach.TimeDomain.fit", forbidden)
+    monkeypatch.setattr("crashfuse.approaches.displacement_domain.approach.DisplacementDomain.fit", forbidden)
+    assert Fused(cache=Cache()).fit(rest).calibration_.tests
+
+
+def test_without_tests_or_before_fitting_it_is_an_error(campaign: Campaign) -> None:
+    """One sentence either way."""
+    with pytest.raises(UsageError, match="learns from tests"):
+        Fused().fit(campaign.without(campaign.test_ids))
+    with pytest.raises(NotFittedError):
+        Fused().predict(campaign.tests[0].condition)

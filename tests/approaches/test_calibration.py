@@ -1,0 +1,103 @@
+"""Coverage and widening of a band, on pulses whose spread is known."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.calibration import Calibration, Coverage, calibrate, shares_inside
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.condition import Condition
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+
+CONDITION = Condition(12.0, 950.0, 700.0)
+INSIDE = Coverage(1.0, 1.0, 1.0, crush=True, peak=True)
+OUTSIDE = Coverage(0.5, 0.5, 0.5, crush=False, peak=False)
+
+
+def half_sine(peak_mps2: float) -> FloatArray:
+    """A pulse of 80 ms."""
+    return np.where(GRID_S < 0.08, -peak_mps2 * np.sin(np.pi * GRID_S / 0.08), 0.0)
+
+
+def crash_test(accel: FloatArray) -> CrashTest:
+    """A test with this pulse."""
+    return CrashTest("T1", CONDITION, Pulse(GRID_S, accel))
+
+
+def draws(centre: float, spread: float, n: int = 400) -> FloatArray:
+    """Half sines whose peaks are normal."""
+    peaks = np.random.default_rng(0).normal(centre, spread, n)
+    return np.array([half_sine(peak) for peak in peaks])
+
+
+@pytest.mark.parametrize(("away", "inside"), [(0.0, True), (1.8, True), (-1.8, True), (2.3, False), (-2.3, False)])
+def test_a_test_is_inside_up_to_two_standard_deviations(away: float, inside: bool) -> None:
+    """The band is that of 95 %, in a, v, crush and peak alike, for the draws differ by a factor alone."""
+    found = Coverage.of(crash_test(half_sine(260 + away * 20)), draws(260, 20))
+    assert (found.accel > 0.9) == inside
+    assert (found.velocity > 0.9) == inside
+    assert (found.peak, found.crush) == (inside, inside)
+
+
+def test_what_comes_after_the_stop_is_counted_apart() -> None:
+    """A test that goes on otherwise after t0 loses nothing before it."""
+    accel = half_sine(260)
+    t0 = crash_test(accel).pulse.kinematics(CONDITION.speed_mps).t0_s
+    accel[t0 + 0.001 < GRID_S] += 500.0
+    found = Coverage.of(crash_test(accel), draws(260, 20))
+    assert found.accel == 1.0
+    assert found.rebound < 0.05
+
+
+def test_a_test_that_never_stops_has_no_rebound() -> None:
+    """And its share is not a number, rather than a hit or a miss."""
+    assert np.isnan(Coverage.of(crash_test(half_sine(100)), draws(100, 10)).rebound)
+
+
+def test_coverage_in_the_long_run_is_the_bands_level() -> None:
+    """Tests drawn like the draws have their peaks inside 95 % of the time."""
+    band, truths = draws(260, 20), np.random.default_rng(1).normal(260, 20, 200)
+    inside = [Coverage.of(crash_test(half_sine(peak)), band).peak for peak in truths]
+    assert 0.90 < np.mean(inside) < 0.99
+
+
+@pytest.mark.parametrize(("misses", "holds"), [(0, True), (1, True), (2, False)])
+def test_one_test_in_ten_may_have_its_crush_outside(misses: int, holds: bool) -> None:
+    """With ten tests one outside is no evidence against 95 %."""
+    missed = Coverage(1.0, 1.0, 1.0, crush=False, peak=True)
+    assert Calibration(1.0, (INSIDE,) * (10 - misses) + (missed,) * misses).holds == holds
+
+
+def test_a_band_is_widened_as_little_as_needed() -> None:
+    """The first factor that holds is taken, and one that holds as it is stays as it is."""
+    asked = []
+
+    def check(widening: float) -> list[Coverage]:
+        asked.append(widening)
+        return [INSIDE if widening > 1.2 else OUTSIDE] * 5
+
+    assert calibrate(check).widening == 1.3
+    assert asked == [1.0, 1.15, 1.3]
+    assert calibrate(lambda _: [INSIDE] * 5).widening == 1.0
+
+
+def test_a_band_that_never_holds_says_so() -> None:
+    """The largest factor is taken, and it is told that it was not enough, as plain JSON."""
+    calibration = calibrate(lambda _: [OUTSIDE] * 4)
+    assert not calibration.holds
+    assert calibration.widening == 2.5
+    state = json.loads(json.dumps(calibration.state))
+    assert (state["left_out_tests"], state["crush_inside"], state["accel_inside"]) == (4, 0, 0.5)
+    never = Coverage(1.0, 1.0, float("nan"), crush=True, peak=True)
+    assert Calibration(1.0, (never,)).state["rebound_inside"] is None
+
+
+def test_a_band_of_each_level_holds_what_lies_within_it(campaign: Campaign) -> None:
+    """Of 101 even factors on the pulse, one at 0.84 of their range lies inside the bands from 68 % on."""
+    test = campaign.tests[0]
+    factors = np.linspace(0.5, 1.5, 101)
+    measured = replace(test, pulse=replace(test.pulse, accel_mps2=1.34 * test.pulse.accel_mps2))
+    shares = shares_inside(measured, factors[:, None] * test.pulse.accel_mps2, np.array([0.6, 0.66, 0.72, 0.95]))
+    np.testing.assert_allclose(shares, [0, 0, 1, 1], atol=0.02)

@@ -1,0 +1,238 @@
+"""The time domain: it learns what the tests show, its band holds, its pulses stop the vehicle."""
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from crashfuse.approaches.calibration import Coverage
+from crashfuse.approaches.time_domain.approach import TimeDomain
+from crashfuse.approaches.time_domain.lf_tcn import LfTcn
+from crashfuse.approaches.time_domain.network import TcnConfig
+from crashfuse.approaches.time_domain.stopping import stopping_notes
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.errors import Cancelled, NotFittedError, UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Progress, Watch
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
+
+SMALL = TcnConfig(channels=12, epochs=1, min_steps=150, members=2)
+BY_ADAM = replace(SMALL, tuning="gradient", members=1, tuning_steps=150, tuning_rate=3e-3)
+
+
+@pytest.fixture(scope="module")
+def lf(campaign: Campaign) -> LfTcn:
+    """LF networks of the small campaign."""
+    return LfTcn(SMALL).fit(campaign)
+
+
+@pytest.fixture(scope="module")
+def mf(campaign: Campaign) -> TimeDomain:
+    """Fine-tuned on all tests but T3 (26 mph; T2 is at 25)."""
+    return TimeDomain(SMALL).fit(campaign.without(["T3"]))
+
+
+def _error(predicted: FloatArray, true: FloatArray) -> float:
+    """Root mean square difference, relative to the true pulse."""
+    return float(np.sqrt(np.mean((predicted - true) ** 2) / np.mean(true**2)))
+
+
+def test_a_test_with_a_neighbour_is_met_far_better_than_by_the_lf_networks(
+    campaign: Campaign, lf: LfTcn, mf: TimeDomain
+) -> None:
+    """The held-out test lies 1 mph from one that was learned from: half the error at most."""
+    test = campaign.test("T3")
+    before = _error(lf.predict(test.condition).accel_mps2, test.pulse.accel_mps2)
+    assert _error(mf.predict(test.condition).accel_mps2, test.pulse.accel_mps2) < 0.5 * before
+
+
+def test_the_held_out_test_lies_within_the_band(campaign: Campaign, mf: TimeDomain) -> None:
+    """Acceleration, velocity, crush and peak; and the band is no wider than the pulse is high."""
+    test = campaign.test("T3")
+    prediction = mf.predict(test.condition)
+    assert prediction.draws_mps2 is not None
+    assert prediction.draws_mps2.shape == (SMALL.n_draws, GRID_S.size)
+    coverage = Coverage.of(test, prediction.draws_mps2)
+    assert coverage.accel > 0.9
+    assert coverage.velocity > 0.9
+    assert coverage.crush
+    assert coverage.peak
+    lower, upper = prediction.band() or (GRID_S, GRID_S)
+    assert np.mean(upper - lower) < np.abs(test.pulse.accel_mps2).max()
+
+
+def test_draws_are_whole_smooth_pulses(campaign: Campaign, mf: TimeDomain) -> None:
+    """No noise from one sample to the next: above the network's 312 Hz a draw has next to nothing."""
+    draws = mf.predict(campaign.test("T3").condition).draws_mps2
+    assert draws is not None
+    power = np.abs(np.fft.rfft((draws - draws.mean(axis=0)) * np.hanning(GRID_S.size), axis=1)) ** 2
+    above = np.fft.rfftfreq(GRID_S.size, DT_S) > 320
+    assert power[:, above].sum() < 0.01 * power.sum()
+
+
+def test_predicted_pulses_end_as_the_tests_did(campaign: Campaign, mf: TimeDomain) -> None:
+    """All tests bounce back with a tenth of their speed; so does what is predicted, to a few hundredths of v0."""
+    for test in campaign.tests:
+        pulse = mf.predict(test.condition).accel_mps2
+        end = kinematics(pulse, test.condition.speed_mps, DT_S).velocity_mps[-1] / test.condition.speed_mps
+        assert end == pytest.approx(-0.1, abs=0.04)
+    assert 0 <= float(str(mf.state["left_out_delta_v_misfit"])) < 0.05
+
+
+def test_a_pulse_that_does_not_stop_the_vehicle_is_noted(campaign: Campaign) -> None:
+    """Only if the CAE model's does stop it; the sentence says what is left."""
+    condition = campaign.tests[0].condition
+    pulse = campaign.tests[0].pulse.accel_mps2
+    assert stopping_notes(condition, pulse, pulse) == ()
+    (note,) = stopping_notes(condition, 0.8 * pulse, pulse)
+    assert "does not stop the vehicle within 100 ms" in note
+    assert "12.0% of the impact speed is left" in note  # 1 - 0.8 * 1.1
+    assert stopping_notes(condition, 0.8 * pulse, 0.8 * pulse) == ()
+
+
+def test_the_state_says_what_was_chosen(mf: TimeDomain) -> None:
+    """Penalty, its alternatives, how the band holds."""
+    assert mf.state["penalty"] in (0.02, 0.06, 0.2, 0.6)
+    assert mf.calibration_.state == mf.state["band_check"]
+    assert len(mf.calibration_.tests) == 3
+    assert mf.state["members"] == 2
+
+
+def test_the_same_seed_gives_the_same_bits(campaign: Campaign, mf: TimeDomain) -> None:
+    """Mean and draws, whatever the caller's random state."""
+    torch.manual_seed(77)
+    condition = campaign.test("T3").condition
+    first, again = mf.predict(condition), TimeDomain(SMALL).fit(campaign.without(["T3"])).predict(condition)
+    assert first.accel_mps2.tobytes() == again.accel_mps2.tobytes()
+    assert first.draws_mps2 is not None
+    assert again.draws_mps2 is not None
+    assert first.draws_mps2.tobytes() == again.draws_mps2.tobytes()
+
+
+def test_learning_again_forgets_what_was_learned_before(campaign: Campaign, mf: TimeDomain) -> None:
+    """Fitted to all tests and then without T3, it predicts T3 to the same bits as one that never saw it."""
+    condition = campaign.test("T3").condition
+    again = TimeDomain(SMALL, cache=Cache())
+    again.fit(campaign).predict(condition)
+    found = again.fit(campaign.without(["T3"])).predict(condition)
+    assert found.accel_mps2.tobytes() == mf.predict(condition).accel_mps2.tobytes()
+
+
+def test_one_test_is_enough_to_predict_from(campaign: Campaign) -> None:
+    """Then nothing can be chosen or left out, but there is a finite pulse and a band."""
+    single = campaign.without(["T1", "T3", "T4"])
+    prediction = TimeDomain(replace(SMALL, min_steps=60)).fit(single).predict(campaign.test("T3").condition)
+    assert np.isfinite(prediction.accel_mps2).all()
+    assert prediction.draws_mps2 is not None
+    assert np.isfinite(prediction.draws_mps2).all()
+
+
+def test_what_the_lf_tcn_prepared_is_all_that_is_trained_on_cae_runs(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A study fits the LF TCN once without tests: no fold trains a member again."""
+    quick = replace(SMALL, min_steps=20)
+    LfTcn(quick, cache=Cache()).fit(campaign.without(campaign.test_ids))
+
+    def forbidden(*_: object) -> None:
+        raise AssertionError("trained again")
+
+    monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", forbidden)
+    TimeDomain(quick, cache=Cache()).fit(campaign)
+
+
+def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -> None:
+    """A test that was trained on is met far better than by the LF network."""
+    mf = TimeDomain(BY_ADAM).fit(campaign)
+    for test in campaign.tests:
+        before = _error(lf.predict(test.condition).accel_mps2, test.pulse.accel_mps2)
+        assert _error(mf.predict(test.condition).accel_mps2, test.pulse.accel_mps2) < 0.4 * before
+
+
+def test_an_infinite_penalty_keeps_the_lf_network(campaign: Campaign) -> None:
+    """λ → ∞ leaves no increments: at the same rate, where λ = 0 moves the pulse by far, θ_MF = θ_LF to rounding."""
+    condition = campaign.tests[0].condition
+    start = LfTcn(BY_ADAM, cache=Cache()).fit(campaign).predict(condition).accel_mps2
+    free, held = (
+        TimeDomain(replace(BY_ADAM, penalty=penalty), cache=Cache()).fit(campaign).predict(condition).accel_mps2
+        for penalty in (0.0, 1e6)
+    )
+    assert np.abs(held - start).max() < 0.02 * np.abs(free - start).max()
+
+
+@pytest.mark.parametrize(
+    ("step", "config"),
+    [
+        ("Training LF TCN", SMALL),
+        ("Strength of the fine-tuning", SMALL),
+        ("Fine-tuning on tests", BY_ADAM),
+    ],
+)
+def test_a_training_that_is_cancelled_ends_at_its_next_report(campaign: Campaign, step: str, config: TcnConfig) -> None:
+    """Cancelled is raised from within either training."""
+    cancel = threading.Event()
+
+    def stop(progress: Progress) -> None:
+        if progress.step == step and progress.done:  # the report after this one raises
+            cancel.set()
+
+    with pytest.raises(Cancelled, match=step):
+        TimeDomain(replace(config, epochs=5, min_steps=0)).fit(campaign, Watch(stop, cancel))
+
+
+def test_progress_carries_the_losses(campaign: Campaign) -> None:
+    """The learning curve can be drawn while it grows."""
+    reports: list[Progress] = []
+    TimeDomain(replace(BY_ADAM, min_steps=4, members=2)).fit(campaign, Watch(reports.append))
+    lf = [report.values for report in reports if report.step == "Training LF TCN" and report.values]
+    assert lf
+    assert all({"train_loss", "validation_loss"} == set(values) for values in lf)
+    assert reports[-1].fraction == 1.0
+
+
+def test_a_held_out_pulse_does_not_reach_its_prediction(campaign: Campaign) -> None:
+    """Whatever the held-out test measured, what is trained without it is the same to the bit."""
+    changed = tuple(
+        CrashTest(t.id, t.condition, Pulse(GRID_S, 2 * t.pulse.accel_mps2)) if t.id == "T3" else t
+        for t in campaign.tests
+    )
+    quick = replace(SMALL, min_steps=20)
+    condition = campaign.test("T3").condition
+    one, two = (
+        TimeDomain(quick).fit(c.without(["T3"])).predict(condition)
+        for c in (campaign, replace(campaign, tests=changed))
+    )
+    assert one.accel_mps2.tobytes() == two.accel_mps2.tobytes()
+    assert one.draws_mps2 is not None
+    assert two.draws_mps2 is not None
+    assert one.draws_mps2.tobytes() == two.draws_mps2.tobytes()
+
+
+def test_the_papers_network_takes_a_few_steps(campaign: Campaign) -> None:
+    """Table 2 trains and fine-tunes on a small campaign, on a GPU where there is one, and gives 1250 finite samples."""
+    paper = replace(TcnConfig.paper(), epochs=1, batch=2, tuning_steps=3, tuning_rate=3e-6)
+    cae = campaign.cae
+    few = CaeLibrary(cae.ids[:3], cae.conditions[:3], cae.accel_mps2[:3])
+    small = replace(campaign, cae=few).without(["T2", "T3", "T4"])
+    mf = TimeDomain(paper).fit(small)
+    pulse = mf.predict(campaign.tests[2].condition).accel_mps2
+    assert pulse.shape == GRID_S.shape
+    assert np.isfinite(pulse).all()
+    assert mf.state["device"] == ("cuda" if torch.cuda.is_available() else "cpu")
+    assert mf.losses_[0, -1] < mf.losses_[0, 0]
+    assert mf.predict(campaign.tests[2].condition).draws_mps2 is None
+
+
+def test_without_tests_there_is_nothing_to_fine_tune_on(campaign: Campaign) -> None:
+    """One sentence says so."""
+    with pytest.raises(UsageError, match="learns from tests; this campaign has none"):
+        TimeDomain(SMALL).fit(campaign.without(campaign.test_ids))
+
+
+def test_predicting_before_fitting_is_an_error(campaign: Campaign) -> None:
+    """The message says what to call."""
+    with pytest.raises(NotFittedError, match=r"call fit\(campaign\) first"):
+        TimeDomain(SMALL).predict(campaign.tests[0].condition)
+    assert TimeDomain(SMALL).state == {}

@@ -1,0 +1,114 @@
+"""Fine-tuning in closed form: it is the penalised least squares it says, and a left-out test is left out."""
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.time_domain import fine_tuning as increments
+from crashfuse.approaches.time_domain.fine_tuning import Increments, Outlook
+from crashfuse.signals.pulse import FloatArray
+
+N, N_TIMES, N_WEIGHTS = 4, 5, 40
+RHO, UNRESOLVED = 0.06, increments._UNRESOLVED
+
+
+def _toy(seed: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of a toy network at N tests and a new condition, unit kernel on average, and misfits of the tests."""
+    rng = np.random.default_rng(seed)
+    jacobian = rng.standard_normal((N + 1, N_TIMES, N_WEIGHTS))
+    jacobian /= np.sqrt(np.mean(np.sum(jacobian[:N] ** 2, axis=-1)))
+    return jacobian, rng.standard_normal((N, N_TIMES))
+
+
+def _kernel(a: FloatArray, b: FloatArray) -> FloatArray:
+    kernel: FloatArray = np.einsum("itp,jup->itju", a, b)
+    return kernel
+
+
+@pytest.fixture
+def one_penalty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No choice of ρ."""
+    monkeypatch.setattr(increments, "PENALTIES", (RHO,))
+
+
+@pytest.mark.usefixtures("one_penalty")
+def test_the_mean_minimises_the_penalised_squares() -> None:
+    """Shared and own weights from one stacked least-squares problem predict the new condition alike."""
+    jacobian, misfit = _toy()
+    fitted = Increments().fit(_kernel(jacobian[:N], jacobian[:N]), misfit)
+    outlook = fitted.outlook(_kernel(jacobian[:N], jacobian[N:])[:, :, 0], _kernel(jacobian[N:], jacobian[N:])[0, :, 0])
+
+    n_all = N_WEIGHTS * (N + 1)  # the shared ones, then each test's own
+    data = np.zeros((N, N_TIMES, N + 1, N_WEIGHTS))
+    data[:, :, 0] = jacobian[:N]
+    for k in range(N):
+        data[k, :, k + 1] = jacobian[k]
+    penalties = np.repeat([1.0] + [1 / np.sqrt(RHO)] * N, N_WEIGHTS)
+    system = np.vstack([data.reshape(-1, n_all) / np.sqrt(UNRESOLVED), np.diag(penalties)])
+    right = np.concatenate([misfit.ravel() / np.sqrt(UNRESOLVED), np.zeros(n_all)])
+    weights = np.linalg.lstsq(system, right, rcond=None)[0][:N_WEIGHTS]
+    np.testing.assert_allclose(outlook.mean, jacobian[N] @ weights, rtol=1e-8)
+
+
+@pytest.mark.usefixtures("one_penalty")
+def test_a_left_out_test_is_predicted_as_if_it_had_not_been() -> None:
+    """Mean and covariance from the whole matrix are those of a fit on the other tests."""
+    jacobian, misfit = _toy()
+    scale = np.mean(np.sum(jacobian[1:N] ** 2, axis=-1))  # each fit counts in units of its own kernel
+    jacobian = jacobian / np.sqrt(scale)
+    again = Increments().fit(_kernel(jacobian[1:N], jacobian[1:N]), misfit[1:])
+    alone = again.outlook(_kernel(jacobian[1:N], jacobian[:1])[:, :, 0], _kernel(jacobian[:1], jacobian[:1])[0, :, 0])
+    trial = increments._Trial.of(_kernel(jacobian[:N], jacobian[:N]), misfit, RHO)
+    np.testing.assert_allclose(misfit[0] - trial.errors[0], alone.mean, rtol=1e-8)
+    np.testing.assert_allclose(
+        trial.covariances[0] - UNRESOLVED * np.eye(N_TIMES), alone.covariance / again._size, rtol=1e-8, atol=1e-10
+    )
+
+
+def test_the_weakest_penalty_within_one_standard_error_is_taken() -> None:
+    """One that is worse by chance stays; one that is worse in every test goes."""
+    rng = np.random.default_rng(0)
+    best = 1 + 0.1 * rng.random(9)
+    noisy = best + np.array([0.5, -0.5, 0.5, -0.5, 0.5, -0.5, 0.5, -0.4, 0.0])
+    assert increments._one_standard_error({0.02: noisy, 0.06: best}) == 0.02
+    assert increments._one_standard_error({0.02: best + 0.01 * rng.random(9) + 0.2, 0.06: best}) == 0.06
+
+
+def test_tests_that_repeat_badly_widen_what_each_has_to_itself() -> None:
+    """Two campaigns of pairs and lone tests: where pairs differ as lone tests do, the covariance takes the larger ρ."""
+    jacobian = _toy(3)[0][[0, 0, 1, 1, 2, 3]]
+    rng = np.random.default_rng(1)
+    shared = jacobian @ rng.standard_normal(N_WEIGHTS)
+    own = np.einsum("itp,ip->it", jacobian, rng.standard_normal((6, N_WEIGHTS)))
+    kernel = _kernel(jacobian, jacobian)
+    alike = Increments().fit(kernel, shared + 0.05 * own)
+    unlike = Increments().fit(kernel, shared + 0.8 * own)
+    assert alike.band_penalty_ < unlike.band_penalty_
+
+
+def test_draws_have_the_covariance_of_the_outlook() -> None:
+    """20,000 deviations give it back to within 5 %."""
+    root = np.random.default_rng(0).standard_normal((4, 4))
+    outlook = Outlook(np.zeros(4), root @ root.T)
+    draws = outlook.draw(20_000, np.random.default_rng(1))
+    np.testing.assert_allclose(np.cov(draws.T), outlook.covariance, atol=0.05 * np.abs(outlook.covariance).max())
+
+
+def test_what_is_known_of_a_functional_holds_afterwards() -> None:
+    """Given exactly, mean and every draw have the value; given with a huge variance, nothing changes."""
+    rng = np.random.default_rng(0)
+    root, functional = rng.standard_normal((4, 4)), rng.standard_normal(4)
+    outlook = Outlook(rng.standard_normal(4), root @ root.T)
+    known = outlook.given(functional, 2.5, 0.0)
+    assert functional @ known.mean == pytest.approx(2.5)
+    assert functional @ known.covariance @ functional == pytest.approx(0, abs=1e-10)
+    np.testing.assert_allclose(outlook.given(functional, 2.5, 1e12).mean, outlook.mean, atol=1e-9)
+
+
+def test_smoothing_keeps_the_variance_and_joins_neighbours() -> None:
+    """White deviations become correlated from step to step as a Gaussian average makes them: exp(-1/4) at one sigma."""
+    white = Outlook(np.ones(60), np.diag(np.linspace(1, 2, 60)))
+    smooth = white.smoothed(3.0)
+    np.testing.assert_allclose(np.diag(smooth.covariance), np.diag(white.covariance))
+    spread = np.sqrt(np.diag(smooth.covariance))
+    assert smooth.covariance[30, 33] / (spread[30] * spread[33]) == pytest.approx(np.exp(-0.25), rel=0.01)
+    np.testing.assert_array_equal(smooth.mean, white.mean)

@@ -1,0 +1,141 @@
+"""The LF TCN: it learns the CAE model and nothing else; seeds, members and cache behave."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from crashfuse.approaches.time_domain.lf_tcn import LfTcn
+from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.training import load_weights, weights_of
+from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import NotFittedError, UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import LB, MPH
+
+SMALL = TcnConfig(channels=12, epochs=1, min_steps=250, members=2)
+
+
+@pytest.fixture(scope="module")
+def lf(campaign: Campaign) -> LfTcn:
+    """Two LF networks of the small campaign."""
+    return LfTcn(SMALL).fit(campaign)
+
+
+def _error(predicted: FloatArray, true: FloatArray) -> float:
+    """Root mean square difference, relative to the true pulse."""
+    return float(np.sqrt(np.mean((predicted - true) ** 2) / np.mean(true**2)))
+
+
+def test_the_lf_network_learns_the_cae_runs(campaign: Campaign, lf: LfTcn) -> None:
+    """Its loss falls to a hundredth, and it gives the CAE pulses back to within 15 % at the tests' conditions."""
+    assert lf.losses_.shape[0] == 2
+    assert (lf.losses_[:, -1, 0] < 0.01 * lf.losses_[:, 0, 0]).all()
+    errors = [
+        _error(lf.predict(campaign.cae.conditions[i]).accel_mps2, campaign.cae.accel_mps2[i]) for i in range(20, 24)
+    ]
+    assert max(errors) < 0.15
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: Campaign, lf: LfTcn) -> None:
+    """Deterministic on a CPU, whatever the caller's random state."""
+    torch.manual_seed(77)
+    condition = campaign.tests[0].condition
+    again = LfTcn(SMALL).fit(campaign)
+    other = LfTcn(replace(SMALL, min_steps=2), seed=1).fit(campaign)
+    assert again.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()
+    assert np.abs(other.predict(condition).accel_mps2 - lf.predict(condition).accel_mps2).max() > 0
+
+
+def test_the_tests_do_not_reach_the_lf_network(campaign: Campaign, lf: LfTcn) -> None:
+    """Training on the CAE runs alone gives the same bits."""
+    bare = LfTcn(SMALL).fit(campaign.without(campaign.test_ids))
+    condition = campaign.tests[1].condition
+    assert bare.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()
+
+
+def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second fit takes network, scaling and learning curve from the cache, however it is fine-tuned later."""
+    LfTcn(SMALL, cache=Cache()).fit(campaign)
+
+    def forbidden(*_: object) -> None:
+        raise AssertionError("trained again")
+
+    monkeypatch.setattr("crashfuse.approaches.time_domain.lf_tcn.train", forbidden)
+    again = LfTcn(SMALL, cache=Cache()).fit(campaign)
+    condition = campaign.tests[0].condition
+    assert again.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()
+    np.testing.assert_array_equal(again.losses_, lf.losses_)
+    LfTcn(replace(SMALL, tuning="gradient", penalty=1.0, n_draws=3), cache=Cache()).fit(campaign)
+
+
+def test_another_seed_or_library_is_another_entry(campaign: Campaign) -> None:
+    """What is kept is kept by everything that decides it."""
+    quick = replace(SMALL, min_steps=2, members=1)
+    LfTcn(quick, cache=Cache()).fit(campaign)
+    LfTcn(quick, seed=1, cache=Cache()).fit(campaign)
+    cae = replace(campaign.cae, accel_mps2=1.1 * campaign.cae.accel_mps2)
+    LfTcn(quick, cache=Cache()).fit(replace(campaign, cae=cae))
+    assert len(list((Cache().folder / "lf_tcn").iterdir())) == 3
+
+
+def test_a_condition_beyond_the_library_is_flagged(lf: LfTcn) -> None:
+    """The note names the input that lies outside."""
+    (note,) = lf.predict(Condition(60 * MPH, 2050 * LB, 1550 * LB)).notes
+    assert "speed 60 mph" in note
+
+
+def test_a_single_cae_run_is_too_few(campaign: Campaign) -> None:
+    """One sentence, not an error from within."""
+    cae = campaign.cae
+    single = CaeLibrary(cae.ids[:1], cae.conditions[:1], cae.accel_mps2[:1])
+    with pytest.raises(UsageError, match="needs at least 2"):
+        LfTcn(SMALL).fit(replace(campaign, cae=single))
+
+
+def test_members_differ_and_their_mean_predicts(campaign: Campaign, lf: LfTcn) -> None:
+    """Each member has weights of its own; no two seeds of an approach share one."""
+    condition = campaign.tests[0].condition
+    singles = []
+    for member in range(2):
+        alone = LfTcn(replace(SMALL, members=1))
+        alone.scaling_, alone._library = lf.scaling_, campaign.cae
+        alone.network_ = Tcn(alone.config, torch.Generator())
+        load_weights(alone.network_, {k: v[member : member + 1] for k, v in weights_of(lf.network_).items()})
+        singles.append(alone.predict(condition).accel_mps2)
+    assert np.abs(singles[0] - singles[1]).max() > 0
+    np.testing.assert_allclose(np.mean(singles, axis=0), lf.predict(condition).accel_mps2, atol=1e-3)
+    other = LfTcn(replace(SMALL, min_steps=2), seed=1).fit(campaign)
+    quick = LfTcn(replace(SMALL, min_steps=2)).fit(campaign)
+    heads = [head for lf in (other, quick) for head in lf.network_.head.weight]
+    assert len({tuple(head.flatten().tolist()) for head in heads}) == 4
+
+
+def test_standstill_is_predicted_small(lf: LfTcn) -> None:
+    """A library may start at 0 mph: the output's scale keeps the pulse small there."""
+    pulse = lf.predict(Condition(0.0, 2050 * LB, 1550 * LB)).accel_mps2
+    assert np.abs(pulse).max() < 60
+
+
+def test_predicting_before_fitting_is_an_error(campaign: Campaign) -> None:
+    """The message says what to call."""
+    with pytest.raises(NotFittedError, match=r"call fit\(campaign\) first"):
+        LfTcn(SMALL).predict(campaign.tests[0].condition)
+    assert LfTcn(SMALL).state == {}
+
+
+def test_of_a_large_library_evenly_spaced_runs_are_learned_from(campaign: Campaign) -> None:
+    """Of 24 runs five: the first, the last, and three between; any other may be anything."""
+    config = TcnConfig(members=1, channels=4, epochs=1, min_steps=3, max_runs=5)
+    used = {0, 5, 11, 17, 23}
+    accel = campaign.cae.accel_mps2.copy()
+    accel[[i for i in range(len(accel)) if i not in used]] *= 3
+    other = replace(campaign, cae=replace(campaign.cae, accel_mps2=accel))
+    first, second = (LfTcn(config).fit(c).learned().arrays for c in (campaign, other))
+    assert all(np.array_equal(first[name], second[name]) for name in first)
+    accel[23] *= 3
+    third = LfTcn(config).fit(replace(campaign, cae=replace(campaign.cae, accel_mps2=accel))).learned().arrays
+    assert any(not np.array_equal(first[name], third[name]) for name in first)

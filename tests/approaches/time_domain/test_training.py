@@ -1,0 +1,154 @@
+"""Training step after step: whatever stops it, it goes on to the same bits."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from crashfuse.approaches.time_domain import training as descent
+from crashfuse.approaches.time_domain.approach import TimeDomain
+from crashfuse.approaches.time_domain.lf_tcn import LfTcn
+from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.training import weights_of
+from crashfuse.approaches.time_domain.training_data import _OnRuns
+from crashfuse.campaign import Campaign
+from crashfuse.errors import Cancelled
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Progress, Watch
+
+SMALL = TcnConfig(channels=6, dilations=(1, 2), dropout=0.1, epochs=1, min_steps=40, members=3)
+BY_ADAM = replace(SMALL, tuning="gradient", min_steps=2, tuning_steps=30)
+
+
+class Killed(BaseException):
+    """What ends a process."""
+
+
+def _dies_at(step: str, done: int) -> Callable[[Progress], None]:
+    def watch(progress: Progress) -> None:
+        if progress.step == step and progress.done >= done:
+            raise Killed
+
+    return watch
+
+
+def _cancel_at_once(lf: LfTcn, campaign: Campaign) -> None:
+    """Stop a training at its second report."""
+    cancel = threading.Event()
+    with pytest.raises(Cancelled):
+        lf.fit(campaign, Watch(lambda _: cancel.set(), cancel))
+
+
+def _bits(network: Tcn) -> dict[str, bytes]:
+    return {name: weight.tobytes() for name, weight in weights_of(network).items()}
+
+
+def _checkpoints() -> int:
+    return len(list((Cache().folder / "checkpoints").glob("*.bin")))
+
+
+@pytest.fixture
+def every_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Report and save after each step."""
+    monkeypatch.setattr(descent, "_REPORT_S", 0.0)
+    monkeypatch.setattr(descent, "_CHECKPOINT_S", 0.0)
+    monkeypatch.setattr(descent, "_SHARE", 1e9)
+
+
+@pytest.mark.usefixtures("every_step")
+def test_a_training_that_was_killed_goes_on_from_its_last_checkpoint(campaign: Campaign) -> None:
+    """In mid-epoch, with dropout: no step is done twice, weights and curve are those of an undisturbed run."""
+    undisturbed = LfTcn(SMALL).fit(campaign)
+    with pytest.raises(Killed):
+        LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(_dies_at("Training LF TCN", 17)))
+    assert _checkpoints() == 1
+    reports: list[Progress] = []
+    resumed = LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
+    assert reports[0].done == 17
+    assert _bits(resumed.network_) == _bits(undisturbed.network_)
+    np.testing.assert_array_equal(resumed.losses_, undisturbed.losses_)
+    assert _checkpoints() == 0
+
+
+@pytest.mark.usefixtures("every_step")
+def test_a_fine_tuning_that_was_killed_goes_on_as_well(campaign: Campaign) -> None:
+    """The tests' own training by Adam has its own checkpoint."""
+    undisturbed = TimeDomain(BY_ADAM).fit(campaign)
+    with pytest.raises(Killed):
+        TimeDomain(BY_ADAM, cache=Cache()).fit(campaign, Watch(_dies_at("Fine-tuning on tests", 11)))
+    resumed = TimeDomain(BY_ADAM, cache=Cache()).fit(campaign)
+    assert _bits(resumed.network_) == _bits(undisturbed.network_)
+    np.testing.assert_array_equal(resumed.losses_, undisturbed.losses_)
+    assert _checkpoints() == 0
+
+
+def test_a_training_that_is_cancelled_leaves_what_it_had(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However short it was: the checkpoint is made when it is stopped."""
+    monkeypatch.setattr(descent, "_REPORT_S", 0.0)
+    cancel = threading.Event()
+
+    def stop(progress: Progress) -> None:
+        if progress.done == 5:
+            cancel.set()
+
+    with pytest.raises(Cancelled):
+        LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(stop, cancel))
+    reports: list[Progress] = []
+    LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
+    assert reports[0].done == 6
+
+
+def test_other_data_or_another_seed_does_not_take_the_checkpoint(campaign: Campaign) -> None:
+    """It belongs to one training."""
+    _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
+    reports: list[Progress] = []
+    LfTcn(SMALL, seed=1, cache=Cache()).fit(campaign, Watch(reports.append))
+    assert reports[0].done == 0
+    cae = replace(campaign.cae, accel_mps2=1.1 * campaign.cae.accel_mps2)
+    reports.clear()
+    LfTcn(SMALL, cache=Cache()).fit(replace(campaign, cae=cae), Watch(reports.append))
+    assert reports[0].done == 0
+
+
+def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
+    """One flipped byte, and the training begins anew."""
+    _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
+    (kept,) = (Cache().folder / "checkpoints").glob("*.bin")
+    damaged = bytearray(kept.read_bytes())
+    damaged[-200] ^= 1
+    kept.write_bytes(damaged)
+    reports: list[Progress] = []
+    LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
+    assert reports[0].done == 0
+
+
+def test_without_a_cache_nothing_is_left_on_disk(campaign: Campaign) -> None:
+    """A training that was not given a place keeps nothing."""
+    _cancel_at_once(LfTcn(SMALL), campaign)
+    assert not (Cache().folder / "checkpoints").exists()
+
+
+def test_members_train_as_they_would_alone() -> None:
+    """The loss of an ensemble is a sum, so each member's gradient is that of its own loss."""
+    inputs = torch.randn(20, 30, SMALL.n_inputs, generator=torch.Generator().manual_seed(0))
+    targets = torch.randn(20, 30, generator=torch.Generator().manual_seed(1))
+    config = replace(SMALL, dropout=0.0)
+    network = Tcn(config, torch.Generator().manual_seed(2))
+    problem = _OnRuns(inputs, targets, config, 3, 3, torch.Generator())
+    objective, losses = problem.loss(network, 0)
+    whole = torch.autograd.grad(objective, list(network.parameters()), retain_graph=True)
+    own = torch.autograd.grad(losses[1], list(network.parameters()))
+    for one, other in zip(whole, own, strict=True):
+        torch.testing.assert_close(one[1], other[1])
+        assert other[0].abs().max() == 0
+
+
+def test_progress_is_told_within_an_epoch(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An epoch of the paper's network takes minutes on a CPU: nobody waits that long for Cancel."""
+    monkeypatch.setattr(descent, "_REPORT_S", 0.0)
+    reports: list[Progress] = []
+    LfTcn(SMALL).fit(campaign, Watch(reports.append))
+    assert [report.done for report in reports] == list(range(reports[-1].total + 1))

@@ -1,0 +1,48 @@
+"""The command `crashfuse import` hands on what it is told, and prints what was done."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crashfuse import cli
+from crashfuse.campaign_folder.condition_tables import read_conditions
+from crashfuse.signals.pulse import GRID_S
+from crashfuse.units import KPH
+
+
+def foreign_table(path: Path) -> Path:
+    """A half sine of 50 km/h and some rebound as a German laboratory writes it: semicolons, commas, cm-heavy names."""
+    duration, speed = 0.075, 50 * KPH
+    time = np.arange(-0.01, 0.15, 1e-4)
+    peak = 1.1 * speed * np.pi / (2 * duration) / 9.80665
+    pulse = np.where((time >= 0) & (time <= duration), -peak * np.sin(np.pi * time / duration), 0.0)
+    rows = [f"{t * 1e3:.1f};{a:.4f}".replace(".", ",") for t, a in zip(time, pulse, strict=True)]
+    path.write_text("\n".join(["Zeit [ms];Beschleunigung X [g]", *rows]), encoding="utf-8")
+    return path
+
+
+def test_a_foreign_table_becomes_a_test_of_a_new_campaign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Condition from the options, steps on the terminal and in campaign.toml, pulse from contact on."""
+    source, out = foreign_table(tmp_path / "Versuch 7.csv"), tmp_path / "campaign"
+    command = ["import", str(source), "--out", str(out), "--id", "V7", "--speed-kph", "50"]
+    command += ["--mass-kg", "1500", "--front-share", "0.6", "--channel-filter-class", "none"]
+    assert cli.main(command) == cli.DONE
+    said = capsys.readouterr().out
+    assert "1 test added" in said
+    assert "V7: 31.1 mph (50.0 km/h)" in said
+    assert "[[imported]]" in (out / "campaign.toml").read_text()
+    table = read_conditions(out / "tests.csv", standstill_allowed=False, problems=[])
+    assert table is not None
+    (condition,) = table.conditions
+    np.testing.assert_allclose(condition.vector, [50 * KPH, 900.0, 600.0], rtol=1e-6)
+    assert (out / "tests" / "V7.csv").exists() or (out / "tests" / "V7.parquet").exists()
+    assert GRID_S[-1] < 0.15
+
+
+def test_what_a_source_does_not_tell_has_to_be_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a speed nothing is written, and the message says which option gives it."""
+    source, out = foreign_table(tmp_path / "v.csv"), tmp_path / "campaign"
+    assert cli.main(["import", str(source), "--out", str(out), "--mass-kg", "1500", "--front-share", "0.6"]) == 1
+    assert "speed" in capsys.readouterr().err
+    assert not out.exists()

@@ -1,0 +1,168 @@
+"""The cache: what comes out is what went in, or nothing."""
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crashfuse.errors import Cancelled
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Progress, Watch
+
+
+def test_what_was_kept_comes_back_to_the_bit(tmp_path: Path) -> None:
+    """Arrays of any kind survive, text too."""
+    cache = Cache(tmp_path)
+    entry = {"a": np.random.default_rng(0).normal(size=(3, 4)).astype(np.float32), "text": np.array("äöü")}
+    cache.put("kind", {"x": 1}, entry)
+    found = cache.get("kind", {"x": 1})
+    assert found is not None
+    assert found["a"].tobytes() == entry["a"].tobytes()
+    assert str(found["text"]) == "äöü"
+
+
+def test_another_key_finds_nothing(tmp_path: Path) -> None:
+    """Kind and every part of the key count."""
+    cache = Cache(tmp_path)
+    cache.put("kind", {"x": 1}, {"a": 1.0})
+    assert cache.get("kind", {"x": 2}) is None
+    assert cache.get("other", {"x": 1}) is None
+
+
+@pytest.mark.parametrize("position", [0, 100, -1])
+def test_a_flipped_byte_is_noticed_and_removed(tmp_path: Path, position: int) -> None:
+    """A damaged entry is no entry."""
+    cache = Cache(tmp_path)
+    cache.put("kind", {"x": 1}, {"a": np.arange(50)})
+    path = cache.path("kind", {"x": 1})
+    content = bytearray(path.read_bytes())
+    content[position] ^= 1
+    path.write_bytes(content)
+    assert cache.get("kind", {"x": 1}) is None
+    assert not path.exists()
+
+
+def test_a_cut_off_entry_is_no_entry(tmp_path: Path) -> None:
+    """Half a file is noticed."""
+    cache = Cache(tmp_path)
+    cache.put("kind", {}, {"a": np.arange(50)})
+    path = cache.path("kind", {})
+    path.write_bytes(path.read_bytes()[:200])
+    assert cache.get("kind", {}) is None
+
+
+def test_nothing_is_unpickled(tmp_path: Path) -> None:
+    """An object array cannot even be put in."""
+    with pytest.raises(ValueError, match="allow_pickle"):
+        Cache(tmp_path).put("kind", {}, {"a": np.array([object()])})
+
+
+def test_a_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A full disk costs nothing that was computed: the old entry stays, and no temporary file does."""
+    cache = Cache(tmp_path)
+    cache.put("kind", {}, {"a": 1.0})
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    cache.put("kind", {}, {"a": 2.0})
+    monkeypatch.undo()
+    found = cache.get("kind", {})
+    assert found is not None
+    assert float(found["a"]) == 1.0
+    assert len(list((tmp_path / "kind").iterdir())) == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"\n", b"0" * 64 + b"\n", b"anything", bytes(10_000)])
+def test_what_is_no_entry_is_noticed_and_removed(tmp_path: Path, content: bytes) -> None:
+    """Empty, cut off or foreign: nothing is found, and the next one to look finds no file."""
+    cache = Cache(tmp_path)
+    path = cache.path("kind", {})
+    path.parent.mkdir()
+    path.write_bytes(content)
+    assert cache.get("kind", {}) is None
+    assert not path.exists()
+
+
+def test_a_folder_that_cannot_be_written_is_no_obstacle(tmp_path: Path) -> None:
+    """Nothing is kept, nothing is locked, and work goes on."""
+    (tmp_path / "file").touch()
+    cache = Cache(tmp_path / "file" / "cache")
+    with cache.alone("kind", {}):
+        cache.put("kind", {}, {"a": 1.0})
+    assert cache.get("kind", {}) is None
+    cache.drop("kind", {})
+
+
+_HOLD = """
+import sys, time
+from pathlib import Path
+from crashfuse.execution.cache import Cache
+with Cache(Path(sys.argv[1])).alone("kind", {}):
+    print("alone", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def holder(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """Another process that computes the entry of an empty key."""
+    command = [sys.executable, "-c", _HOLD, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"alone\n"
+        yield process
+        process.kill()
+
+
+def test_who_comes_second_waits_until_the_first_has_ended(tmp_path: Path, holder: subprocess.Popen[bytes]) -> None:
+    """Even if that was killed; other entries are free all the while, and no lock stays."""
+    cache, said = Cache(tmp_path), []
+
+    def end_it(progress: Progress) -> None:
+        said.append(progress.step)
+        holder.kill()
+
+    with cache.alone("kind", {"other": 1}, Watch(end_it)):
+        assert not said
+    with cache.alone("kind", {}, Watch(end_it)):
+        assert set(said) == {"Waiting for another process that computes the same"}
+    assert not list((tmp_path / "kind").iterdir())
+
+
+@pytest.mark.usefixtures("holder")
+def test_waiting_can_be_cancelled_and_has_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody hangs for ever because another does."""
+    cancel = threading.Event()
+    cancel.set()
+    with pytest.raises(Cancelled), Cache(tmp_path).alone("kind", {}, Watch(cancel=cancel)):
+        pass
+    monkeypatch.setattr("crashfuse.execution.cache._PATIENCE_S", 0.0)
+    with Cache(tmp_path).alone("kind", {}):
+        assert list((tmp_path / "kind").iterdir())  # the first one's lock is still there
+
+
+def test_what_is_packed_can_be_unpacked_elsewhere(tmp_path: Path) -> None:
+    """Only what was used; what is there is left alone, and damage on the way is noticed as ever."""
+    here, there = Cache(tmp_path / "here"), Cache(tmp_path / "there")
+    for number in range(3):
+        here.put("kind", {"x": number}, {"a": np.arange(number)})
+    later = Cache(here.folder)
+    assert later.get("kind", {"x": 2}) is not None
+    files = later.pack(later.used)
+    assert len(files) == 1
+    there.unpack(files)
+    found = there.get("kind", {"x": 2})
+    assert found is not None
+    assert found["a"].tolist() == [0, 1]
+    ((name, content),) = files.items()
+    there.unpack({name: content[:-1]})
+    assert there.get("kind", {"x": 2}) is not None
+    damaged = Cache(tmp_path / "damaged")
+    damaged.unpack({name: content[:-1]})
+    assert damaged.get("kind", {"x": 2}) is None

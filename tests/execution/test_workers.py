@@ -1,0 +1,318 @@
+"""Where folds are computed: the same numbers everywhere, and who dies costs only what it was at."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+import psutil
+import pytest
+
+from crashfuse import cli
+from crashfuse.campaign import Campaign
+from crashfuse.errors import Cancelled, CrashfuseError, UsageError
+from crashfuse.execution import cluster
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.cluster import connected
+from crashfuse.execution.progress import SILENT, Progress, Watch
+from crashfuse.execution.workers import Local, Task, Work, Workers
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.study import run_study
+
+CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
+
+
+def tasks_of(campaign: Campaign) -> list[Task]:
+    """Two tasks for each test."""
+    return [Task(name, (test,)) for name in ("cae", "displacement_domain") for test in campaign.tests]
+
+
+def names_of(campaign: Campaign) -> list[str]:
+    """What :func:`fatal_once` returns for them, sorted."""
+    return sorted(f"{task.approach} {task.fold}" for task in tasks_of(campaign))
+
+
+def fatal_once(deaths: Path, lives: int = 1) -> Work[str]:
+    """Work that ends its own process as often as it is told, in T2's task, and names the task otherwise."""
+
+    def work(_campaign: Campaign, task: Task, _cache: Cache, _watch: Watch) -> list[str]:
+        import os
+        import signal
+        import time
+
+        died = len(list(deaths.iterdir()))
+        if task.fold == ("T2",) and died < lives:
+            (deaths / str(died)).touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(0.05)
+        return [f"{task.approach} {task.fold}"]
+
+    return work
+
+
+def done_by(workers: Workers, work: Work[str], campaign: Campaign, cache: Path) -> list[str]:
+    """All that comes out of all tasks, sorted."""
+    return sorted(chain(*workers.completed(work, campaign, tasks_of(campaign), Cache(cache), SILENT)))
+
+
+@pytest.fixture
+def deaths(tmp_path: Path) -> Path:
+    """A folder with a file for each death."""
+    folder = tmp_path / "deaths"
+    folder.mkdir()
+    return folder
+
+
+def test_a_process_that_is_killed_costs_only_what_it_was_at(
+    campaign: Campaign, tmp_path: Path, deaths: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Every task is done once in the end, and what happened is said."""
+    assert done_by(Local(2), fatal_once(deaths), campaign, tmp_path) == names_of(campaign)
+    assert len(list(deaths.iterdir())) == 1
+    assert "A worker died" in caplog.text
+
+
+def test_processes_that_die_again_and_again_end_the_study(campaign: Campaign, tmp_path: Path, deaths: Path) -> None:
+    """One sentence says what may be the cause and how to go on."""
+    with pytest.raises(CrashfuseError, match=r"out of memory perhaps.* --resume .*fewer --workers"):
+        done_by(Local(2), fatal_once(deaths, lives=99), campaign, tmp_path)
+    assert len(list(deaths.iterdir())) < 10
+
+
+_SLEEPING = """
+import sys, time
+from pathlib import Path
+from crashfuse.execution.cache import Cache
+from crashfuse.campaign import Campaign
+from crashfuse.execution.progress import SILENT
+from crashfuse.execution.workers import Local, Task
+
+folder = sys.argv[1]
+def work(campaign, task, cache, watch, folder=folder):
+    Path(folder, task.approach).touch()
+    time.sleep(60)
+
+list(Local(2).completed(work, None, [Task("a", ()), Task("b", ())], Cache(), SILENT))
+"""
+
+
+def workers_of(process: subprocess.Popen[bytes]) -> list[psutil.Process]:
+    """Its worker processes."""
+    found = psutil.Process(process.pid).children(recursive=True)
+    return [child for child in found if "popen_loky" in " ".join(child.cmdline())]
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_workers_end_with_who_started_them(tmp_path: Path, number: signal.Signals) -> None:
+    """A parent that is killed leaves no process, and no memory in use."""
+    with subprocess.Popen([sys.executable, "-c", _SLEEPING, str(tmp_path)], stderr=subprocess.DEVNULL) as parent:
+        _wait(lambda: len(list(tmp_path.iterdir())) == 2)
+        workers = workers_of(parent)
+        assert len(workers) == 2
+        parent.send_signal(number)
+        assert not psutil.wait_procs(workers, timeout=20)[1]
+
+
+def test_ctrl_c_is_one_sentence_and_leaves_no_process(campaign_on_disk: Path, tmp_path: Path) -> None:
+    """As a terminal sends it: to the whole group."""
+    arguments = ["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--workers", "2"]
+    command = [sys.executable, "-m", "crashfuse", *arguments, "--approach", "cae", "displacement_domain"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True) as study:
+        _wait((Cache().folder / "predictions").exists)
+        workers = workers_of(study)
+        os.killpg(study.pid, signal.SIGINT)
+        _, said = study.communicate(timeout=30)
+    assert study.returncode == cli.INTERRUPTED
+    assert b"goes on from there" in said
+    assert b"Traceback" not in said
+    assert not psutil.wait_procs(workers, timeout=20)[1]
+
+
+@dataclass
+class Dask:
+    """A scheduler and its workers, each a process on this machine with a cache of its own."""
+
+    folder: Path
+    address: str
+    scheduler: subprocess.Popen[bytes]
+    workers: dict[str, subprocess.Popen[bytes]]
+
+    @classmethod
+    def start(cls, folder: Path) -> "Dask":
+        """Start the scheduler alone."""
+        file = folder / "scheduler.json"
+        process = _dask(folder, "scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))
+        _wait(lambda: file.exists() and file.read_text().endswith("}"))
+        return cls(folder, json.loads(file.read_text())["address"], process, {})
+
+    def add(self, *names: str) -> None:
+        """Start workers."""
+        for name in names:
+            options = ("--host", "127.0.0.1", "--nthreads", "1", "--no-nanny", "--name", name)
+            self.workers[name] = _dask(self.folder, "worker", self.address, *options)
+
+    def cache(self, name: str) -> Path:
+        """A worker's cache."""
+        return self.folder / f"cache of {name}"
+
+    def stop(self) -> None:
+        """End all processes."""
+        for process in (*self.workers.values(), self.scheduler):
+            process.kill()
+            process.wait()
+
+
+def _dask(folder: Path, role: str, *options: str) -> subprocess.Popen[bytes]:
+    name = options[-1] if role == "worker" else role
+    environment = {**os.environ, "CRASHFUSE_CACHE": str(folder / f"cache of {name}"), "DASK_CONFIG": str(folder)}
+    environment["DASK_TEMPORARY_DIRECTORY"] = str(folder)
+    command = [sys.executable, "-m", f"distributed.cli.dask_{role}", *options, "--no-dashboard"]
+    with (folder / f"{name}.log").open("wb") as log:
+        return subprocess.Popen(command, stdout=log, stderr=log, env=environment)
+
+
+def _wait(what: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 240  # on a busy machine
+    while not what():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.fixture(scope="module")
+def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
+    """A scheduler with two workers."""
+    started = Dask.start(tmp_path_factory.mktemp("dask"))
+    started.add("one", "two")
+    yield started
+    started.stop()
+
+
+def test_a_cluster_gives_what_one_process_gives(campaign: Campaign, dask: Dask, tmp_path: Path) -> None:
+    """To the bit; nothing is learned twice on the cluster, and all of it ends up in the caller's cache."""
+    here = run_study(campaign, CONFIG, held_out=["T1", "T2"], cache=Cache(tmp_path / "here"), workers=1)
+    seen: list[Progress] = []
+    there = run_study(
+        campaign,
+        CONFIG,
+        held_out=["T1", "T2"],
+        cache=Cache(tmp_path / "there"),
+        watch=Watch(seen.append),
+        scheduler=dask.address,
+    )
+    for a, b in zip(here.folds, there.folds, strict=True):
+        assert a.ratings == b.ratings
+        for x, y in zip(a.estimates, b.estimates, strict=True):
+            assert x.prediction.accel_mps2.tobytes() == y.prediction.accel_mps2.tobytes()
+            assert x.left_out_mps2.keys() == y.left_out_mps2.keys()
+            assert {**x.state, "seconds": 0} == {**y.state, "seconds": 0}
+    files = {path.relative_to(tmp_path / "here") for path in (tmp_path / "here").rglob("*.bin")}
+    assert files == {path.relative_to(tmp_path / "there") for path in (tmp_path / "there").rglob("*.bin")}
+    # learned by two, they would differ in the seconds that took; where both have one, it was sent
+    fits = {(path.name, path.read_bytes()) for name in dask.workers for path in dask.cache(name).glob("fits/*.bin")}
+    assert len(fits) == 4
+    emulators = [path.read_bytes() for name in dask.workers for path in dask.cache(name).glob("emulator/*.bin")]
+    assert set(emulators) == {path.read_bytes() for path in (tmp_path / "there").glob("emulator/*.bin")}
+    assert [p.done for p in seen if p.step == "Held-out predictions"][-1] == 4
+
+
+def test_a_cluster_knows_when_to_stop(campaign: Campaign, dask: Dask) -> None:
+    """Cancelling does not wait for a task to end."""
+
+    def stop(progress: Progress) -> None:
+        if progress.step == "Held-out predictions":
+            raise Cancelled("Stopped.")
+
+    with pytest.raises(Cancelled):
+        run_study(campaign, CONFIG, held_out=["T3"], watch=Watch(stop), scheduler=dask.address)
+
+
+def test_a_worker_of_a_cluster_that_is_killed_costs_only_what_it_was_at(
+    campaign: Campaign, dask: Dask, tmp_path: Path, deaths: Path
+) -> None:
+    """The other one takes its tasks up."""
+    with connected(dask.address) as workers:
+        assert done_by(workers, fatal_once(deaths), campaign, tmp_path) == names_of(campaign)
+    assert sum(process.poll() is None for process in dask.workers.values()) == 1
+    dask.add("one again")
+
+
+def test_a_worker_with_other_versions_is_refused(
+    campaign: Campaign, dask: Dask, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One sentence names it and what differs; nothing is computed."""
+    ours = {**cluster.versions(), "numpy": "1.26.4"}
+    monkeypatch.setattr(cluster, "versions", lambda: ours)
+    with pytest.raises(CrashfuseError, match=r"worker at tcp://\S+ has numpy [\d.]+ instead of 1.26.4: install"):
+        run_study(campaign, CONFIG, scheduler=dask.address)
+
+
+def test_a_cluster_without_workers_is_waited_for_in_vain(
+    campaign: Campaign, tmp_path: Path, deaths: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If none is there, and if the last one dies in mid-study, a sentence says so before long."""
+    monkeypatch.setattr(cluster, "_WORKER_S", 0.5)
+    monkeypatch.setattr(cluster, "_ANSWER_S", 2.0)
+    alone = Dask.start(tmp_path)
+    try:
+        with pytest.raises(CrashfuseError, match="has no worker"):
+            run_study(campaign, CONFIG, scheduler=alone.address)
+        monkeypatch.setattr(cluster, "_WORKER_S", 30.0)
+        alone.add("one")
+        with connected(alone.address) as workers:
+            monkeypatch.setattr(cluster, "_WORKER_S", 0.5)
+            with pytest.raises(CrashfuseError, match=r"has no worker.*--resume"):
+                done_by(workers, fatal_once(deaths), campaign, tmp_path / "cache")
+    finally:
+        alone.stop()
+
+
+def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, tmp_path: Path) -> None:
+    """A sentence says how to go on."""
+    mortal = Dask.start(tmp_path)
+    try:
+        mortal.add("one")
+        with connected(mortal.address) as workers:
+
+            def names(campaign: Campaign, task: Task, cache: Cache, watch: Watch) -> list[str]:  # noqa: ARG001
+                return [task.approach]
+
+            found = workers.completed(names, campaign, tasks_of(campaign), Cache(tmp_path / "cache"), SILENT)
+            while not next(found):
+                pass
+            mortal.scheduler.kill()
+            with pytest.raises(CrashfuseError, match=r"scheduler at tcp://\S+ is gone.*--resume"):
+                list(found)
+    finally:
+        mortal.stop()
+
+
+def test_an_unreachable_scheduler_is_one_sentence(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Within seconds, and with exit code 1."""
+    command = ["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:9"]
+    start = time.monotonic()
+    assert cli.main(command) == cli.WRONG_DATA
+    assert time.monotonic() - start < 15
+    assert capsys.readouterr().err == "crashfuse: No Dask scheduler answers at tcp://127.0.0.1:9.\n"
+
+
+@pytest.mark.parametrize("address", ["localhost:8786", "http://localhost:8786", "tcp://localhost", "tcp://a b:1"])
+def test_what_is_no_address_is_wrong_usage(campaign: Campaign, address: str) -> None:
+    """It is not tried."""
+    with pytest.raises(UsageError, match="looks like tcp://"):
+        run_study(campaign, CONFIG, scheduler=address)
+
+
+def test_one_cannot_ask_for_processes_and_a_cluster(campaign_on_disk: Path, tmp_path: Path) -> None:
+    """The command line says so."""
+    command = ["study", str(campaign_on_disk), "--out", str(tmp_path), "--workers", "2", "--scheduler", "tcp://a:1"]
+    with pytest.raises(SystemExit) as ended:
+        cli.main(command)
+    assert ended.value.code == cli.WRONG_USAGE

@@ -1,0 +1,179 @@
+"""Zips from strangers: each trick is refused with a sentence, and nothing is believed that a zip says of itself."""
+
+import io
+import struct
+import zipfile
+from collections.abc import Callable
+
+import pytest
+
+from crashfuse.errors import DataError
+from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, zip_members
+
+SYMLINK, FIFO = 0o120777 << 16, 0o010644 << 16
+
+
+def zipped(*files: tuple[str | zipfile.ZipInfo, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """Pack files as a zip, names as they are given."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", method) as archive:
+        for name, content in files:
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def unpacked(content: bytes, limits: Limits = DEFAULT_LIMITS) -> dict[str, bytes]:
+    """Read all of a zip through the module under test."""
+    budget = Budget(limits, len(content))
+    members = zip_members(io.BytesIO(content), "up.zip", limits)
+    return {str(member.path): b"".join(member.chunks(budget)) for member in members}
+
+
+def entry(name: str, attributes: int = 0) -> zipfile.ZipInfo:
+    """An entry whose name is taken as it is, with a Unix file mode."""
+    info = zipfile.ZipInfo()
+    info.filename = name
+    info.external_attr = attributes
+    return info
+
+
+def flagged(content: bytes, flag: int) -> bytes:
+    """The same zip with a flag set on its first entry, in the directory and at the file."""
+    changed = bytearray(content)
+    for signature, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        at = content.index(signature) + offset
+        changed[at : at + 2] = struct.pack("<H", struct.unpack("<H", content[at : at + 2])[0] | flag)
+    return bytes(changed)
+
+
+def test_what_is_in_a_zip_comes_out_of_it() -> None:
+    """Files come out with their paths and content; folders and what file managers leave behind do not."""
+    content = zipped(
+        ("campaign/", b""),
+        ("campaign/tests/Prüfung 1.csv", b"a,b\n" * 1000),
+        ("campaign/.DS_Store", b"x"),
+        ("__MACOSX/campaign/._tests.csv", b"x"),
+        ("campaign/Thumbs.db", b"x"),
+        ("empty.csv", b""),
+    )
+    assert unpacked(content) == {"campaign/tests/Prüfung 1.csv": b"a,b\n" * 1000, "empty.csv": b""}
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("/etc/passwd.csv", "an absolute path"),
+        ("../out.csv", "a path that leaves its folder"),
+        ("a/../../out.csv", "a path that leaves its folder"),
+        ("a/./b.csv", "a path that leaves its folder"),
+        ("a//b.csv", "a path that leaves its folder"),
+        ("../", "a path that leaves its folder"),
+        ("..\\out.csv", "a backslash"),
+        ("\\\\server\\share\\out.csv", "a backslash"),
+        ("C:/out.csv", "a drive letter"),
+        ("tests.csv:hidden", "a drive letter or a colon"),
+        ("a\x00.csv", "cannot be printed"),
+        ("a\n.csv", "cannot be printed"),
+        ("vsc.\u202egpj.csv", "cannot be printed"),
+        ("CON.csv", "a device"),
+        ("tests/lpt1.csv", "a device"),
+        ("nul .csv", "a device"),
+        ("tests./T1.csv", "a dot or a space"),
+        ("T1.csv ", "a dot or a space"),
+        (" T1.csv", "a dot or a space"),
+        ("n" * 250 + ".csv", "too long"),
+        ("/".join(["n"] * 600), "too long"),
+    ],
+)
+def test_a_name_that_is_a_trick_is_refused(name: str, found: str) -> None:
+    """A path that leads out of its folder, or that some platform reads otherwise, is refused before it is read."""
+    with pytest.raises(DataError, match=found) as refused:
+        unpacked(zipped((entry(name), b"x")))
+    message = str(refused.value)
+    assert message.startswith("up.zip: ")
+    assert message.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (zipped((entry("tests.csv", SYMLINK), b"/etc/passwd")), "a link or a device"),
+        (zipped((entry("tests.csv", FIFO), b"")), "a link or a device"),
+        (flagged(zipped(("a.csv", b"x")), 0x1), "an encrypted one"),
+        (zipped(("a.csv", b"x"), method=zipfile.ZIP_LZMA), "packing method 14"),
+        (b"", "a damaged one"),
+        (b"id,speed_mph\n1,2\n", "a damaged one"),
+        (zipped(("a.csv", b"abc" * 999))[:-30], "a damaged one"),
+        (zipped(("a.csv", b"x" * 50), method=zipfile.ZIP_STORED).replace(b"x" * 50, b"y" * 50), "CRC"),
+    ],
+    ids=["symlink", "fifo", "encrypted", "lzma", "empty", "no zip", "truncated", "changed"],
+)
+def test_a_zip_that_is_unsound_is_refused(content: bytes, found: str) -> None:
+    """Links, passwords, rare packing and damage are refused, each with its reason."""
+    with pytest.raises(DataError, match=found):
+        unpacked(content)
+
+
+def lying(content: bytes, size: int) -> bytes:
+    """The same zip, whose directory and file header both say that its one file has this many bytes."""
+    changed = bytearray(content)
+    for signature, offset in ((b"PK\x03\x04", 22), (b"PK\x01\x02", 24)):
+        at = content.index(signature) + offset
+        changed[at : at + 4] = struct.pack("<I", size)
+    return bytes(changed)
+
+
+@pytest.mark.parametrize(
+    ("content", "limits", "expected"),
+    [
+        (zipped(("a.csv", bytes(20 << 20))), Limits(), "at most 100 times the size of the archive, found more"),
+        (zipped(("a.csv", bytes(3 << 20))), Limits(member_bytes=2 << 20, ratio=1e4), "at most 2 MiB a file"),
+        (
+            zipped(*((f"{i}.csv", bytes(1 << 20)) for i in range(3))),
+            Limits(total_bytes=2 << 20, ratio=1e4),
+            "at most 2 MiB in all",
+        ),
+        (zipped(*((f"{i}.csv", b"") for i in range(11))), Limits(members=10), "at most 10 files, found 11"),
+        (lying(zipped(("a.csv", bytes(20 << 20))), 10), Limits(), "a sound zip"),
+    ],
+    ids=["ratio", "member", "total", "members", "a size that is a lie"],
+)
+def test_a_zip_beyond_the_limits_is_refused(content: bytes, limits: Limits, expected: str) -> None:
+    """Bombs are stopped by what has been counted, not by what the directory says."""
+    with pytest.raises(DataError, match=expected):
+        unpacked(content, limits)
+
+
+def test_files_that_share_their_bytes_are_counted_each_time() -> None:
+    """A thousand directory entries that all point at one packed megabyte are a bomb, though no single one is."""
+    single = zipped(("a.csv", bytes(1 << 20)))
+    directory, end = single.index(b"PK\x01\x02"), single.index(b"PK\x05\x06")
+    header = single[directory:end]
+    tail = struct.pack("<4sHHHHIIH", b"PK\x05\x06", 0, 0, 1000, 1000, 1000 * len(header), directory, 0)
+    with pytest.raises(DataError, match=r"zip bomb|a sound zip"):  # newer zipfile modules see the overlap themselves
+        unpacked(single[:directory] + header * 1000 + tail)
+
+
+def test_a_large_file_is_read_in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No more than 1 MiB of a member is in memory at once, and a bomb is left after the first pieces."""
+    content = zipped(("a.csv", bytes(64 << 20)))
+    sizes: list[int] = []
+    spend: Callable[[Budget, int, int, str], None] = Budget.spend
+
+    def spy(self: Budget, count: int, member_bytes: int, where: str) -> None:
+        sizes.append(count)
+        spend(self, count, member_bytes, where)
+
+    monkeypatch.setattr(Budget, "spend", spy)
+    with pytest.raises(DataError, match="zip bomb"):
+        unpacked(content)
+    assert max(sizes) <= 1 << 20
+    assert sum(sizes) <= 100 * len(content) + (1 << 20)
+
+
+def test_many_problems_are_counted_not_all_listed() -> None:
+    """A zip of a thousand tricks gets twenty sentences and a count."""
+    with pytest.raises(DataError) as refused:
+        unpacked(zipped(*((entry(f"../{i}.csv"), b"") for i in range(1000))))
+    assert len(refused.value.problems) == 21
+    assert "980 more" in str(refused.value)

@@ -1,0 +1,101 @@
+"""Writing: all or nothing, whatever happens in the middle."""
+
+import os
+import platform
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+
+from crashfuse import cli
+from crashfuse.files.atomic import write_atomically, written_together
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """All files of a folder."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_files_get_to_their_folder_together(tmp_path: Path) -> None:
+    """As long as they are being written, those of before are there."""
+    write_atomically(tmp_path / "a.csv", b"old")
+    with written_together(tmp_path, last="a.csv") as folder:
+        write_atomically(folder / "a.csv", b"new")
+        write_atomically(folder / "more" / "b.csv", b"new")
+        assert (tmp_path / "a.csv").read_bytes() == b"old"
+    assert contents(tmp_path) == {"a.csv": b"new", "more/b.csv": b"new"}
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_the_file_that_tells_of_the_others_moves_last(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the machine stops between two moves, it does not claim what is not there."""
+    moved: list[str] = []
+    replace = Path.replace
+
+    def recorded(self: Path, target: Path) -> Path:
+        moved.append(target.name)
+        return replace(self, target)
+
+    with written_together(tmp_path, last="a.json") as folder:
+        for name in ("a.json", "b.csv", "z.csv"):
+            write_atomically(folder / name, b"")
+        monkeypatch.setattr(Path, "replace", recorded)
+    assert moved[-1] == "a.json"
+    assert len(moved) == 3
+
+
+def test_files_that_cannot_all_be_written_change_nothing(tmp_path: Path) -> None:
+    """No old file is replaced, and nothing unfinished stays."""
+    write_atomically(tmp_path / "a.csv", b"old")
+    with pytest.raises(OSError, match="No space"), written_together(tmp_path, last="b.csv") as folder:  # noqa: PT012
+        write_atomically(folder / "a.csv", b"new")
+        raise OSError(28, "No space left on device")
+    assert contents(tmp_path) == {"a.csv": b"old"}
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_disk_that_is_full_at_the_end_of_a_study_costs_nothing_but_time(
+    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One sentence, exit code 1, no table of this study; the same command then writes them all."""
+
+    def full(path: Path, content: bytes) -> None:
+        if path.name == "metrics.csv":
+            raise OSError(28, "No space left on device", str(path))
+        write_atomically(path, content)
+
+    out = tmp_path / "out"
+    command = ["study", str(campaign_on_disk), "--out", str(out), "--approach", "cae", "--held-out", "T1"]
+    monkeypatch.setattr("crashfuse.reporting.results.write_atomically", full)
+    assert cli.main(command) == cli.WRONG_DATA
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert said.startswith(f"crashfuse: Nothing was written to {out}: No space left on device. What was computed")
+    assert list(contents(out)) == ["study.json"]
+    assert b'"finished": false' in (out / "study.json").read_bytes()
+    monkeypatch.undo()
+    assert cli.main([*command, "--resume"]) == cli.DONE
+    assert {"scores.csv", "pulses.csv", "metrics.csv", "report.html", "study.json"} == set(contents(out))
+
+
+def test_what_a_killed_process_left_is_cleared_away(tmp_path: Path) -> None:
+    """Killed in mid-write, it leaves a file; the next process to write there removes that, and nothing else."""
+    write = "import os, sys; from crashfuse.files import atomic; os.fsync = lambda _: os.kill(os.getpid(), 9); "
+    write += "atomic.write_atomically(atomic.Path(sys.argv[1], 'a'), b'1')"
+    assert subprocess.run([sys.executable, "-c", write, str(tmp_path)], check=False).returncode != 0
+    (left,) = tmp_path.iterdir()
+    host, hour_ago = re.escape(platform.node()), time.time() - 4000
+    assert re.fullmatch(rf"\.unfinished-{host}-\d+-[0-9a-f]{{32}}", left.name)
+    mine = tmp_path / f".unfinished-{platform.node()}-{os.getpid()}-{uuid4().hex}"  # of a process that lives
+    theirs = tmp_path / f".unfinished-elsewhere-1-{uuid4().hex}"  # of one that cannot be asked
+    forgotten = tmp_path / f".unfinished-elsewhere-2-{uuid4().hex}"
+    named_alike = tmp_path / ".unfinished-business"
+    for path in (mine, theirs, forgotten, named_alike):
+        path.touch()
+    os.utime(forgotten, (hour_ago, hour_ago))
+    os.utime(named_alike, (hour_ago, hour_ago))
+    write_atomically(tmp_path / "a", b"1")
+    assert set(tmp_path.iterdir()) == {tmp_path / "a", mine, theirs, named_alike}

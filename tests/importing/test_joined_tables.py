@@ -1,0 +1,340 @@
+"""What tables from laboratories have in them besides one time and one pulse: each is read rightly or refused."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from openpyxl import Workbook
+
+from crashfuse.errors import DataError, UsageError
+from crashfuse.importing import ColumnChoice, import_source, read_records
+from crashfuse.importing.draft import Reading, read_each
+from crashfuse.readers.record import Record
+from crashfuse.readers.tables.mapping import propose
+from crashfuse.readers.tables.sheets import read_sheets
+from crashfuse.readers.tables.table_reader import apply_conditions
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import KPH, MS
+from tests.importing.crashes import clock, half_sine_g
+from tests.importing.test_import import GIVEN
+
+TIME_S = clock(-0.02, 0.15, 5000)
+PULSE_G = half_sine_g(TIME_S)
+
+
+def lines(header: str, *columns: FloatArray) -> str:
+    """A table with semicolons and decimal points; NaN leaves a cell empty."""
+    rows = np.column_stack(columns).tolist()
+    return "\n".join([header, *(";".join("" if c != c else f"{c:.5f}" for c in row) for row in rows)])
+
+
+def table(folder: Path, header: str, *columns: FloatArray, name: str = "x.csv") -> Path:
+    """A written table."""
+    path = folder / name
+    path.write_text(lines(header, *columns), encoding="utf-8")
+    return path
+
+
+def roles(path: Path) -> dict[str, str]:
+    """What is proposed for each column."""
+    (sheet,) = read_sheets(path)
+    return {use.column: use.role for use in propose(sheet).uses}
+
+
+def refusal(path: Path, conditions: Path | None = None) -> str:
+    """The one sentence that a source is refused with."""
+    with pytest.raises(DataError) as caught:
+        import_source(path, path.parent / "out", GIVEN, conditions=conditions)
+    (problem,) = caught.value.problems
+    assert not (path.parent / "out").exists()
+    return str(problem)
+
+
+def by_id(records: Sequence[Record]) -> dict[str, Record]:
+    """Records by their ids."""
+    return {record.id: record for record in records}
+
+
+# --- several times -------------------------------------------------------------------------------------------------
+
+
+def side_by_side(folder: Path, headers: str) -> Path:
+    """Two tests, the second twice as long and with 20 ms more before contact; the shorter ends in empty cells."""
+    later_s = clock(-0.04, 0.3, 5000)
+    first = [
+        np.pad(column, (0, later_s.size - TIME_S.size), constant_values=np.nan) for column in (TIME_S / MS, PULSE_G)
+    ]
+    return table(folder, headers, *first, later_s / MS, half_sine_g(later_s))
+
+
+def test_each_acceleration_has_the_time_to_its_left(tmp_path: Path) -> None:
+    """Tests side by side, named above: both have their contact at 0 of their own time, and their titles as ids."""
+    path = side_by_side(tmp_path, "Test 1;;Test 2;\nt [ms];ax [g];t [ms];ax [g]")
+    records = by_id(read_records(path))
+    assert list(records) == ["Test 1", "Test 2"]
+    for record, start_s, count in zip(records.values(), (-0.02, -0.04), (TIME_S.size, 1701), strict=True):
+        (channel,) = record.channels
+        assert (channel.time_s[0], channel.values.size) == (pytest.approx(start_s), count)
+        np.testing.assert_allclose(channel.values, half_sine_g(channel.time_s), atol=1e-3)
+        assert any("times side by side" in step for step in record.steps)
+    first, second = import_source(path, tmp_path / "out", GIVEN)
+    assert (first.time_zero_s, second.time_zero_s) == (0.0, 0.0)
+    with pytest.raises(UsageError, match="One id is not enough"):
+        import_source(path, tmp_path / "other", GIVEN, record_id="T1")
+
+
+def test_sensors_with_times_of_their_own_are_no_tests(tmp_path: Path) -> None:
+    """Titles that name channels: refused, until the others are left out or conditions say that they are crashes."""
+    path = side_by_side(tmp_path, "sill left;;sill right;\nt [ms];left [g];t [ms];right [g]")
+    assert "found left, right; if they are sensors of one crash, leave out the others (COLUMN=ignored)" in refusal(path)
+    (one,) = read_records(path, columns=[ColumnChoice("right [g]", "ignored")])
+    assert one.id == "left"
+    conditions = tmp_path / "of_both.txt"
+    conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nleft;56;950;750\nRIGHT;56;950;750\n")
+    assert list(by_id(read_records(path, conditions=conditions))) == ["left", "right"]
+
+
+def test_one_time_in_two_units_is_one_time(tmp_path: Path) -> None:
+    """The nearer one is taken; a time right of its acceleration is a question."""
+    path = table(tmp_path, "t [s];t [ms];ax [g]", TIME_S, TIME_S / MS, PULSE_G)
+    assert roles(path) == {"t [s]": "ignored", "t [ms]": "time", "ax [g]": "acceleration"}
+    path = table(tmp_path, "a1 [g];t1 [ms];a2 [g];t2 [ms]", PULSE_G, TIME_S / MS, PULSE_G, TIME_S / MS)
+    assert "expected one column that is the time, found t1 [ms], t2 [ms]" in refusal(path)
+
+
+# --- several accelerations beside one time ---------------------------------------------------------------------------
+
+
+def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
+    """Left beside right: refused, averaged under an id, or two records if the conditions of both are there."""
+    path = table(tmp_path, "t [ms];ax left [g];ax right [g]", TIME_S / MS, PULSE_G, PULSE_G)
+    said = refusal(path)
+    assert "found ax left, ax right; if they are sensors of one crash, say so (--id ID, or --channel)" in said
+    assert "if they are crashes, give --conditions with their ids" in said
+    (one,) = import_source(path, tmp_path / "one", GIVEN, record_id="T1")
+    assert one.channels == ("ax left [g]", "ax right [g]")
+    alike = table(tmp_path, "t [ms];ax [g];ax [g]", TIME_S / MS, PULSE_G, PULSE_G, name="alike.csv")
+    assert "found ax, ax (3); if" in refusal(alike)
+    conditions = tmp_path / "c.txt"
+    conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nax left;56;950;750\n")
+    assert "expected one acceleration of the vehicle" in refusal(path, conditions=conditions)
+    conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nax left;56;950;750\nax right;56;950;750\n")
+    assert len(import_source(path, tmp_path / "two", conditions=conditions)) == 2
+    assert len(read_each(Reading(path))[0]) == 2  # before anything is added, both can be looked at
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("a gefiltert", "a roh"), ("ax filtered", "ax"), ("acc CFC60", "acc unfiltered"), ("ax filtered", "ax raw")],
+)
+def test_filtered_beside_raw_is_one_pulse(tmp_path: Path, names: tuple[str, str]) -> None:
+    """The raw one, wherever it stands."""
+    filtered, raw = names
+    path = table(tmp_path, f"t [ms];{filtered} [g];{raw} [g]", TIME_S / MS, 0.9 * PULSE_G, PULSE_G)
+    (record,) = read_records(path)
+    assert record.proposed == (f"{raw} [g]",)
+
+
+def test_a_dummy_and_other_directions_are_not_the_vehicle(tmp_path: Path) -> None:
+    """By words or ISO codes; even alone they are not taken, nor averaged into the vehicle."""
+    others = [
+        "Kopf Fahrer ax [g]",
+        "Brust ax [g]",
+        "11PELV0000H3ACXA [g]",
+        "10SILLLE0000ACYA [g]",
+        "Hochbeschleunigung [g]",
+    ]
+    others += ["B-Säule Querbeschleunigung [g]", "chest acceleration"]
+    header = ";".join(["t [ms]", *others, "Querträger ax [g]"])
+    path = table(tmp_path, header, TIME_S / MS, *[PULSE_G] * (len(others) + 1))
+    assert [column for column, role in roles(path).items() if role == "acceleration"] == ["Querträger ax [g]"]
+    (one,) = import_source(path, tmp_path / "out1", GIVEN, record_id="T1")
+    assert one.channels == ("Querträger ax [g]",)
+    path = table(tmp_path, "t [ms];Kopf ax [g];Kanal 2", TIME_S / MS, PULSE_G, PULSE_G, name="y.csv")
+    assert "expected a column of time and one of acceleration" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    "other", ["Barrier force Fx [kN]", "Fx [kN]", "Kraft", "Weg", "disp_x", "Signal [mm]", "Druck (bar)", "Accel [V]"]
+)
+def test_a_force_is_no_acceleration(tmp_path: Path, other: str) -> None:
+    """A column beside the time whose unit or name is another quantity's is never the pulse."""
+    path = table(tmp_path, f"Time [s];{other}", TIME_S, PULSE_G)
+    assert roles(path) == {"Time [s]": "time", other: "ignored"}
+    assert roles(table(tmp_path, "Time;Fx\ns;kN", TIME_S, PULSE_G))["Fx"] == "ignored"
+    assert roles(table(tmp_path, "Time [s];Kanal 1", TIME_S, PULSE_G))["Kanal 1"] == "acceleration"
+
+
+# --- conditions ------------------------------------------------------------------------------------------------------
+
+
+def test_what_was_planned_or_carried_is_not_what_was_tested(tmp_path: Path) -> None:
+    """Planned and rebound speed, dummies and cargo are kept as factors; the steps tell what each column is."""
+    table(tmp_path, "t [ms];ax [g]", TIME_S / MS, PULSE_G, name="V1.csv")
+    (tmp_path / "c.txt").write_text(
+        "Versuch;Sollgeschwindigkeit [km/h];rebound speed [km/h];Istgeschwindigkeit [km/h];Masse Dummys [kg];"
+        "Zuladung hinten [kg];Testmasse inkl. Dummys [kg];Anteil vorn [%]\nV1;50;7;56,1;156;50;1650;58\n"
+    )
+    (one,) = import_source(tmp_path / "V1.csv", tmp_path / "out", conditions=tmp_path / "c.txt")
+    assert one.condition.speed_mps == pytest.approx(56.1 * KPH)
+    assert one.condition.front_weight_kg == pytest.approx(0.58 * 1650)
+    assert dict(one.condition.factors)["Masse Dummys [kg]"] == "156"
+    assert "Column Istgeschwindigkeit [km/h] is the speed in km/h: its unit is km/h." in one.steps
+    assert "Column Anteil vorn [%] is the front share in %: its unit is %." in one.steps
+
+
+@pytest.mark.parametrize(
+    ("pair", "role"),
+    [
+        ("v1 [km/h];v2 [km/h]", "speed"),
+        ("Leergewicht [kg];Testgewicht [kg]", "mass"),
+        ("VA1 VA [kg];VA2 VA [kg]", "front_weight"),
+    ],
+)
+def test_two_columns_of_one_quantity_are_a_question(tmp_path: Path, pair: str, role: str) -> None:
+    """Neither is taken silently; the user leaves one out."""
+    path = tmp_path / "c.csv"
+    path.write_text(f"id;{pair}\nT1;1400;1650\n")
+    (sheet,) = read_sheets(path)
+    first, _, second = pair.partition(";")
+    with pytest.raises(DataError) as caught:
+        apply_conditions(sheet, propose(sheet))
+    assert f"expected one column that is the {role}, found {first} and {second}; say which" in str(caught.value)
+    assert apply_conditions(sheet, propose(sheet).overruled(second, "factor"))["T1"].factors == ((second, "1650"),)
+
+
+@pytest.mark.parametrize(
+    ("cell", "header"), [("0.58", "front share [%]"), ("58", "front share [%]"), ("0.58", "Frontanteil")]
+)
+def test_a_share_is_a_share_in_percent_or_not(tmp_path: Path, cell: str, header: str) -> None:
+    """Excel keeps 58 % as 0.58."""
+    path = tmp_path / "c.csv"
+    path.write_text(f"id;v [km/h];mass [kg];{header}\nT1;50;1000;{cell}\n")
+    (sheet,) = read_sheets(path)
+    assert apply_conditions(sheet, propose(sheet))["T1"].front_weight_kg == pytest.approx(580)
+
+
+def test_the_hour_of_a_test_is_not_the_time_of_a_pulse(tmp_path: Path) -> None:
+    """Conditions may have a clock's time, the moment of ignition and a peak, too."""
+    path = tmp_path / "c.csv"
+    path.write_text(
+        "Versuch;Zeit;v [km/h];VA [kg];HA [kg];TTF [ms];peak [g]\n"
+        "V1;10:30;56,1;950;700;12;40\nV2;11:30;56;9,5e2;700;11;41\n"
+    )
+    (sheet,) = read_sheets(path)
+    assert propose(sheet).kind == "conditions"
+    assert apply_conditions(sheet, propose(sheet))["V1"].speed_mps == pytest.approx(56.1 * KPH)
+
+
+@pytest.mark.parametrize("header", ["id;speed;VA [kg];HA [kg]", "id;v [km/h];VA [kg];HA [kg]"])
+def test_a_fault_among_conditions_is_told_once(tmp_path: Path, header: str) -> None:
+    """Without them no record lacks its speed or its weights."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name in ("A.csv", "B.csv"):
+        table(folder, "t [ms];ax [g]", TIME_S / MS, PULSE_G, name=name)
+    (folder / "c.csv").write_text(f"{header}\nA;56;950;fast\nB;56;950;700\n")
+    with pytest.raises(DataError) as caught:
+        import_source(folder, tmp_path / "out")
+    (problem,) = caught.value.problems
+    assert problem.where == "c.csv"
+
+
+# --- the table itself ------------------------------------------------------------------------------------------------
+
+
+def test_a_problem_names_its_record(tmp_path: Path) -> None:
+    """Two records of one table with one fault each."""
+    path = tmp_path / "x.csv"
+    rows = "\n".join(
+        f"{name};{t / MS:.2f};{a:.4f}" for name in ("V1", "V2") for t, a in zip(TIME_S, 0.1 * PULSE_G, strict=True)
+    )
+    path.write_text(f"id;t [ms];ax [g]\n{rows}\n")
+    with pytest.raises(DataError) as caught:
+        import_source(path, tmp_path / "out", GIVEN)
+    assert [problem.where for problem in caught.value.problems] == ["x.csv, V1", "x.csv, V2"]
+
+
+def test_records_below_each_other_are_not_to_be_sorted(tmp_path: Path) -> None:
+    """Their ids lie in a column whose header says nothing: it is asked for, and then they are parted."""
+    path = tmp_path / "long.csv"
+    rows = "\n".join(f"{name};{t / MS:.2f};{a:.4f}" for name in "AB" for t, a in zip(TIME_S, PULSE_G, strict=True))
+    path.write_text(f"Fahrzeug;Zeit [ms];a [g]\n{rows}\n")
+    said = refusal(path)
+    assert f"column Zeit [ms], row {TIME_S.size + 2}: expected time that increases" in said
+    assert "found -20.00 after 150.00; map the column of ids (COLUMN=id)" in said
+    assert list(by_id(read_records(path, columns=[ColumnChoice("Fahrzeug", "id")]))) == ["A", "B"]
+
+
+def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
+    """Seven lines of keys and numbers above a table of two columns; a remark amid the data does not cut it."""
+    preamble = "".join(f"Key {number};{number}\n" for number in range(7))
+    path = tmp_path / "x.csv"
+    path.write_text(preamble + lines("Time;Accel\ns;g", TIME_S, PULSE_G))
+    (record,) = read_records(path)
+    assert record.channels[0].values.size == TIME_S.size
+    whole = lines("Time [s];Accel [g]", TIME_S, PULSE_G).split("\n")
+    path.write_text("\n".join([*whole[:51], "# airbag", *whole[51:]]))
+    assert "row 52: expected a number, found '# airbag'" in refusal(path)
+
+
+def test_decimal_commas_in_quotes_may_be_parted_by_commas(tmp_path: Path) -> None:
+    """As spreadsheets write them."""
+    path = tmp_path / "x.csv"
+    rows = "\n".join(f'"{t / MS:.2f}","{a:.4f}"'.replace(".", ",") for t, a in zip(TIME_S, PULSE_G, strict=True))
+    path.write_text(f'"Zeit [ms]","a [g]"\n{rows}\n')
+    (record,) = read_records(path)
+    np.testing.assert_allclose(record.channels[0].values, PULSE_G, atol=1e-4)
+
+
+@pytest.mark.parametrize("separator", [".", ","])
+def test_thousands_separators_are_no_decimal_signs(tmp_path: Path, separator: str) -> None:
+    """-441.234 beside 119 and never -44.1: advice on the unit would lead astray."""
+    path = tmp_path / "x.csv"
+    noise = 300 * np.random.default_rng(1).normal(size=TIME_S.size)
+    cells = [f"{value:,.0f}".replace(",", separator) for value in 9806.65 * PULSE_G + noise]
+    path.write_text(
+        "Zeit [µs];a [mm/s²]\n" + "\n".join(f"{t * 1e6:.0f};{a}" for t, a in zip(TIME_S, cells, strict=True))
+    )
+    assert "these are thousands separators; export without them" in refusal(path)
+    fine = np.round(PULSE_G * 8) / 8  # halves and eighths, written as short as can be
+    path.write_text("Zeit [ms];a [g]\n" + "\n".join(f"{t / MS:g};{a:g}" for t, a in zip(TIME_S, fine, strict=True)))
+    np.testing.assert_array_equal(read_records(path)[0].channels[0].values, fine)
+
+
+def workbook(path: Path, rows: Sequence[Sequence[object]], hidden: Sequence[Sequence[object]] = ()) -> Path:
+    """A workbook with a table and, if wanted, a hidden sheet."""
+    book = Workbook()
+    sheet = book.active
+    assert sheet is not None
+    sheet.title = "V1"
+    for row in rows:
+        sheet.append(list(row))
+    if hidden:
+        old = book.create_sheet("rejected")
+        old.sheet_state = "hidden"
+        for row in hidden:
+            old.append(list(row))
+    book.save(path)
+    return path
+
+
+def test_a_hidden_sheet_is_left_out(tmp_path: Path) -> None:
+    """And said to be."""
+    rows = [["t [ms]", "ax [g]"], *np.column_stack([TIME_S / MS, PULSE_G]).tolist()]
+    (record,) = read_records(workbook(tmp_path / "x.xlsx", rows, rows))
+    assert "Left out as hidden: rejected." in record.steps
+
+
+@pytest.mark.parametrize(
+    ("accel", "time", "message"),
+    [
+        ("-0,5", "-20,0", "found numbers kept as text, such as '-20,0'; turn them into numbers"),
+        ("=1+1", -20.0, "found formulas whose values are not in the file; open the workbook in Excel and save it"),
+    ],
+)
+def test_a_workbook_without_numbers_says_why(tmp_path: Path, accel: str, time: object, message: str) -> None:
+    """A person sees numbers in it."""
+    path = workbook(tmp_path / "x.xlsx", [["t [ms]", "ax [g]"], *[[time, accel]] * 30])
+    assert message in refusal(path)

@@ -1,0 +1,184 @@
+"""LS-DYNA's own files in memory: LSDA containers byte by byte from the published layout, and ASCII nodout.
+
+Widths and words of the ASCII form are those that the solver's converter from binout writes.
+"""
+
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import G
+from tests.importing.crashes import DURATION_S, PEAK_MPS2, SPEED_MPS, half_sine_g
+
+SYSTEMS = {"mm/ms²": (1e3, 1e3, 1.0), "mm/s²": (1e3, 1.0, 1e-3), "m/s²": (1.0, 1.0, 1.0)}
+"""Consistent systems by their unit of acceleration: lengths in a metre, times in a second, masses in a kg."""
+MASS_KG = 1700.0
+TYPES = {"i1": 1, "i2": 2, "i4": 3, "i8": 4, "u1": 5, "u2": 6, "u4": 7, "u8": 8, "f4": 9, "f8": 10}
+
+Values = npt.NDArray[np.generic]
+Folders = Mapping[str, Mapping[str, Values]]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Sizes of the integers, byte order, how folders are named, and folders a symbol table."""
+
+    length: int = 8
+    offset: int = 8
+    command: int = 1
+    kind: int = 1
+    order: str = "<"
+    relative: bool = False
+    folders_a_table: int = 1000
+
+
+def lsda(folders: Folders, layout: Layout = Layout()) -> bytes:
+    """An LSDA file with these variables by folder."""
+    code = {1: "B", 2: "H", 4: "I", 8: "Q"}
+
+    def record(command: int, body: bytes) -> bytes:
+        head = struct.pack(f"{layout.order}{code[layout.length]}{code[layout.command]}", size(len(body)), command)
+        return head + body
+
+    def size(body: int) -> int:
+        return layout.length + layout.command + body
+
+    def offset(value: int) -> bytes:
+        return struct.pack(f"{layout.order}{code[layout.offset]}", value)
+
+    sizes = (layout.length, layout.offset, layout.command, layout.kind)
+    content = bytearray(bytes([8, *sizes, layout.order == "<", 0, 0]))
+    content += record(7, offset(0))
+    link = len(content) - layout.offset
+    items = list(folders.items())
+    here = "/"
+    for at in range(0, len(items), layout.folders_a_table):
+        table = b""
+        for path, variables in items[at : at + layout.folders_a_table]:
+            move = f"../{path.rsplit('/', 1)[1]}" if _beside(here, path) and layout.relative else path
+            here = path
+            content += record(2, move.encode())
+            table += record(2, move.encode())
+            for name, values in variables.items():
+                kind = struct.pack(f"{layout.order}{code[layout.kind]}", TYPES[values.dtype.str[1:]])
+                place = offset(len(content))
+                data = values.astype(f"{layout.order}{values.dtype.str[1:]}").tobytes()
+                content += record(3, kind + bytes([len(name)]) + name.encode() + data)
+                count = struct.pack(f"{layout.order}{code[layout.length]}", values.size)
+                table += record(4, name.encode() + kind + place + count)
+        content[link : link + layout.offset] = offset(len(content))
+        end = record(6, offset(0))
+        whole = size(len(table) + len(end))
+        content += struct.pack(f"{layout.order}{code[layout.length]}{code[layout.command]}", whole, 5) + table + end
+        link = len(content) - layout.offset
+    return bytes(content)
+
+
+def _beside(here: str, path: str) -> bool:
+    return here.rsplit("/", 1)[0] == path.rsplit("/", 1)[0] and here != path
+
+
+def chars(text: str, width: int = 80) -> Values:
+    """Text as a binout keeps it."""
+    return np.frombuffer(text.encode("latin-1").ljust(width), "i1")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A car with a half-sine pulse, run into a wall: nodes by number with title and how their pulse is scaled."""
+
+    unit: str = "mm/ms²"
+    direction: int = 1
+    nodes: Mapping[int, tuple[str, float]] = field(
+        default_factory=lambda: {
+            1001: ("DRIVER SIDE REAR CROSSMEMBER", 1.0),
+            1002: ("REAR CROSSMEMBER RIGHT", 1.0),
+            2001: ("ENGINE TOP", 1.3),
+            2002: ("DRIVER HEAD REAR SEAT", 0.9),
+        }
+    )
+    end_s: float = 0.15
+    step_s: float = 1e-4
+    noise_g: float = 0.0
+
+    @property
+    def time_s(self) -> FloatArray:
+        """When a state is written."""
+        return self.step_s * np.arange(round(self.end_s / self.step_s) + 1)
+
+    def columns(self, scale: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Time, velocity and acceleration of a node in the run's units; at rest once its velocity is gone."""
+        length, time, _ = SYSTEMS[self.unit]
+        accel = scale * half_sine_g(self.time_s) * G
+        angle = np.pi * np.minimum(self.time_s / DURATION_S, 1.0)
+        velocity = SPEED_MPS - scale * PEAK_MPS2 * DURATION_S / np.pi * (1 - np.cos(angle))
+        noise = np.random.default_rng(seed).normal(0.0, self.noise_g * G, accel.size)
+        return (
+            self.time_s * time,
+            self.direction * velocity * length / time,
+            self.direction * (accel + noise) * length / time**2,
+        )
+
+    def folders(
+        self, numbers: Sequence[int] | None = None, states: slice = slice(None)
+    ) -> dict[str, dict[str, Values]]:
+        """Folders of a binout with these nodes and states."""
+        chosen = [number for number in self.nodes if numbers is None or number in numbers]
+        columns = [self.columns(self.nodes[number][1], number) for number in chosen]
+        length, time, mass = SYSTEMS[self.unit]
+        named = [number for number in chosen if self.nodes[number][0]]
+        legend = np.concatenate([chars(self.nodes[number][0]) for number in named]) if named else None
+        metadata: dict[str, Values] = {"title": chars("Nova full frontal"), "ids": np.array(chosen, "i8")}
+        if legend is not None:
+            metadata |= {"legend": legend, "legend_ids": np.array(named, "i8")}
+        folders: dict[str, dict[str, Values]] = {"/nodout/metadata": metadata}
+        for state in range(self.time_s.size)[states]:
+            folders[f"/nodout/d{state + 1:06d}"] = {
+                "time": np.array([columns[0][0][state]], "f4"),
+                "cycle": np.array([10 * state], "i4"),
+                "x_displacement": np.zeros(len(chosen), "f4"),
+                "x_velocity": np.array([velocity[state] for _, velocity, _ in columns], "f4"),
+                "x_acceleration": np.array([accel[state] for *_, accel in columns], "f4"),
+            }
+        energy = 0.5 * MASS_KG * mass * (SPEED_MPS * length / time) ** 2
+        folders["/glstat/d000001"] = {"time": np.zeros(1, "f4"), "kinetic_energy": np.array([energy], "f4")}
+        return folders
+
+    def binout(
+        self, layout: Layout = Layout(), numbers: Sequence[int] | None = None, states: slice = slice(None)
+    ) -> bytes:
+        """A binout of the run, or a shard of it."""
+        return lsda(self.folders(numbers, states), layout)
+
+    def nodout(self, *, exponent: str = "E") -> bytes:
+        """An ASCII nodout of the run."""
+        lines = [" Nova full frontal", "                         ls-dyna (version mpp s R)     date 11/21/2026", ""]
+        named = [(number, title) for number, (title, _) in self.nodes.items() if title]
+        if named:
+            lines += ["{BEGIN LEGEND}", " Entity #        Title"]
+            lines += [f"{number:9d}     {title}" for number, title in named] + ["{END LEGEND}", ""]
+        columns = {number: self.columns(scale, number) for number, (_, scale) in self.nodes.items()}
+        time = next(iter(columns.values()))[0]
+        for state in range(time.size):
+            stamp = (
+                f"\n\n\n n o d a l   p r i n t   o u t   f o r   t i m e  s t e p{state:8d}"
+                f"                              ( at time{time[state]:12.5E} )\n"
+            )
+            words = "x-disp     y-disp      z-disp      x-vel       y-vel       z-vel      x-accl      y-accl      "
+            lines += [stamp, f" nodal point  {words}z-accl      x-coor      y-coor      z-coor"]
+            for number, (_, velocity, accel) in columns.items():
+                values = [0.0, 0.0, -1.0, velocity[state], 0, 0, accel[state], -1.0, -2.0, 100.0, -200.0, 3.0]
+                lines.append(_row(number, values, exponent))
+            turns = "x-rot      y-rot       z-rot       x-rot vel   y-rot vel   z-rot vel   x-rot acc   y-rot acc   "
+            lines += [stamp, f" nodal point  {turns}z-rot acc"]
+            lines += [_row(number, [9.0] * 9, exponent) for number in columns]
+        return "\n".join(lines).encode() + b"\n"
+
+
+def _row(number: int, values: Iterable[float], exponent: str) -> str:
+    first, *rest = (f"{value:.4E}".replace("E", exponent) for value in values)
+    return f"{number:9d}{first:>13}" + "".join(f"{value:>12}" for value in rest)

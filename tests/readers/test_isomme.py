@@ -1,0 +1,251 @@
+"""ISO-MME: what is written is read again to the bit, and so is what laboratories write."""
+
+import random
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crashfuse.errors import DataError
+from crashfuse.files.archive import Limits
+from crashfuse.readers.isomme import Channel, IsommeTest, read_isomme
+from crashfuse.reporting.isomme_writer import isomme_files
+
+# Written by hand after a channel of a federal laboratory's side-impact test: NOVALUE, 10 kHz from -0.1 s.
+IMPLICIT = """Channel code                :M0MBARLEMIUPACXP
+Reference channel           :implicit
+Reference channel name      :NOVALUE
+Data source                 :transducer
+Test object number          :1
+Name of the channel         :Wagen links: Beschleunigung in Längsrichtung
+Comments                    :drift … within 2 %
+Channel frequency class     :NOVALUE
+Sampling interval           :0.0001
+Unit                        :m/(s*s)
+Time of first sample        :-0.1
+Number of samples           :4
+Data status                 :ok
+1.470835E+3
+-3.005184E+2
+NOVALUE
+ 0
+"""
+CLOCK = """Channel code                :11TIRS000000TIRP
+Unit                        :s
+Number of samples           :4
+-1.0E-03
+-0.5E-03
+0.0E-03
+0.5E-03
+"""
+EXPLICIT = """Channel code                :11HEADCG0000ACXP
+Reference channel           :explicit
+Reference channel name      :11TIRS000000TIRP
+Unit\t\t:g
+42
+41
+40
+39
+"""
+MME = (
+    "Data format edition number  :1.6\nTitle :Wall: 40 % Überdeckung\nCustomer name :NOVALUE\nComments:a\nComments:b\n"
+)
+CHN = "Number of channels :3\nName of channel 003         :10VEHC000000ACXD / Vehicle X\n"
+
+
+def laboratory(encoding: str = "cp1252", newline: str = "\r\n", **changed: str) -> dict[str, bytes]:
+    """Files of a test as a laboratory writes them, capitals and all."""
+    texts = {"T1.MME": MME, "CHANNEL/t1.chn": CHN, "CHANNEL/T1.001": IMPLICIT, "CHANNEL/T1.002": CLOCK}
+    texts |= {"CHANNEL/T1.003": "Unit :g\n1\n2\n", "CHANNEL/T1.010": EXPLICIT} | changed
+    return {name: text.replace("\n", newline).encode(encoding) for name, text in texts.items()}
+
+
+def on_disk(files: dict[str, bytes], folder: Path) -> Path:
+    """Write the files into a folder."""
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return folder
+
+
+def as_zip(files: dict[str, bytes], path: Path) -> Path:
+    """Write the files as a zip, a film among them."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+        archive.writestr("T1/Movie/T1.avi", b"film")
+    return path
+
+
+@pytest.fixture
+def test_with_numbers() -> IsommeTest:
+    """A test with numbers that need all their digits, and a sample without value."""
+    rng = np.random.default_rng(0)
+    values = rng.standard_normal(300) * 10.0 ** rng.integers(-300, 300, 300)
+    values[7] = np.nan
+    first = Channel("10VEHC000000ACXD", "Vehicle X", "m/(s*s)", values, 8e-5, -0.01, ("a", "b"), "simulation")
+    second = Channel("10VEHC000000EVXX", "Überschlag", "1", np.arange(3.0), None)
+    return IsommeTest("T 1", (("Title", "A: b"), ("Comments", "one"), ("Comments", "two")), (first, second))
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_what_is_written_is_read_again_to_the_bit(test_with_numbers: IsommeTest, tmp_path: Path, packed: bool) -> None:
+    """Folder or zip: samples to the last bit, sampling, names, units, comments and descriptors in their order."""
+    files = isomme_files(test_with_numbers)
+    again = read_isomme(as_zip(files, tmp_path / "t.zip") if packed else on_disk(files, tmp_path) / "T 1")
+    assert (again.name, again.descriptors) == (test_with_numbers.name, test_with_numbers.descriptors)
+    for found, written in zip(again.channels, test_with_numbers.channels, strict=True):
+        np.testing.assert_array_equal(found.values, written.values)
+        nothing = np.zeros(0)
+        assert vars(replace(found, values=nothing)) | {"values": 0} == vars(replace(written, values=nothing)) | {
+            "values": 0
+        }
+
+
+def test_files_keep_to_the_form_of_the_standard(test_with_numbers: IsommeTest) -> None:
+    """Descriptor names fill 28 characters, lines end in CR LF and have at most 80 characters, samples one a line."""
+    long = replace(test_with_numbers.channels[0], comments=("a long-winded comment " * 20,))
+    files = isomme_files(replace(test_with_numbers, channels=(long,)))
+    assert list(files) == ["T 1/T 1.mme", "T 1/Channel/T 1.chn", "T 1/Channel/T 1.001"]
+    for content in files.values():
+        assert content.endswith(b"\r\n")
+        assert content.count(b"\n") == content.count(b"\r\n")
+        lines = content.decode().split("\r\n")[:-1]
+        assert max(map(len, lines)) <= 80
+        header = [line for line in lines if ":" in line]
+        assert {line[28] for line in header} == {":"}
+    lines = files["T 1/Channel/T 1.001"].decode().split("\r\n")[:-1]
+    assert [float(line) for line in lines[-300:] if line != "NOVALUE"] == [v for v in long.values if not np.isnan(v)]
+    assert "Number of samples           :300" in lines
+    assert "Sampling interval           :8e-05" in lines
+    assert "Customer channel code       :NOVALUE" in lines
+
+
+def test_a_line_break_in_a_name_writes_no_second_descriptor(test_with_numbers: IsommeTest, tmp_path: Path) -> None:
+    """A campaign's name is the user's; it cannot forge the rest of the header."""
+    forged = replace(
+        test_with_numbers, descriptors=(("Title", "x\r\nDate of the test :2024-01-01\x85Regulation :R94"),)
+    )
+    again = read_isomme(on_disk(isomme_files(forged), tmp_path) / "T 1")
+    assert len(again.descriptors) == 1
+    assert again.descriptor("Date of the test") is None
+
+
+@pytest.mark.parametrize(("encoding", "newline"), [("cp1252", "\r\n"), ("utf-8", "\n"), ("utf-8-sig", "\r")])
+@pytest.mark.parametrize("packed", [True, False])
+def test_what_laboratories_write_is_read(tmp_path: Path, encoding: str, newline: str, packed: bool) -> None:
+    """Any encoding, line end and capitals; colons in values; implicit time, a time channel, or none at all."""
+    files = laboratory(encoding, newline)
+    inside = {f"T1/{name}": content for name, content in files.items()}
+    test = read_isomme(as_zip(inside, tmp_path / "v1.ZIP") if packed else on_disk(files, tmp_path / "T1"))
+    assert test.name == "T1"
+    assert test.descriptor("title") == "Wall: 40 % Überdeckung"
+    assert test.descriptor("Customer name") is None
+    assert [value for name, value in test.descriptors if name == "Comments"] == ["a", "b"]
+    implicit, clock, bare, explicit = test.channels
+    assert (implicit.code, implicit.unit, implicit.source) == ("M0MBARLEMIUPACXP", "m/(s*s)", "transducer")
+    assert implicit.name == "Wagen links: Beschleunigung in Längsrichtung"
+    assert implicit.comments == ("drift … within 2 %",)
+    assert (implicit.interval_s, implicit.start_s) == (1e-4, -0.1)
+    np.testing.assert_array_equal(implicit.values, [1470.835, -300.5184, np.nan, 0.0])
+    assert clock.interval_s is None
+    assert (bare.code, bare.name, bare.interval_s) == ("10VEHC000000ACXD", "Vehicle X", None)
+    assert (explicit.unit, explicit.start_s) == ("g", -1e-3)
+    assert explicit.interval_s == pytest.approx(5e-4)
+
+
+def test_times_are_in_the_unit_that_they_name(tmp_path: Path) -> None:
+    """0.1 ms is not 0.1 s, in a header as in a channel of time, which may be named by its code, name or number."""
+    in_ms = IMPLICIT.replace(":0.0001", ":0.1 ms").replace(":-0.1", ":-100\tms")
+    clock = CLOCK.replace("Unit                        :s", "Name of the channel :Zeit\nUnit :ms")
+    for reference in ("11TIRS000000TIRP", "Zeit", "002"):
+        explicit = EXPLICIT.replace(":11TIRS000000TIRP", f":{reference}")
+        changed = {"CHANNEL/T1.001": in_ms, "CHANNEL/T1.002": clock, "CHANNEL/T1.010": explicit}
+        test = read_isomme(on_disk(laboratory(**changed), tmp_path / reference))
+        by_code = {channel.code: channel for channel in test.channels}
+        implicit, timed = by_code["M0MBARLEMIUPACXP"], by_code["11HEADCG0000ACXP"]
+        assert [implicit.interval_s, implicit.start_s] == pytest.approx([1e-4, -0.1])
+        assert [timed.interval_s, timed.start_s] == pytest.approx([5e-7, -1e-6])
+
+
+def test_a_start_that_nobody_tells_is_none(tmp_path: Path) -> None:
+    """Neither its absence nor NOVALUE means that recording began at 0, and so it is written again."""
+    for number, line in enumerate(("", "Time of first sample        :NOVALUE\n")):
+        changed = IMPLICIT.replace("Time of first sample        :-0.1\n", line)
+        test = read_isomme(on_disk(laboratory(**{"CHANNEL/T1.001": changed}), tmp_path / str(number)))
+        assert test.channels[0].start_s is None
+        again = read_isomme(on_disk(isomme_files(test), tmp_path / f"again{number}") / "T1")
+        assert (again.channels[0].start_s, again.channels[0].interval_s) == (None, 1e-4)
+
+
+def test_the_header_file_chooses_among_tests_in_one_folder(tmp_path: Path) -> None:
+    """A folder of two tests is refused, the .mme file of one of them is not."""
+    on_disk({f"A/{name}": content for name, content in laboratory().items()}, tmp_path)
+    on_disk({f"B/{name}": content for name, content in laboratory().items()}, tmp_path)
+    with pytest.raises(DataError, match=r"one \.mme file, found 2 of them"):
+        read_isomme(tmp_path)
+    assert len(read_isomme(tmp_path / "B" / "T1.MME").channels) == 4
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({"CHANNEL/T1.001": IMPLICIT.replace(":4\n", ":5\n")}, r"T1.001: expected 5 samples.*found 4"),
+        ({"CHANNEL/T1.001": IMPLICIT.replace("-3.005184E+2", "-3,005184E+2")}, r"one number a line.*'-3,005184E\+2'"),
+        ({"CHANNEL/T1.001": IMPLICIT.replace("NOVALUE\n 0", "inf\n 0")}, "finite numbers"),
+        ({"CHANNEL/T1.001": IMPLICIT.replace(":0.0001", ":0")}, "column Sampling interval: expected a number above 0"),
+        ({"CHANNEL/T1.001": IMPLICIT.replace(":0.0001", ":fast")}, "Sampling interval: expected a number, found fast"),
+        ({"CHANNEL/T1.001": IMPLICIT.replace(":0.0001", ":10 kHz")}, "expected a time in s or ms, found kHz"),
+        ({"CHANNEL/T1.001": "\x00\x01\x02"}, "lines of the form Name :value"),
+        ({"T1.MME": ""}, "T1.MME: expected lines of the form"),
+        ({"T1.MME": "a:b\n" * 20_000}, "at most 10000 descriptors"),
+        ({"CHANNEL/T1.001": IMPLICIT + "\n" * 2_000_001}, "at most 2000000 lines"),
+    ],
+)
+def test_a_file_that_is_wrong_is_named_with_what_is_wrong(
+    tmp_path: Path, changed: dict[str, str], expected: str
+) -> None:
+    """The sentence says which file, what was expected and what was found."""
+    with pytest.raises(DataError, match=expected):
+        read_isomme(on_disk(laboratory("utf-8", **changed), tmp_path))
+
+
+def test_a_test_without_its_parts_is_refused(tmp_path: Path) -> None:
+    """No folder, no .mme file, no channels, too much of it: a sentence each."""
+    with pytest.raises(DataError, match="no such folder"):
+        read_isomme(tmp_path / "nowhere")
+    with pytest.raises(DataError, match=r"one \.mme file, found none"):
+        read_isomme(tmp_path)
+    on_disk({"T1.mme": MME.encode()}, tmp_path)
+    with pytest.raises(DataError, match="channel files"):
+        read_isomme(tmp_path)
+    on_disk(laboratory(**{"T1.mme": MME}), tmp_path / "T1")
+    (tmp_path / "T1" / "T1.MME").unlink()
+    for limits in (Limits(members=3), Limits(total_bytes=500), Limits(member_bytes=200)):
+        with pytest.raises(DataError, match="at most"):
+            read_isomme(tmp_path / "T1", limits)
+
+
+def test_damage_anywhere_is_a_sentence(tmp_path: Path) -> None:
+    """With bytes changed, lost or doubled at random, a zip or a folder is read or refused, with no other error."""
+    dice = random.Random(13499)  # noqa: S311  (no secret)
+    files, path, folder = laboratory(), tmp_path / "t.zip", tmp_path / "T1"
+    sound = as_zip(files, path).read_bytes()
+    refused = 0
+    for turn in range(300):
+        name = dice.choice(list(files))
+        damaged = bytearray(sound if turn % 2 else files[name])
+        for _ in range(dice.randrange(1, 8)):
+            at, end = sorted(dice.randrange(len(damaged) + 1) for _ in range(2))
+            damaged[at : dice.choice((at, at + 1, end))] = dice.choice((b"", b"\n", b":", b"1e999", dice.randbytes(3)))
+        if turn % 2:
+            path.write_bytes(damaged)
+        else:
+            on_disk(files | {name: bytes(damaged)}, folder)
+        try:
+            read_isomme(path if turn % 2 else folder)
+        except DataError:
+            refused += 1
+    assert 50 < refused < 300

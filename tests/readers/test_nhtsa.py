@@ -1,0 +1,184 @@
+"""NHTSA's ASCII form: conditions, the choice of channels, and what is wrong with a test that is not whole."""
+
+import io
+import random
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crashfuse.errors import DataError
+from crashfuse.files.archive import Limits
+from crashfuse.importing import Choices, settle
+from crashfuse.readers.nhtsa import read_nhtsa
+from crashfuse.signals.metrics import pulse_metrics
+from crashfuse.units import KPH
+from tests.conftest import SHARED
+from tests.importing.crashes import SPEED_MPS, clock, half_sine_g
+from tests.readers.nhtsa_files import nhtsa_files, samples
+
+CAMRY = SHARED / "real/nhtsa_10146_camry2018"
+
+
+def written(folder: Path, files: dict[str, bytes]) -> Path:
+    """Write files into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    return folder
+
+
+def test_conditions_and_channels_are_found(tmp_path: Path) -> None:
+    """Speed, weight and axle split come from the specification; the sound channels of the rear floor are proposed."""
+    found = read_nhtsa(written(tmp_path / "v00005", nhtsa_files()))
+    assert found.id == "00005"
+    assert found.condition.speed_mps == pytest.approx(SPEED_MPS)
+    assert found.condition.front_weight_kg == pytest.approx(1700 * 1500 / 2700)  # moments about the rear axle
+    assert found.condition.rear_weight_kg == pytest.approx(1700 * 1200 / 2700)
+    assert [channel.name for channel in found.channels] == ["93", "94", "95", "99", "100"]
+    assert {channel.unit for channel in found.channels} == {"g"}
+    assert {channel.cutoff_hz for channel in found.channels} == {2800.0}
+    assert found.proposed == ("93", "94", "99")  # 95 is the engine, 100 failed
+    assert found.own_time_zero
+
+
+def test_a_zip_its_file_and_its_folder_are_one_test(tmp_path: Path) -> None:
+    """However the test is named, its record is the same."""
+    folder = written(tmp_path / "v00005", nhtsa_files())
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in nhtsa_files().items():
+            archive.writestr(f"download/{name}", content)
+    (tmp_path / "v00005.zip").write_bytes(stream.getvalue())
+    records = [read_nhtsa(path) for path in (folder, folder / "v00005.EV5", tmp_path / "v00005.zip")]
+    for record in records:
+        assert (record.id, record.proposed, record.condition) == (
+            records[0].id,
+            records[0].proposed,
+            records[0].condition,
+        )
+        np.testing.assert_array_equal(record.channels[0].values, records[0].channels[0].values)
+
+
+def test_without_a_centre_of_gravity_the_axles_are_asked_for(tmp_path: Path) -> None:
+    """The mass alone does not tell what each axle carried, and the record says so."""
+    found = read_nhtsa(written(tmp_path / "t", nhtsa_files(behind="0")))
+    assert (found.condition.mass_kg, found.condition.front_weight_kg) == (1700.0, None)
+    assert any("does not say what each axle carried" in step for step in found.steps)
+    with pytest.raises(DataError, match="give both axle weights, or the mass and the front axle's share"):
+        settle(found)
+    assert settle(found, Choices(front_share=0.6)).condition.front_weight_kg == pytest.approx(1020.0)
+
+
+def test_another_kind_of_test_is_pointed_out(tmp_path: Path) -> None:
+    """A vehicle-to-vehicle test can be read, but not without a word."""
+    found = read_nhtsa(written(tmp_path / "t", nhtsa_files(setup="VTV")))
+    assert any(step.startswith("Careful: the configuration is VTV") for step in found.steps)
+
+
+def test_a_channel_that_ends_early_is_not_proposed(tmp_path: Path) -> None:
+    """A sensor that was lost at 67 ms can be chosen, but nobody proposes it."""
+    short = clock(end_s=0.067)
+    files = nhtsa_files() | {"v00005.093": samples(short, half_sine_g(short)).encode()}
+    found = read_nhtsa(written(tmp_path / "t", files))
+    assert found.proposed == ("94", "99")
+    assert "93" in [channel.name for channel in found.channels]
+
+
+@pytest.mark.parametrize("content", [b"0 1\n1 x\n", b""])
+def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path, content: bytes) -> None:
+    """Half a file of the engine's sensor costs no test; it is told, and refused only where it is chosen."""
+    found = read_nhtsa(written(tmp_path / "t", nhtsa_files() | {"v00005.095": content}))
+    assert found.proposed == ("93", "94", "99")
+    assert "95" not in [channel.name for channel in found.channels]
+    assert "Left out, for they are damaged or empty: 95 (TOP OF ENGINE X)." in found.steps
+    assert settle(found, Choices(channels=("93", "94"))).channels == ("93", "94")
+    with pytest.raises(DataError, match=r"v00005\.095: expected"):
+        settle(found, Choices(channels=("95",)))
+
+
+def test_names_of_files_may_differ_in_their_capitals(tmp_path: Path) -> None:
+    """V00005.EV5 beside v00005.093 is one test."""
+    files = {("V00005.ev5" if name.endswith("EV5") else name): content for name, content in nhtsa_files().items()}
+    found = read_nhtsa(written(tmp_path / "t", files))
+    assert (found.id, found.proposed) == ("00005", ("93", "94", "99"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"v00005.EV5": None}, r"one \.EV5 file, found none"),
+        ({"v00006.EV5": nhtsa_files()["v00005.EV5"]}, r"one \.EV5 file, found 2"),
+        ({"v00005.EV5": b"----- TEST -----\nV5|x\n"}, "a section VEHICLE, found none"),
+        ({f"v00005.{n:03d}": None for n in (93, 94, 95, 99, 100)}, "5 listed, none of them beside it"),
+        ({"v00005.093": b"0 1\n1 x\n"}, "time and value on each line"),
+        ({"v00005.093": b"0 1\n1\n"}, "time and value on each line"),
+        ({"v00005.093": b"0 1\n"}, "2 to 1000000 samples, found 1"),
+        ({"v00005.093": b"0 1\n1 nan\n"}, "time and value on each line"),
+    ],
+)
+def test_a_test_that_is_not_whole_is_refused(tmp_path: Path, changed: dict[str, bytes | None], message: str) -> None:
+    """One sentence says what is missing and where."""
+    files = {name: content for name, content in (nhtsa_files() | changed).items() if content is not None}
+    with pytest.raises(DataError, match=message):
+        read_nhtsa(written(tmp_path / "t", files))
+
+
+def test_sizes_are_bounded(tmp_path: Path) -> None:
+    """A channel beyond the limit is refused while it is read."""
+    folder = written(tmp_path / "t", nhtsa_files())
+    with pytest.raises(DataError, match=r"at most 0\.00977 MiB a file"):
+        read_nhtsa(folder, Limits(member_bytes=10 << 10))
+
+
+def test_damaged_files_give_a_sentence_or_a_record(tmp_path: Path) -> None:
+    """Whatever is cut off or flipped, nothing but a DataError comes out."""
+    rng = random.Random(5)  # noqa: S311  (no secret)
+    small = clock(rate_hz=1000)
+    files = {
+        n: samples(small, half_sine_g(small)).encode() if not n.endswith("EV5") else c for n, c in nhtsa_files().items()
+    }
+    folder = written(tmp_path / "t", files)
+    refused = 0
+    for _ in range(150):
+        name = rng.choice(["v00005.EV5", "v00005.093"])
+        content = bytearray(files[name])
+        for _ in range(rng.choice([0, 1, 20])):
+            content[rng.randrange(len(content))] = rng.randrange(256)
+        (folder / name).write_bytes(content[: rng.randrange(len(content))] if rng.random() < 0.5 else content)
+        try:
+            settle(read_nhtsa(folder))
+        except DataError:
+            refused += 1
+        (folder / name).write_bytes(files[name])
+    assert refused > 10
+
+
+if CAMRY.exists():  # a government's record, not part of the project
+
+    @pytest.mark.parametrize("channels", [(), ("93",), ("94",), ("99",), ("100",)])
+    def test_a_real_test_has_its_known_metrics(channels: tuple[str, ...]) -> None:
+        """NHTSA 10146, 57.09 km/h and 1719 kg: proposed or chosen, the rear crossmember gives the known numbers."""
+        settled = settle(read_nhtsa(CAMRY), Choices(channels=channels))
+        assert settled.condition.speed_mps == pytest.approx(57.09 * KPH)
+        assert settled.condition.mass_kg == pytest.approx(1719)
+        assert settled.channels == (channels or ("93", "94", "99", "100"))
+        assert settled.channel_filter_class == 60
+        known = {
+            "peak": (39.5, 47.5),
+            "peak_time": (62.5, 66.5),
+            "delta_v": (65.5, 67.5),
+            "t0": (72.4, 74.3),
+            "max_crush": (732.5, 751),
+            "sm25": (33.5, 35.5),
+            "olc": (29.2, 30.2),
+            "vpi": (59.7, 61.4),
+        }
+        pulse = settled.pulse
+        metrics = pulse_metrics(pulse.accel_mps2, settled.condition.speed_mps, dt_s=pulse.dt_s)
+        found = {metric.name: metric.value for metric in metrics}
+        for name, (low, high) in known.items():
+            value = found[name]
+            assert value is not None
+            assert low <= value <= high, name

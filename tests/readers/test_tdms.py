@@ -1,0 +1,273 @@
+"""TDMS: NHTSA's properties lead to the pulse; files come from nptdms' writer, an independent one, or byte by byte."""
+
+import random
+import struct
+import time
+import zipfile
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
+
+from crashfuse.errors import DataError
+from crashfuse.importing import Choices, format_of, settle
+from crashfuse.readers.record import PartialCondition
+from crashfuse.readers.tdms import read_tdms
+from crashfuse.readers.tdms_container import parse_tdms
+from crashfuse.signals.pulse import FloatArray
+from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g
+
+WEIGHTS = Choices(condition=PartialCondition(front_weight_kg=950.0, rear_weight_kg=750.0))
+SENSORS: Mapping[str, tuple[int, str, str, str, str, str, str]] = {
+    "11HEAD0000H3ACXA": (1, "AC", "01", "HDCG", "XL", "P", "DRIVER HEAD X"),
+    "10FORALERE00AC1P": (93, "AC", "NA", "FLLR", "XG", "P", "LEFT REAR SEAT CROSSMEMBER X"),
+    "10FORARIRE00AC1P": (94, "AC", "NA", "FLRR", "XG", "P", "RIGHT REAR SEAT CROSSMEMBER X"),
+    "10ENGN000000AC1P": (95, "AC", "NA", "ENGN", "XG", "P", "TOP OF ENGINE X"),
+    "10FORALERE00AC3P": (97, "AC", "NA", "FLLR", "ZG", "P", "LEFT REAR SEAT CROSSMEMBER Z"),
+    "10FORARIRE01AC1P": (100, "AC", "NA", "FLRR", "XG", "R", "RIGHT REAR SEAT CROSSMEMBER XR"),
+}
+SCALES = {93: 1.02, 94: 0.98, 95: 3.0, 97: 0.1, 100: 0.1}
+
+
+def said(number: int, kind: str, seat: str, place: str, axis: str, rank: str, comment: str) -> dict[str, Any]:
+    """The properties of a channel, as NHTSA spells them."""
+    return {
+        "description": f"v09999_{number:03d}aa0.uds; Sensor: type={kind}, Attach={place}",
+        "unit_string": "gn",
+        "Inst_Axis": axis,
+        "Inst_ChStat": rank,
+        "Inst_CurNo": np.int32(number),
+        "Inst_DaStat": "CF" if number == 100 else "AM",
+        "Inst_InsCom": comment,
+        "Inst_PreFil": np.int32(1650),
+        "Inst_SenAtt": place,
+        "Inst_SenLoc": seat,
+        "Inst_SenTyp": kind,
+        "Test_ClsSpd": 56.0,
+        "Test_ImpAng": 0.0,
+        "Test_TstCfn": "VTB",
+        "Test_TstNo": np.int32(9999),
+        "Veh_MakeD": "NOVA",
+        "Veh_ModelD": "ONE",
+        "Veh_VehNo": np.int32(1),
+        "Veh_VehSpd": 56.0,
+        "Veh_VehTWt": 1700.0,
+        "Veh_Year": np.int32(2099),
+        "wf_increment": 1e-4,
+        "wf_start_offset": -0.05,
+        "wf_start_time": datetime(2026, 11, 21, tzinfo=UTC).replace(tzinfo=None),
+        "wf_xname": "Time",
+        "wf_xunit_string": "s",
+    }
+
+
+def pulse(number: int) -> FloatArray:
+    """A sensor's record in g: the car's pulse, harder or softer, and ringing."""
+    return SCALES.get(number, 0.5) * (half_sine_g(clock()) + ringing_g(clock()))
+
+
+def written(*segments: list[Any]) -> bytes:
+    """A TDMS file with these segments."""
+    content = BytesIO()
+    with TdmsWriter(content) as writer:
+        for segment in segments:
+            writer.write_segment(segment)
+    return content.getvalue()
+
+
+def nhtsa_test(**changed: Any) -> bytes:
+    """A whole test with some properties changed."""
+    channels = [
+        ChannelObject("v09999_Veh1", name, pulse(sensor[0]), properties={**said(*sensor), **changed})
+        for name, sensor in SENSORS.items()
+    ]
+    return written([RootObject(properties={"SourceName": "NHTSA R&D Database"}), GroupObject("v09999_Veh1"), *channels])
+
+
+def saved(path: Path, content: bytes) -> Path:
+    """Write a file and return its path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    return path
+
+
+def problem(path: Path) -> str:
+    """What is said to be wrong with it, in one sentence."""
+    with pytest.raises(DataError) as caught:
+        read_tdms(path)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_an_nhtsa_test_gives_condition_and_pulse(tmp_path: Path) -> None:
+    """Of six channels the sound ones of the rear crossmember are averaged; speed, mass and unit are the file's."""
+    path = saved(tmp_path / "v09999.tdms", nhtsa_test())
+    assert format_of(path) == "tdms"
+    (record,) = read_tdms(path)
+    assert record.id == "09999"
+    assert [channel.name for channel in record.channels] == ["93", "94", "95", "100"]
+    assert record.proposed == ("93", "94")
+    assert record.condition.speed_mps == pytest.approx(56 / 3.6)
+    assert record.condition.mass_kg == 1700
+    settled = settle(record, WEIGHTS)
+    assert (settled.unit, settled.time_zero_s, settled.channel_filter_class) == ("g", 0.0, 60)
+    assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=5e-3)
+    motion = settled.pulse.kinematics(settled.condition.speed_mps)
+    assert motion.t0_s == pytest.approx(STOP_S, abs=2e-4)
+    assert motion.displacement_m.max() == pytest.approx(CRUSH_M, rel=2e-3)
+
+
+def test_folders_and_zips_hold_a_record_a_file(tmp_path: Path) -> None:
+    """Every file of a folder or zip is a test; a file that was chosen stands for itself."""
+    for name in ("v1", "v2"):
+        saved(tmp_path / "tests" / f"{name}.tdms", nhtsa_test())
+    with zipfile.ZipFile(tmp_path / "tests.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in (tmp_path / "tests").iterdir():
+            archive.write(path, path.name)
+    for source, ids in (("tests", ["1", "2"]), ("tests.zip", ["1", "2"]), ("tests/v2.tdms", ["2"])):
+        assert sorted(record.id for record in read_tdms(tmp_path / source)) == ids
+
+
+def test_other_setups_are_told_and_a_test_without_the_vehicle_is_refused(tmp_path: Path) -> None:
+    """An oblique test is marked; channels on dummies alone are no pulse; no speed is said to be none."""
+    (record,) = read_tdms(saved(tmp_path / "a.tdms", nhtsa_test(Test_TstCfn="VTV", Test_ImpAng=15.0)))
+    assert any("VTV at 15°" in step for step in record.steps)
+    (record,) = read_tdms(saved(tmp_path / "b.tdms", nhtsa_test(Veh_VehSpd=0.0, Test_ClsSpd=0.0)))
+    assert record.condition.speed_mps is None
+    assert "X accelerations of the vehicle" in problem(saved(tmp_path / "c.tdms", nhtsa_test(Inst_SenLoc="02")))
+
+
+def test_any_tdms_file_offers_its_accelerations(tmp_path: Path) -> None:
+    """Without NHTSA's properties the unit tells; one acceleration is proposed, of two one has to be chosen."""
+    wave = {"wf_increment": 0.1, "wf_start_offset": -50.0, "wf_xunit_string": "ms"}
+    tunnel = ChannelObject("Car", "Tunnel X", pulse(93), properties={"unit_string": "m/s^2", **wave})
+    force = ChannelObject("Car", "Force", pulse(93), properties={"unit_string": "N", **wave})
+    (record,) = read_tdms(saved(tmp_path / "sled.tdms", written([force, tunnel])))
+    assert record.proposed == ("Tunnel X",)
+    assert record.channels[0].unit == "m/s²"
+    assert record.channels[0].time_s == pytest.approx(clock())
+    again = ChannelObject("Other", "Tunnel X", pulse(93), properties={"unit_string": "m/s^2", **wave})
+    (record,) = read_tdms(saved(tmp_path / "two.tdms", written([tunnel, again])))
+    assert ([channel.name for channel in record.channels], record.proposed) == (["Car/Tunnel X", "Other/Tunnel X"], ())
+    assert "unit_string" in problem(saved(tmp_path / "force.tdms", written([force])))
+
+
+def test_channels_without_units_can_be_overruled(tmp_path: Path) -> None:
+    """A lone acceleration without a unit is proposed; any other has to be chosen, with its unit or the speed's."""
+    wave = {"wf_increment": 1e-4, "wf_start_offset": -0.05}
+    given = replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS))
+    for name, proposed in (("AX", ("AX",)), ("CH1", ())):
+        channel = ChannelObject("Car", name, half_sine_g(clock()), properties=wave)
+        (record,) = read_tdms(saved(tmp_path / f"{name}.tdms", written([channel])))
+        assert record.proposed == proposed
+        assert settle(record, replace(given, unit="g", channels=(name,))).unit == "g"
+        assert settle(record, replace(given, channels=(name,))).unit == "g"
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("s", 1.0), ("ms", 1e3), (None, 1e3)])
+def test_a_channel_of_time_beside_the_values_is_their_clock(tmp_path: Path, unit: str | None, scale: float) -> None:
+    """As other programs write it, without a waveform's properties; in ms where it says so or lasts that long."""
+    said = {} if unit is None else {"unit_string": unit}
+    time_s = ChannelObject("Car", "Zeit", scale * clock(), properties=said)
+    accel = ChannelObject("Car", "AX", half_sine_g(clock()), properties={"unit_string": "g"})
+    (record,) = read_tdms(saved(tmp_path / "car.tdms", written([time_s, accel])))
+    assert record.proposed == ("AX",)
+    assert record.channels[0].time_s == pytest.approx(clock())
+    alone = written([accel])
+    assert "with a channel of time beside it" in problem(saved(tmp_path / "alone.tdms", alone))
+
+
+def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> None:
+    """An engine's sensor without samples costs no test; it is told, and refused only where it is chosen."""
+    channels = [
+        ChannelObject("v1", name, pulse(sensor[0]) if sensor[0] != 95 else np.zeros(1), properties=said(*sensor))
+        for name, sensor in SENSORS.items()
+    ]
+    (record,) = read_tdms(saved(tmp_path / "v1.tdms", written(channels)))
+    assert record.proposed == ("93", "94")
+    assert "Left out, for they are damaged or empty: 95 (TOP OF ENGINE X)." in record.steps
+    with pytest.raises(DataError, match="expected samples and the time between them"):
+        settle(record, replace(WEIGHTS, channels=("95",)))
+
+
+@pytest.mark.parametrize("kind", ["f8", "f4", "i2", "u1", "i8"])
+def test_values_are_those_that_were_written_whatever_their_type(kind: str) -> None:
+    """Channels of several types in three segments, one of them with a new property, come back number for number."""
+    values = np.arange(100).astype(kind)
+    parts = [
+        [ChannelObject("it's", "a", values[:40]), ChannelObject("it's", "text", ["x", "yy"])],
+        [ChannelObject("it's", "a", values[40:90], properties={"late": 1.5})],
+        [ChannelObject("it's", "b", values), ChannelObject("it's", "a", values[90:])],
+    ]
+    file = parse_tdms(written(*parts), "it")
+    by_name = {channel.name: channel for channel in file.channels}
+    assert by_name["a"].group == "it's"
+    assert by_name["a"].properties == {"late": 1.5}
+    for name in ("a", "b"):
+        assert np.array_equal(file.values(by_name[name]), values.astype(float))
+
+
+def by_hand(contents: int, data: bytes, count: int = 3, to_next: int | None = None, order: str = "<") -> bytes:
+    """A segment with two channels of doubles, byte by byte from NI's description."""
+    meta = struct.pack(f"{order}I", 2)
+    for name in ("/'g'/'a'", "/'g'/'b'"):
+        meta += struct.pack(f"{order}I", len(name)) + name.encode()
+        meta += struct.pack(f"{order}IIIQI", 20, 10, 1, count, 0)
+    to_next = len(meta) + len(data) if to_next is None else to_next
+    return b"TDSm" + struct.pack("<I", contents) + struct.pack(f"{order}IQQ", 4713, to_next, len(meta)) + meta + data
+
+
+@pytest.mark.parametrize(("bit", "order"), [(0, "<"), (0, ">"), (1 << 5, "<"), (1 << 5, ">")])
+def test_interleaved_big_endian_and_repeated_chunks_are_read(bit: int, order: str) -> None:
+    """Two chunks of three values for each of two channels, in every arrangement."""
+    a, b = np.arange(6.0), 10 + np.arange(6.0)
+    rows = [np.column_stack([a[k : k + 3], b[k : k + 3]]) for k in (0, 3)]
+    data = b"".join((row if bit else row.T).astype(f"{order}f8").tobytes() for row in rows)
+    contents = 0b1110 | bit | ((order == ">") << 6)
+    file = parse_tdms(by_hand(contents, data, order=order), "it")
+    assert [file.values(channel).tolist() for channel in file.channels] == [a.tolist(), b.tolist()]
+    unfinished = parse_tdms(by_hand(contents, data, to_next=0xFFFFFFFFFFFFFFFF, order=order), "it")
+    assert unfinished.values(unfinished.channels[1]).tolist() == b.tolist()
+
+
+def test_what_is_not_read_or_makes_no_sense_is_refused_at_once(tmp_path: Path) -> None:
+    """DAQmx, scales, 2^60 values, an endless list of objects, a file cut short: a sentence each, in a moment."""
+    began = time.monotonic()
+    assert "DAQmx" in problem(saved(tmp_path / "a.tdms", by_hand(0b10001110, bytes(48))))
+    wave = {"unit_string": "g", "wf_increment": 1e-4, "NI_Number_Of_Scales": np.uint32(4_000_000_000)}
+    scaled = written([ChannelObject("g", "a", np.zeros(9, "i2"), properties=wave)])
+    assert "a scale to apply" in problem(saved(tmp_path / "b.tdms", scaled))
+    claims = by_hand(0b1110, bytes(48), count=1 << 60)
+    assert parse_tdms(claims, "it").values(parse_tdms(claims, "it").channels[0]).size == 0
+    many = b"TDSm" + struct.pack("<IIQQI", 0b1110, 4713, 4, 4, 0xFFFFFFFF)
+    assert "cut short" in problem(saved(tmp_path / "c.tdms", many))
+    assert "cut short" in problem(saved(tmp_path / "d.tdms", nhtsa_test()[:-1000]))
+    assert "another kind of file" in problem(saved(tmp_path / "e.tdms", b"TDSh" + bytes(60)))
+    assert "no such folder or file" in problem(tmp_path / "nothing")
+    assert time.monotonic() - began < 2
+
+
+def test_no_flipped_byte_brings_a_traceback(tmp_path: Path) -> None:
+    """300 files with flipped and lost bytes are read or refused with a DataError, in a moment each."""
+    sound = nhtsa_test()
+    heads = [at for at in range(len(sound)) if sound[at : at + 5] in (b"Inst_", b"Test_", b"TDSm\x0e")]
+    chance = random.Random(0)  # noqa: S311 - no secret
+    for _ in range(300):
+        broken = bytearray(sound)
+        for _ in range(chance.randint(1, 20)):
+            broken[chance.choice(heads) + chance.randint(-30, 30)] = chance.randrange(256)
+        if chance.random() < 0.3:
+            del broken[chance.randrange(len(broken)) :]
+        path = saved(tmp_path / "v1.tdms", bytes(broken))
+        began = time.monotonic()
+        try:
+            settle(read_tdms(path)[0], WEIGHTS)
+        except DataError as error:
+            assert str(error)  # noqa: PT017 - both outcomes are right
+        assert time.monotonic() - began < 2

@@ -1,0 +1,109 @@
+"""The figure of the condition space shows every test where it is, and says which lie outside the CAE runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.condition import Condition
+from crashfuse.reporting.plots.conditions import condition_space
+from crashfuse.units import LB, MPH
+
+INSIDE, OUTSIDE = "Tests", "Tests outside it: extrapolation"
+
+
+def traces(figure: go.Figure, group: str) -> list[go.Scatter]:
+    """The traces of this kind, front weight first."""
+    return [trace for trace in figure.data if trace.legendgroup == group]
+
+
+def test_tests_stand_at_their_speeds_and_weights(campaign: Campaign) -> None:
+    """In mph and lb, each under its id, against front weight and against rear weight."""
+    figure = condition_space(campaign.cae, campaign.tests)
+    front, rear = traces(figure, INSIDE)
+    assert list(front.text) == list(rear.text) == ["T1", "T2", "T3"]
+    np.testing.assert_allclose(front.x, [15, 25, 26], rtol=1e-6)
+    np.testing.assert_allclose(front.y, [2000, 2040, 2080], rtol=1e-6)
+    np.testing.assert_allclose(rear.y, [1450, 1500, 1550], rtol=1e-6)
+    assert front.marker.symbol == "circle"
+    faster_than_the_runs, _ = traces(figure, OUTSIDE)
+    assert list(faster_than_the_runs.text) == ["T4"]
+
+
+def test_a_test_outside_the_cae_runs_is_drawn_open_and_says_so(campaign: Campaign) -> None:
+    """Its own paired run does not make it inside; the range that is drawn leaves that run out, too."""
+    far = Condition(30 * MPH, 2400 * LB, 1500 * LB)
+    test = CrashTest("far", far, campaign.tests[0].pulse)
+    library = CaeLibrary(
+        (*campaign.cae.ids, "paired"),
+        (*campaign.cae.conditions, far),
+        np.vstack([campaign.cae.accel_mps2, campaign.cae.accel_mps2[:1]]),
+    )
+    figure = condition_space(library, (*campaign.tests, test))
+    front, _ = traces(figure, OUTSIDE)
+    assert list(front.text) == ["T4", "far"]
+    assert front.marker.symbol == "circle-open"
+    assert "Extrapolation: front weight 2400 lb" in front.customdata[1][0]
+    assert front.showlegend
+    box, _ = traces(figure, "range")
+    free = campaign.cae.vectors[:20, 1] / LB  # the others are paired with tests
+    np.testing.assert_allclose([min(box.y), max(box.y)], [free.min(), free.max()], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("front_lb", "rear_lb", "outside", "inside"), [(2400, 1500, "y", "y2"), (2040, 1900, "y2", "y")]
+)
+def test_a_test_is_drawn_open_only_over_the_weight_that_lies_outside(
+    campaign: Campaign, front_lb: float, rear_lb: float, outside: str, inside: str
+) -> None:
+    """Inside the other box it is drawn as any test inside; the legend names the open mark, in whichever plot it is."""
+    condition = Condition(25 * MPH, front_lb * LB, rear_lb * LB)
+    test = CrashTest("far", condition, campaign.tests[0].pulse)
+    figure = condition_space(campaign.cae, [campaign.tests[1], test])
+    (open_mark,) = traces(figure, OUTSIDE)
+    assert (open_mark.yaxis, list(open_mark.text)) == (outside, ["far"])
+    assert open_mark.showlegend
+    assert {mark.yaxis: list(mark.text) for mark in traces(figure, INSIDE)} == {outside: ["T2"], inside: ["T2", "far"]}
+
+
+def test_the_two_plots_share_the_axis_of_speed(campaign: Campaign) -> None:
+    """One below the other: however narrow the page, neither has to make room."""
+    layout = condition_space(campaign.cae, campaign.tests).layout
+    assert layout.xaxis.matches == "x2"
+    assert layout.xaxis.domain == layout.xaxis2.domain
+    assert layout.yaxis2.domain[1] < layout.yaxis.domain[0]
+
+
+def test_the_held_out_test_has_a_ring(campaign: Campaign) -> None:
+    """And no other test has."""
+    figure = condition_space(campaign.cae, campaign.tests, held_out="T3")
+    for ring, height in zip(traces(figure, "held out"), (2080, 1550), strict=True):
+        np.testing.assert_allclose([ring.x[0], ring.y[0]], [26, height], rtol=1e-6)
+        assert len(ring.x) == 1
+    assert not traces(condition_space(campaign.cae, campaign.tests), "held out")
+
+
+def test_a_large_library_is_thinned_but_counted_whole(campaign: Campaign) -> None:
+    """30,000 points would only slow the browser down; the range stays that of all runs."""
+    vectors = np.random.default_rng(0).uniform([0, 900, 600], [16, 1000, 800], (30_000, 3))
+    conditions = tuple(Condition(*row) for row in vectors.tolist())
+    accel = np.zeros((len(conditions), 1), dtype=np.float32)
+    library = CaeLibrary(tuple(map(str, range(len(conditions)))), conditions, accel)
+    figure = condition_space(library, campaign.tests)
+    runs, _ = traces(figure, "runs")
+    assert runs.name == "30,000 CAE runs"
+    assert len(runs.x) <= 2000
+    box, _ = traces(figure, "range")
+    np.testing.assert_allclose(max(box.y), vectors[:, 1].max() / LB, rtol=1e-6)
+
+
+def test_labels_of_near_tests_take_different_sides(campaign: Campaign) -> None:
+    """Three tests at one speed, a few pounds apart: no two labels lie on each other."""
+    tests = tuple(
+        CrashTest(f"N{i}", replace(campaign.tests[1].condition, front_weight_kg=(2040 + 4 * i) * LB), test.pulse)
+        for i, test in enumerate(campaign.tests[:3])
+    )
+    front, _ = traces(condition_space(campaign.cae, tests), INSIDE)
+    assert len(set(front.textposition)) == 3

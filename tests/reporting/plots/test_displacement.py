@@ -1,0 +1,238 @@
+"""Figures over displacement show crashes whose motion is known in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.displacement_domain.approach import measured_bias
+from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
+from crashfuse.cae.model import CaeModel
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.reporting.plots import bias as bias_plots
+from crashfuse.reporting.plots import displacement as plots
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.units import MS, G
+
+S = np.linspace(0.0, 0.5, 51)
+
+
+@pytest.fixture(scope="module")
+def model(campaign: Campaign) -> CaeModel:
+    """The CAE model of the small campaign."""
+    return CaeModel().fit(campaign.cae)
+
+
+@pytest.fixture
+def test(campaign: Campaign) -> CrashTest:
+    """A test at 25 mph."""
+    return campaign.test("T2")
+
+
+@pytest.fixture
+def predictions(test: CrashTest) -> dict[str, Prediction]:
+    """Constant decelerations: 250 m/s², and 201 draws from 150 to 350 m/s²."""
+    draws = np.repeat(-np.linspace(150.0, 350.0, 201)[:, None], GRID_S.size, axis=1)
+    return {
+        "cae": Prediction(test.condition, np.full(GRID_S.size, -200.0)),
+        "displacement_domain": Prediction(test.condition, np.full(GRID_S.size, -250.0), draws),
+    }
+
+
+def motion(test: CrashTest) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Time, displacement and acceleration of a test: v(t) = v0 (0.45 + 0.55 cos(π t / T)), up to where it stops."""
+    v0, duration = test.condition.speed_mps, 70 * MS * test.condition.mass_kg / 1700
+    time = np.linspace(0, duration * np.arccos(-0.45 / 0.55) / np.pi, 2001)
+    displacement = v0 * (0.45 * time + 0.55 * duration / np.pi * np.sin(np.pi * time / duration))
+    return time, displacement, -0.55 * v0 * np.pi / duration * np.sin(np.pi * time / duration)
+
+
+def trace(figure: go.Figure, name: str, axis: str = "y") -> go.Scatter:
+    """The one line of this name on this axis."""
+    (found,) = [t for t in figure.data if t.name == name and t.mode == "lines" and (t.yaxis or "y") == axis]
+    return found
+
+
+def band(figure: go.Figure) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The one band: displacements, lower and upper limit."""
+    (found,) = [t for t in figure.data if t.fill == "toself"]
+    n = len(found.x) // 2
+    return found.x[:n], found.y[:n], found.y[n:][::-1]
+
+
+# --- acceleration --------------------------------------------------------------------------------------------------
+
+
+def test_a_half_sine_over_displacement_is_that_of_the_closed_form(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """In mm and g, and it ends at maximum crush."""
+    speed = test.condition.speed_mps
+    curve = trace(plots.over_displacement(test.pulse, predictions, speed_mps=speed), "Test")
+    _, displacement, accel = motion(test)
+    np.testing.assert_allclose(curve.y, np.interp(curve.x / 1000, displacement, accel) / G, atol=0.05)
+    assert curve.x[-1] == pytest.approx(displacement[-1] * 1000, abs=0.1)
+
+
+def test_every_curve_holds_the_same_energy(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """The area below it is half the square of the impact speed."""
+    speed = test.condition.speed_mps
+    figure = plots.over_displacement(test.pulse, predictions, speed_mps=speed, unit="m/s²", deceleration=True)
+    for name in ("Test", "CAE", "Displacement domain (95 % band)"):
+        curve = trace(figure, name)
+        x, y = curve.x.astype(float) / 1000, curve.y.astype(float)
+        assert np.sum(np.diff(x) * (y[1:] + y[:-1]) / 2) == pytest.approx(0.5 * speed**2, rel=1e-3)
+
+
+def test_the_band_holds_95_percent_of_the_draws_that_get_so_far(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """From 155 to 345 m/s² until the hardest have stopped, after v0² / 2a, and no further than half of them get."""
+    energy = 0.5 * test.condition.speed_mps**2
+    figure = plots.over_displacement(None, predictions, speed_mps=test.condition.speed_mps, unit="m/s²")
+    x, lower, upper = band(figure)
+    early = x < 1000 * energy / 350
+    np.testing.assert_allclose(lower[early], -345, rtol=1e-5)
+    np.testing.assert_allclose(upper[early], -155, rtol=1e-5)
+    assert lower[-1] > -255  # those that brake harder have stopped
+    assert x[-1] == pytest.approx(1000 * energy / 250, abs=4.5)
+
+
+def test_the_mark_is_the_maximum_crush_with_its_interval(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """v0² / 2a at 250 m/s², from 345 to 155 m/s²."""
+    energy = 0.5 * test.condition.speed_mps**2
+    figure = plots.over_displacement(None, predictions, speed_mps=test.condition.speed_mps)
+    (mark,) = [t for t in figure.data if t.mode == "markers" and t.legendgroup == "displacement_domain"]
+    crush, error = mark.x[0], mark.error_x
+    assert crush == pytest.approx(1000 * energy / 250, rel=1e-4)
+    assert crush - error.arrayminus[0] == pytest.approx(1000 * energy / 345, rel=1e-4)
+    assert crush + error.array[0] == pytest.approx(1000 * energy / 155, rel=1e-4)
+
+
+def test_a_vehicle_that_never_stops_has_no_maximum_crush(test: CrashTest) -> None:
+    """Its curve ends with the record, without a mark."""
+    gentle = Prediction(test.condition, np.full(GRID_S.size, -10.0))
+    figure = plots.over_displacement(None, {"cae": gentle}, speed_mps=test.condition.speed_mps)
+    assert [t.name for t in figure.data] == ["CAE"]
+
+
+# --- bias ----------------------------------------------------------------------------------------------------------
+
+
+def test_the_bias_is_zero_where_the_cae_model_is_right(campaign: Campaign, model: CaeModel) -> None:
+    """Tests whose pulses are the CAE model's own."""
+    tests = [replace(t, pulse=Pulse(GRID_S, model.pulse(t.condition).accel_mps2)) for t in campaign.tests]
+    figure = bias_plots.bias_by_speed(tests, [measured_bias(test, model) for test in tests])
+    for curve in figure.data:
+        np.testing.assert_allclose(curve.y, 0.0, atol=0.02)
+
+
+def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: CaeModel) -> None:
+    """At every displacement up to the test's maximum crush; the sign turns with the axis."""
+    biases = [measured_bias(test, model) for test in campaign.tests]
+    figure = bias_plots.bias_by_speed(campaign.tests, biases, unit="m/s²", deceleration=True)
+    for test, bias, curve in zip(campaign.tests, biases, figure.data, strict=True):
+        _, displacement, accel = motion(test)
+        expected = np.interp(curve.x / 1000, displacement, accel)
+        np.testing.assert_allclose(bias.cae_mps2 - curve.y, expected, atol=0.01 * np.abs(accel).max())
+        assert curve.x[-1] == pytest.approx(displacement[-1] * 1000, abs=0.1)
+
+
+def test_biases_are_drawn_by_rising_speed_and_the_held_out_one_says_so(campaign: Campaign, model: CaeModel) -> None:
+    """As on the page Data, and all names stand above."""
+    tests = campaign.tests[::-1]
+    figure = bias_plots.bias_by_speed(tests, [measured_bias(test, model) for test in tests], highlight="T4")
+    assert [t.name.split(" mph")[0] for t in figure.data] == ["T1 · 15.0", "T2 · 25.0", "T3 · 26.0", "T4 · 35.0"]
+    assert [t.name.endswith("(held out)") for t in figure.data] == [False, False, False, True]
+    assert figure.layout.legend.orientation == "h"
+
+
+# --- check of the integration --------------------------------------------------------------------------------------
+
+
+def test_the_way_over_displacement_gives_the_closed_form_back(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """Line and circles are the displacement of the closed form, and their difference is below 0.1 mm."""
+    figure = plots.integration_check(test.pulse, predictions, speed_mps=test.condition.speed_mps)
+    time, displacement, _ = motion(test)
+    circles = next(t for t in figure.data if t.name == "Test, Eq. 29")
+    for shown in (trace(figure, "Test"), circles):
+        np.testing.assert_allclose(shown.y, np.interp(shown.x * MS, time, displacement) * 1000, atol=0.1)
+    for name in ("Test", "CAE", "Displacement domain"):
+        assert np.abs(trace(figure, f"{name}, difference", "y2").y).max() < 0.1
+
+
+# --- parts ---------------------------------------------------------------------------------------------------------
+
+
+def part(name: str, level: float) -> BiasPart:
+    """A part that is the same everywhere, give or take 1 m/s²."""
+    mean = np.full(S.size, level)
+    return BiasPart(name, mean, mean - 1, mean + 1)
+
+
+def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
+    """Each in a panel of its own with its band; the measured bias over the total only."""
+    parts = [part("shared", -3.0), part("by speed", 2.0), part("own", 0.0), part("total", -1.0)]
+    measured = BiasPoints(test.condition, S, np.linspace(1, 0, S.size), np.zeros(S.size), np.full(S.size, -2.0))
+    figure = bias_plots.bias_parts(parts, S, measured, unit="m/s²")
+    expected = [t for t in figure.data if t.name == "Expected"]
+    assert [t.y[0] for t in expected] == [-1, -3, 2, 0]
+    assert len({t.xaxis for t in expected}) == 4
+    limits = [(t.y.min(), t.y.max()) for t in figure.data if t.fill == "toself"]
+    assert limits == [(-2, 0), (-4, -2), (1, 3), (-1, 1)]
+    assert trace(figure, "Measured in this test").xaxis == expected[0].xaxis
+    assert [a.text for a in figure.layout.annotations][1:] == ["Shared", "By speed", "The test's own"]
+
+
+def test_at_most_three_parts_stand_beside_each_other() -> None:
+    """More of them would overlap on a narrow page; a part by a factor is written as the others are."""
+    names = ["shared", "by speed", "by weight", "by drive", "own"]
+    figure = bias_plots.bias_parts([part(name, 1.0) for name in (*names, "total")], S)
+    titles = {a.text: (a.x, a.y) for a in figure.layout.annotations}
+    assert list(titles)[1:] == ["Shared", "By speed", "By weight", "By drive", "The test's own"]
+    heights = [y for _, y in titles.values()]
+    assert len(set(heights[1:4])) == 1
+    assert heights[0] > heights[3] > heights[4] == heights[5]
+    assert titles["Shared"][0] == titles["By drive"][0]
+
+
+def test_bands_beyond_the_crush_do_not_squeeze_what_is_before_it(test: CrashTest) -> None:
+    """The axes hold all that lies before the measured maximum crush, and no more than that."""
+    half = np.where(S > 0.4, 400.0, 5.0)
+    parts = [BiasPart(name, np.zeros(S.size), -half, half) for name in ("shared", "total")]
+    before = S[S <= 0.4]
+    measured = BiasPoints(test.condition, before, before, before, np.linspace(0.0, 30.0, before.size))
+    layout = bias_plots.bias_parts(parts, S, measured, unit="m/s²").layout
+    for axis, low, high in ((layout.yaxis, -5, 30), (layout.yaxis2, -5, 5)):
+        room = 0.1 * (high - low)
+        assert low - room < axis.range[0] <= low
+        assert high <= axis.range[1] < high + room
+
+
+def test_the_parts_share_one_scale_so_that_they_can_be_compared() -> None:
+    """It holds all of them, whichever way the sign is."""
+    parts = [part("shared", -30.0), part("by speed", 20.0), part("total", -10.0)]
+    for deceleration in (False, True):
+        figure = bias_plots.bias_parts(parts, S, unit="m/s²", deceleration=deceleration)
+        (low, high), other = figure.layout.yaxis2.range, figure.layout.yaxis3.range
+        assert (low, high) == tuple(other)
+        assert low <= (-21 if deceleration else -31)
+        assert high >= (31 if deceleration else 21)
+
+
+def test_energy_over_crush_is_in_kilojoules_up_to_all_of_it(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """Constant braking: m a s, a straight line to ½ m v0² at v0²/2a; the test ends at the same energy."""
+    speed, mass = test.condition.speed_mps, test.condition.mass_kg
+    figure = plots.energy_over_crush(test.pulse, predictions, speed_mps=speed, mass_kg=mass)
+    cae = trace(figure, "CAE")
+    np.testing.assert_allclose(cae.y, mass * 200.0 * np.asarray(cae.x, dtype=float) / 1e6, rtol=1e-3, atol=0.05)
+    assert cae.x[-1] == pytest.approx(1000 * speed**2 / 400, rel=1e-3)
+    for name in ("CAE", "Test", "Displacement domain (95 % band)"):
+        assert trace(figure, name).y[-1] == pytest.approx(mass * speed**2 / 2000, rel=1e-3)
+    assert figure.layout.yaxis.title.text == "Absorbed energy (kJ)"

@@ -1,0 +1,164 @@
+"""Colours can be told apart and read, by the colour-blind too, on the light page and on the dark."""
+
+import tomllib
+from collections.abc import Iterator
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.campaign import Campaign
+from crashfuse.reporting.plots import palette
+from crashfuse.reporting.plots.canvas import darkened
+from crashfuse.reporting.plots.conditions import condition_space
+from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion, overlay
+from crashfuse.reporting.plots.ratings import rating_heatmap
+from tests.conftest import ROOT
+
+THEMES = tomllib.loads((ROOT / ".streamlit" / "config.toml").read_text(encoding="utf-8"))["theme"]
+LINE, TEXT = 3.0, 4.5  # WCAG 2.1, 1.4.11 and 1.4.3
+LIGHT, DARK = palette.PAPER, palette.IN_THE_DARK[palette.PAPER]
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance (WCAG 2.1)."""
+    parts = [int(colour[i : i + 2], 16) for i in (1, 3, 5)] if colour[0] == "#" else colour[4:-1].split(",")
+    shares = [int(part) / 255 for part in parts]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares]
+    return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
+
+
+def contrast(colour: str, ground: str) -> float:
+    """Contrast ratio (WCAG 2.1)."""
+    dim, bright = sorted([luminance(colour), luminance(ground)])
+    return (bright + 0.05) / (dim + 0.05)
+
+
+def blend(colour: str, ground: str, share: float = 0.6) -> str:
+    """A colour seen through, as Streamlit draws captions."""
+    over, under = (np.array([int(part[i : i + 2], 16) for i in (1, 3, 5)]) for part in (colour, ground))
+    return "#{:02X}{:02X}{:02X}".format(*np.round(share * over + (1 - share) * under).astype(int))
+
+
+@pytest.fixture
+def predictions(campaign: Campaign) -> dict[str, Prediction]:
+    """One of each approach, some with bands."""
+    test = campaign.test("T2")
+    accel = test.pulse.accel_mps2
+    draws = accel * np.linspace(0.9, 1.1, 21)[:, None]
+    return {
+        name: Prediction(test.condition, accel, None if name in ("cae", "lf_tcn") else draws) for name in APPROACHES
+    }
+
+
+@pytest.fixture
+def figures(campaign: Campaign, predictions: dict[str, Prediction]) -> list[go.Figure]:
+    """Figures with all that figures have: curves, bands, points, windows, text."""
+    test = campaign.test("T2")
+    return [
+        overlay(test.pulse, predictions, window_ms=40),
+        motion(test.pulse, predictions, speed_mps=test.condition.speed_mps, window_ms=40),
+        measured_pulses(campaign.tests, highlight="T2", cfc=180, window_ms=40),
+        library_band(campaign.cae, campaign.tests, window_ms=40),
+        condition_space(campaign.cae, campaign.tests, held_out="T2"),
+    ]
+
+
+def drawn_in(figure: go.Figure) -> Iterator[str]:
+    """Colours of all curves and points of a figure."""
+    for trace in figure.data:
+        if trace.fill is None:
+            yield trace.line.color if trace.mode == "lines" else trace.marker.color
+
+
+def test_every_approach_has_a_colour_of_its_own_that_shows_on_both_pages() -> None:
+    """WCAG 2.1 asks for a contrast of 3 for lines."""
+    colours = [palette.COLOURS[name] for name in APPROACHES]
+    assert len(set(colours)) == len(colours)
+    assert min(contrast(colour, LIGHT) for colour in colours) >= LINE
+    dark = [palette.IN_THE_DARK.get(colour, colour) for colour in colours]
+    assert len(set(dark)) == len(dark)
+    assert min(contrast(colour, DARK) for colour in dark) >= LINE
+
+
+def test_black_text_reads_on_every_grade() -> None:
+    """WCAG 2.1 asks for a contrast of 4.5 for text."""
+    assert min(contrast("#000000", colour) for colour in palette.GRADE_COLOURS.values()) >= TEXT
+
+
+def test_every_curve_and_every_word_of_a_figure_reads_on_both_pages(figures: list[go.Figure]) -> None:
+    """Curves and points at 3, axis lines and the cursor too; text at 4.5, that over the rated window on its shade."""
+    for figure in figures:
+        for shown, ground in ((figure, LIGHT), (darkened(figure), DARK)):
+            assert shown.layout.paper_bgcolor == shown.layout.plot_bgcolor == ground
+            assert min(contrast(colour, ground) for colour in drawn_in(shown)) >= LINE
+            for axis in shown.select_xaxes():
+                assert contrast(axis.linecolor, ground) >= LINE
+                assert contrast(axis.spikecolor, ground) >= LINE
+            assert contrast(shown.layout.font.color, ground) >= TEXT
+            for note in shown.layout.annotations:
+                assert contrast(note.font.color, ground) >= TEXT
+                assert contrast(note.font.color, shown.layout.shapes[0].fillcolor) >= TEXT
+
+
+def test_in_the_dark_only_colours_change(figures: list[go.Figure]) -> None:
+    """The same numbers, names and layout; and the light figure, which the report prints, is left as it was."""
+
+    def without_colours(part: object) -> object:
+        if isinstance(part, dict):
+            kept = {key: without_colours(value) for key, value in part.items() if not key.endswith("color")}
+            return {key: value for key, value in kept.items() if value not in (None, {})}
+        if isinstance(part, list | tuple):
+            return [without_colours(item) for item in part]
+        return part.tolist() if isinstance(part, np.ndarray) else part
+
+    for figure in figures:
+        before = figure.to_json()
+        dark = darkened(figure)
+        assert figure.to_json() == before != dark.to_json()
+        np.testing.assert_equal(without_colours(dark.to_plotly_json()), without_colours(figure.to_plotly_json()))
+
+
+def test_the_test_is_near_white_in_the_dark_and_bands_stay_sheer(campaign: Campaign, figures: list[go.Figure]) -> None:
+    """Black on white becomes near white on near black; a band keeps its approach's colour and can be looked through."""
+    assert campaign.tests
+    dark = darkened(figures[0])
+    (test,) = [trace for trace in dark.data if trace.name == "Test"]
+    assert luminance(test.line.color) > 0.9
+    (band,) = [trace for trace in dark.data if trace.fill and trace.legendgroup == "displacement_domain"]
+    assert band.fillcolor == "rgba(213, 94, 0, 0.25)"
+
+
+def test_a_heat_map_of_grades_keeps_its_ground_and_its_black_text() -> None:
+    """Its cells are as light in the dark; what is written beside them is not."""
+    scores = {"T1": {"cae": 0.5, "fused": 0.95}}
+    light, dark = rating_heatmap(scores), darkened(rating_heatmap(scores))
+    assert dark.data[0].textfont.color == "#000000"
+    assert dark.data[0].colorscale == light.data[0].colorscale
+    assert contrast(dark.layout.font.color, DARK) >= TEXT
+
+
+def test_tests_of_rising_speed_rise_in_brightness_on_both_pages(campaign: Campaign) -> None:
+    """A scale that the colour-blind, and a grey printer, can follow."""
+    lines = palette.speed_lines(campaign.tests)
+    slow_to_fast = [lines[test.id]["color"] for test in campaign.tests]
+    for colours in (slow_to_fast, [palette.IN_THE_DARK[colour] for colour in slow_to_fast]):
+        bright = [luminance(colour) for colour in colours]
+        assert bright == sorted(bright)
+        assert bright[-1] > 2 * bright[0]
+
+
+@pytest.mark.parametrize(("name", "ground"), [("light", LIGHT), ("dark", DARK)])
+def test_the_pages_own_colours_read(name: str, ground: str) -> None:
+    """Text, captions, links and the accent on the page, on fields and in the sidebar; text on the accent itself."""
+    theme = THEMES[name]
+    assert theme["backgroundColor"] == ground
+    grounds = [ground, theme["secondaryBackgroundColor"], theme["sidebar"]["backgroundColor"]]
+    for own in grounds:
+        for colour in ("textColor", "linkColor", "primaryColor"):
+            assert contrast(theme[colour], own) >= TEXT
+        assert contrast(blend(theme["textColor"], own), own) >= TEXT
+    on_accent = "#FFFFFF" if name == "light" else DARK
+    assert contrast(on_accent, theme["primaryColor"]) >= TEXT

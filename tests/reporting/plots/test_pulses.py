@@ -1,0 +1,192 @@
+"""Figures show the numbers they were given, in the units they name."""
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.reporting.plots import pulses as plots
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import GRID_S, N_SAMPLES
+from crashfuse.units import KPH, MPH, G
+
+
+@pytest.fixture
+def test(campaign: Campaign) -> CrashTest:
+    """A test at 25 mph."""
+    return campaign.test("T2")
+
+
+@pytest.fixture
+def predictions(campaign: Campaign, test: CrashTest) -> dict[str, Prediction]:
+    """The paired CAE run, and the same with 101 draws that lie -50 to +50 m/s² off it."""
+    run = campaign.cae.paired_run(test.condition)
+    assert run is not None
+    accel = campaign.cae.accel_mps2[run].astype(float)
+    draws = accel + np.arange(-50.0, 51.0)[:, None]
+    return {
+        "cae": Prediction(test.condition, accel),
+        "displacement_domain": Prediction(test.condition, accel, draws),
+    }
+
+
+def trace(figure: go.Figure, name: str, row: int = 1) -> go.Scatter:
+    """The one trace of this name in this row."""
+    axis = None if row == 1 else f"y{row}"
+    (found,) = [t for t in figure.data if t.name == name and (t.yaxis or "y") == (axis or "y")]
+    return found
+
+
+def test_the_overlay_shows_the_measured_pulse_in_ms_and_g(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """A pulse of -9.80665 m/s² is drawn at -1."""
+    measured = trace(plots.overlay(test.pulse, predictions), "Test")
+    np.testing.assert_allclose(measured.x, GRID_S * 1000, rtol=1e-6)
+    np.testing.assert_allclose(measured.y, test.pulse.accel_mps2 / G, rtol=1e-6)
+    assert measured.line.color == "#000000"
+
+
+def test_deceleration_in_si_is_the_negative_of_the_signed_data(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """The sign and the unit are the plot's own; the axis says so."""
+    figure = plots.overlay(test.pulse, predictions, unit="m/s²", deceleration=True)
+    np.testing.assert_allclose(trace(figure, "CAE").y, -predictions["cae"].accel_mps2, rtol=1e-6)
+    assert figure.layout.yaxis.title.text == "Deceleration (m/s²)"
+
+
+def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """Of 101 evenly spaced draws from -50 to +50 the interval is -47.5 to +47.5."""
+    figure = plots.overlay(test.pulse, predictions, unit="m/s²")
+    (band,) = [t for t in figure.data if t.fill == "toself"]
+    half = band.x.size // 2
+    lower, upper = band.y[:half], band.y[half:][::-1]
+    np.testing.assert_array_equal(band.x[:half], band.x[half:][::-1])
+    accel = np.interp(band.x[:half], GRID_S * 1e3, predictions["displacement_domain"].accel_mps2)
+    np.testing.assert_allclose(lower, accel - 47.5, atol=1e-3)
+    np.testing.assert_allclose(upper, accel + 47.5, atol=1e-3)
+
+
+def test_the_rated_window_is_shaded_and_named(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """A rectangle from 0 to the window, and words."""
+    figure = plots.overlay(test.pulse, predictions, window_ms=40.0)
+    (shape,) = figure.layout.shapes
+    assert (shape.x0, shape.x1) == (0, 40)
+    assert figure.layout.annotations[0].text == "rated: 0–40 ms"
+
+
+def test_an_overlay_needs_no_measured_pulse(predictions: dict[str, Prediction]) -> None:
+    """At a new condition there is none, and no window either."""
+    figure = plots.overlay(None, predictions)
+    assert not [t for t in figure.data if t.name == "Test"]
+    assert not figure.layout.shapes
+
+
+def test_every_curve_is_float32_with_one_point_a_sample_and_bands_have_fewer(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """Nothing is blown up on its way to the browser; curves lose nothing, and both ends of the record are there."""
+    for curve in plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps).data:
+        assert curve.y.dtype == np.float32
+        assert curve.x.size == curve.y.size
+        assert curve.x.size < N_SAMPLES if curve.fill == "toself" else curve.x.size == N_SAMPLES
+        assert (curve.x.min(), curve.x.max()) == (0, np.float32(GRID_S[-1] * 1e3))
+
+
+def test_velocity_and_displacement_are_those_of_the_closed_form(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """A half sine that stops the car and throws it back at a tenth of v0: v(t) = v0 (0.45 + 0.55 cos(π t / T))."""
+    v0 = test.condition.speed_mps
+    figure = plots.motion(test.pulse, predictions, speed_mps=v0)
+    duration = 0.07 * test.condition.mass_kg / 1700
+    time = np.minimum(GRID_S, duration)
+    velocity = v0 * (0.45 + 0.55 * np.cos(np.pi * time / duration))
+    moved = v0 * (0.45 * time + 0.55 * duration / np.pi * np.sin(np.pi * time / duration)) - 0.1 * v0 * (GRID_S - time)
+    np.testing.assert_allclose(trace(figure, "Test", 2).y, velocity / KPH, atol=0.02)
+    np.testing.assert_allclose(trace(figure, "Test", 3).y, moved * 1000, atol=0.5)
+
+
+def test_the_three_rows_share_one_time_axis(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """One x axis object: only then does one cursor run through all of them."""
+    figure = plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps)
+    assert {t.xaxis or "x" for t in figure.data} == {"x"}
+    assert {t.yaxis or "y" for t in figure.data} == {"y", "y2", "y3"}
+    assert figure.layout.hoversubplots == "axis"
+
+
+def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """The acceleration carries the other two; they don't repeat themselves."""
+    figure = plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps)
+    accel = trace(figure, "CAE")
+    np.testing.assert_array_equal(accel.customdata[:, 0], trace(figure, "CAE", 2).y)
+    np.testing.assert_array_equal(accel.customdata[:, 1], trace(figure, "CAE", 3).y)
+    assert trace(figure, "CAE", 2).hoverinfo == "none"
+
+
+def test_all_tests_are_drawn_by_rising_speed_and_named(campaign: Campaign) -> None:
+    """Each with its speed; the held-out one says that it is."""
+    figure = plots.measured_pulses(campaign.tests[::-1], highlight="T4")
+    assert [t.name for t in figure.data] == [
+        "T1 · 15.0 mph",
+        "T2 · 25.0 mph",
+        "T3 · 26.0 mph",
+        "T4 · 35.0 mph (held out)",
+    ]
+    assert len({t.line.color for t in figure.data}) == 4
+
+
+def test_many_names_stand_above_the_curves(campaign: Campaign) -> None:
+    """Beside them they would take half of a narrow page."""
+    for figure in (plots.measured_pulses(campaign.tests), plots.library_band(campaign.cae, campaign.tests)):
+        assert figure.layout.legend.orientation == "h"
+        assert figure.layout.legend.y > 1
+
+
+def test_tests_at_one_speed_differ_in_their_dashes(test: CrashTest) -> None:
+    """Colour stands for speed, so repeats need something else."""
+    figure = plots.measured_pulses([test, CrashTest("again", test.condition, test.pulse)])
+    first, second = figure.data
+    assert first.line.color == second.line.color
+    assert first.line.dash != second.line.dash
+
+
+def test_the_library_band_shows_its_quantiles(campaign: Campaign) -> None:
+    """101 constant pulses of 0 to -100 m/s²: 95, 50 and 5 % lie at -5, -50 and -95."""
+    levels = np.repeat(-np.arange(101.0)[:, None], N_SAMPLES, axis=1).astype(np.float32)
+    library = CaeLibrary(tuple(map(str, range(101))), campaign.cae.conditions[:1] * 101, levels)
+    band, median = plots.library_band(library, unit="m/s²").data
+    assert (band.y.min(), band.y.max(), median.y.max()) == (-95, -5, -50)
+    assert band.name == "5–95 % of 101 runs"
+
+
+def test_the_library_band_carries_the_paired_runs(campaign: Campaign) -> None:
+    """A test without a run of its own condition adds nothing."""
+    stray = CrashTest("stray", campaign.cae.conditions[0], campaign.tests[0].pulse)
+    figure = plots.library_band(CaeLibrary(("C",), campaign.cae.conditions[1:2], campaign.cae.accel_mps2[1:2]), [stray])
+    assert len(figure.data) == 2
+    figure = plots.library_band(campaign.cae, campaign.tests)
+    assert len(figure.data) == 2 + len(campaign.tests)
+    assert figure.data[2].name == f"C20 · {campaign.tests[0].condition.speed_mps / MPH:.1f} mph"
+
+
+def test_filtered_tests_are_drawn_over_what_was_read(campaign: Campaign) -> None:
+    """Two curves a test of one colour: the thin one as read, the named one filtered to the class."""
+    plain = plots.measured_pulses(campaign.tests)
+    figure = plots.measured_pulses(campaign.tests, cfc=180, unit="m/s²")
+    assert (len(plain.data), len(figure.data)) == (4, 8)
+    for test in campaign.tests:
+        read, filtered = (trace for trace in figure.data if trace.legendgroup == test.id)
+        np.testing.assert_allclose(read.y, test.pulse.accel_mps2, rtol=1e-6, atol=1e-6)
+        expected = cfc_filter(test.pulse.accel_mps2, cfc=180, dt_s=test.pulse.dt_s)
+        np.testing.assert_allclose(filtered.y, expected, rtol=1e-5, atol=1e-3)
+        assert read.line.color == filtered.line.color
+        assert read.line.width < filtered.line.width
+        assert not read.showlegend
+
+
+def test_the_grid_of_all_three_rows_of_motion_is_the_same(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """Velocity and displacement are read off as acceleration is, in the dark too."""
+    figure = plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps)
+    axes = [figure.layout.yaxis, figure.layout.yaxis2, figure.layout.yaxis3]
+    assert len({(axis.gridcolor, axis.linecolor, axis.zerolinecolor) for axis in axes}) == 1

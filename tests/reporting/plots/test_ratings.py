@@ -1,0 +1,50 @@
+"""Figures of ratings show their grades."""
+
+import numpy as np
+
+from crashfuse.reporting.plots import ratings as plots
+from crashfuse.reporting.plots.palette import GRADE_COLOURS
+
+
+def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
+    """Grades hold above 0.94, 0.80 and 0.58 (ISO/TS 18571), not at them."""
+    scores = {"A": {"cae": 0.58, "lf_tcn": 0.81}, "B": {"cae": 0.80, "lf_tcn": 0.95}}
+    heat, _ = plots.rating_heatmap(scores).data
+    assert [list(row) for row in heat.text] == [
+        ["0.580  Poor", "0.810  Good"],
+        ["0.800  Fair", "0.950  Excellent"],
+        ["0.690  Fair", "0.880  Good"],
+    ]
+    np.testing.assert_allclose(heat.z[-1], [0.69, 0.88], rtol=1e-6)
+
+
+def test_the_heat_map_colours_change_where_the_grades_do() -> None:
+    """Each grade's colour spans its range of ratings."""
+    heat, _ = plots.rating_heatmap({"A": {"cae": 0.5}}).data
+    spans = {colour: [limit for limit, c in heat.colorscale if c == colour] for _, colour in heat.colorscale}
+    assert list(spans.values()) == [[0, 0.58], [0.58, 0.8], [0.8, 0.94], [0.94, 1]]
+    assert list(spans) == list(GRADE_COLOURS.values())
+
+
+def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
+    """An invisible mark in it names its test, and is found from anywhere in it."""
+    figure = plots.rating_heatmap({"A": {"cae": 0.5, "fused": 0.9}, "B": {"cae": 0.6, "fused": 0.8}})
+    heat, marks = figure.data
+    assert list(marks.customdata) == ["A", "A", "B", "B", "", ""]
+    assert list(marks.y) == [row for row in heat.y for _ in range(2)]
+    assert list(marks.x) == list(heat.x) * 3
+    assert (figure.layout.hoverdistance, heat.hoverinfo, marks.hoverinfo) == (-1, "skip", "none")
+
+
+def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> None:
+    """Error bars are lengths from the mark; a test without an approach has no mark of it."""
+    figure = plots.rating_spread(
+        {"A": {"fused": (0.9, 0.7, 0.95)}, "B": {"fused": (0.8, 0.6, 0.8), "lf_tcn": (0.5, 0.4, 0.6)}}
+    )
+    network, fused = figure.data
+    assert (network.name, fused.name) == ("LF TCN", "Fused")
+    assert len(network.x) == 1
+    np.testing.assert_allclose(fused.y, [0.9, 0.8])
+    np.testing.assert_allclose(fused.error_y.array, [0.05, 0.0], atol=1e-6)
+    np.testing.assert_allclose(fused.error_y.arrayminus, [0.2, 0.2], rtol=1e-6)
+    assert list(figure.layout.xaxis.ticktext) == ["A", "B"]

@@ -1,0 +1,104 @@
+"""The figure of a sweep shows each number where it belongs, and nothing where there is none."""
+
+import numpy as np
+import pytest
+from plotly.graph_objects import Figure, Scatter
+
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.reporting.plots.palette import COLOURS
+from crashfuse.reporting.plots.sweep import sweep_figure
+from crashfuse.signals.metrics import Metric
+from crashfuse.study.sweep import Sweep
+from crashfuse.units import LB, MPH
+
+SPEEDS_MPH = np.array([10.0, 20.0, 30.0, 40.0, 50.0])
+VALUES = (None, 20.0, 30.0, None, 50.0)
+LOWER = (8.0, 18.0, 28.0, None, 45.0)
+UPPER = (12.0, 22.0, 32.0, None, None)
+
+
+def _sweep(approach: str, *, band: bool) -> Sweep:
+    """An OLC that is missing here and there."""
+    none = (None,) * len(VALUES)
+    ends = zip(VALUES, LOWER if band else none, UPPER if band else none, strict=True)
+    metrics = tuple((Metric("olc", value, lower, upper, "g"),) for value, lower, upper in ends)
+    return Sweep(approach, Condition(1.0, 2050 * LB, 1500 * LB), SPEEDS_MPH * MPH, metrics)
+
+
+@pytest.fixture
+def figure(campaign: Campaign) -> Figure:
+    """The raw CAE without a band, and fused with one."""
+    return sweep_figure([_sweep("cae", band=False), _sweep("fused", band=True)], "olc", campaign)
+
+
+def _lines(figure: Figure) -> dict[str, Scatter]:
+    return {trace.legendgroup: trace for trace in figure.data if trace.mode == "lines+markers"}
+
+
+def test_missing_numbers_leave_gaps(figure: Figure) -> None:
+    """Neither a zero nor a line across."""
+    line = _lines(figure)["fused"]
+    np.testing.assert_allclose(line.x, SPEEDS_MPH)
+    np.testing.assert_array_equal(line.y, [np.nan, 20, 30, np.nan, 50])
+    assert line.connectgaps is False
+    assert line.line.color == COLOURS["fused"]
+
+
+def test_the_band_is_drawn_where_both_ends_are_known(figure: Figure) -> None:
+    """One outline from 10 to 30 mph, none beyond; and none at all for an approach without."""
+    (band,) = [trace for trace in figure.data if trace.fill == "toself"]
+    np.testing.assert_allclose(band.x[:-1], [10, 20, 30, 30, 20, 10])
+    np.testing.assert_allclose(band.y[:-1], [8, 18, 28, 32, 22, 12])
+    assert band.legendgroup == "fused"
+    assert band.fillcolor == "rgba(0, 158, 115, 0.18)"
+
+
+def test_separate_stretches_of_the_band_are_not_joined(campaign: Campaign) -> None:
+    """With the upper end known at 50 mph again there are two outlines."""
+    whole = _sweep("fused", band=True)
+    metrics = (*whole.metrics[:4], (Metric("olc", 50.0, 45.0, 55.0, "g"),))
+    sweep = Sweep("fused", whole.condition, whole.speeds_mps, metrics)
+    (band,) = [trace for trace in sweep_figure([sweep], "olc", campaign).data if trace.fill == "toself"]
+    np.testing.assert_array_equal(band.x, [10, 20, 30, 30, 20, 10, np.nan, 50, 50, np.nan])
+    np.testing.assert_array_equal(band.y, [8, 18, 28, 32, 22, 12, np.nan, 45, 55, np.nan])
+
+
+def test_the_cursor_reads_both_units_of_speed_and_the_interval(figure: Figure) -> None:
+    """20 mph are 32.2 km/h; an open end is said to be open."""
+    texts = _lines(figure)["fused"].customdata
+    assert list(texts[1]) == ["20.0 mph (32.2 km/h)", "20.0 [18.0, 22.0] g"]
+    assert list(texts[4]) == ["50.0 mph (80.5 km/h)", "50.0 [45.0, beyond the record] g"]
+
+
+def test_tests_are_black_points_with_their_id_and_weights(campaign: Campaign, figure: Figure) -> None:
+    """Each at its own speed and measured value."""
+    (points,) = [trace for trace in figure.data if trace.mode == "markers"]
+    np.testing.assert_allclose(points.x, [15, 25, 26, 35])
+    assert points.marker.color == "#000000"
+    test_id, speed, _, weights = points.customdata[1]
+    assert (test_id, speed) == ("T2", "25.0 mph (40.2 km/h)")
+    assert weights == "front 2040 lb, rear 1500 lb"
+    assert "own weights" in points.name
+    assert len(points.y) == len(campaign.tests)
+
+
+def test_speeds_without_runs_are_shaded_and_those_of_tests_ticked(campaign: Campaign, figure: Figure) -> None:
+    """The library ends at 36 mph at most, the sweep at 50; each test has a tick at the foot."""
+    shaded = [shape for shape in figure.layout.shapes if shape.type == "rect"]
+    fastest = campaign.cae.vectors[:, 0].max() / MPH
+    assert shaded[-1].x0 == pytest.approx(fastest)
+    assert shaded[-1].x1 >= 50
+    assert [shape.showlegend for shape in shaded].count(True) == 1
+    ticks = [shape for shape in figure.layout.shapes if shape.type == "line"]
+    np.testing.assert_allclose([tick.x0 for tick in ticks], [15, 25, 26, 35])
+    assert max(tick.y1 for tick in ticks) < 0.1
+
+
+def test_the_axes_say_what_they_show(figure: Figure) -> None:
+    """With units; all speeds fit."""
+    assert figure.layout.xaxis.title.text == "Impact speed (mph)"
+    assert figure.layout.yaxis.title.text == "OLC, occupant load criterion (g)"
+    low, high = figure.layout.xaxis.range
+    assert low < 10
+    assert high > 50

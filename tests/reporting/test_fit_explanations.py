@@ -1,0 +1,113 @@
+"""What people are told of fits and bands."""
+
+import numpy as np
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.calibration import Calibration, Coverage
+from crashfuse.campaign import Campaign
+from crashfuse.reporting.fit_explanations import coverage_table, fit_sentences, fit_table
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.fold import Fold
+from crashfuse.study.study import Study
+
+INSIDE = Coverage(1.0, 0.9, 0.8, crush=True, peak=True)
+STATE = {
+    "points": 300,
+    "bias_rms_g": 7.25,
+    "log_marginal_likelihood": -12.3,
+    "dead": False,
+    "retries": 1,
+    "hyperparameters": {"shared, standard deviation": 0.7123, "noise, standard deviation": 0.05},
+    "spread_factors": {"shared, standard deviation": 1.5, "noise, standard deviation": 1.1},
+    "touched_bounds": ["noise, standard deviation"],
+    "factors": ["powertrain"],
+    "left_out_log_density": {"none": -10.4, "powertrain": -3.2},
+    "band_check": Calibration(1.15, (INSIDE,) * 3).state,
+}
+
+
+def test_the_coverage_of_a_study_counts_its_held_out_tests(campaign: Campaign) -> None:
+    """Draws around the test itself hold it; an approach without draws has no row."""
+    folds = []
+    for test, factor in zip(campaign.tests[:2], (1.0, 1.5), strict=True):
+        draws = factor * np.linspace(0.95, 1.05, 100)[:, None] * test.pulse.accel_mps2
+        with_band = Estimate("displacement_domain", Prediction(test.condition, draws[50], draws), {}, 0.0)
+        without = Estimate("cae", Prediction(test.condition, draws[50]), {}, 0.0)
+        folds.append(Fold(test, (without, with_band), {}))
+    config = StudyConfig(approaches=("cae", "displacement_domain"))
+    found = Study(campaign, config, tuple(folds)).coverage
+    assert list(found) == ["displacement_domain"]
+    assert found["displacement_domain"].count("peak") == 1
+
+
+def test_the_table_of_coverage_says_percent_and_counts() -> None:
+    """Shares of time in percent, tests in numbers, and a dash where nothing is known."""
+    never = Coverage(1.0, 1.0, float("nan"), crush=False, peak=True)
+    row = coverage_table({"displacement_domain": Calibration(1.0, (INSIDE, never))}).iloc[0]
+    assert row["a(t) up to t0"] == "100 %"
+    assert row["v(t) up to t0"] == "95 %"
+    assert row["a(t) after t0"] == "80 %"
+    assert row["Maximum crush"] == "1 of 2"
+    assert coverage_table({"displacement_domain": Calibration(1.0, (never,))}).iloc[0]["a(t) after t0"] == "–"
+
+
+def test_hyperparameters_are_shown_with_their_spread_and_bounds() -> None:
+    """One row each."""
+    table = fit_table(STATE).set_index("Hyperparameter")
+    assert table.loc["shared, standard deviation"].tolist() == ["0.712", "1.50", "no"]
+    assert table.loc["noise, standard deviation", "At its bound"] == "yes"
+    assert fit_table({}).empty
+
+
+def test_a_fit_is_told_in_sentences() -> None:
+    """What was compared, which factor won, how far the band was widened and what lies inside then."""
+    text = " ".join(fit_sentences(STATE))
+    assert "300 points" in text
+    assert "Factors: powertrain" in text
+    assert "none -10, powertrain -3" in text
+    assert "scaled by 1.15;" in text
+    assert "crush in 3 of 3 tests" in text
+    assert "less than a 95 % band should hold" in text  # v(t) 90 %
+    assert fit_sentences({}) == []
+
+
+def test_a_fine_tuning_is_told_in_sentences() -> None:
+    """The members, what was chosen and from what, and how well ΔV was met."""
+    state = {
+        "members": 4,
+        "weights": 63000,
+        "penalty": 0.02,
+        "left_out_rmse": {"0.02": 0.23, "0.06": 0.25},
+        "left_out_delta_v_misfit": 0.041,
+        "band_check": Calibration(1.0, (INSIDE,) * 3).state,
+    }
+    first, second = fit_sentences(state)
+    assert "4 networks of 63,000 weights" in first
+    assert "0.02 of the increments to itself, chosen of 0.02, 0.06" in first
+    assert "4.1 % of its speed" in first
+    assert second.startswith("Band: checked on 3 tests")
+    assert fit_table(state).empty
+
+
+def test_a_dead_fit_is_called_one() -> None:
+    """So that nobody takes an uncorrected pulse for a corrected one."""
+    assert "explains nothing" in " ".join(fit_sentences({**STATE, "dead": True}))
+
+
+def test_a_mixture_is_told_in_a_sentence() -> None:
+    """The weight of each voice beside a test, and far from all."""
+    voices = ("time domain", "displacement domain", "raw CAE")
+    state = {
+        "weights_beside_a_test": dict(zip(voices, (0.4, 0.6, 0.0), strict=True)),
+        "weights_far_from_tests": dict(zip(voices, (0.3, 0.5, 0.2), strict=True)),
+    }
+    (sentence,) = fit_sentences(state)
+    assert "time domain 0.40 (far from all tests 0.30), displacement domain 0.60 (far from all tests 0.50)" in sentence
+
+
+def test_a_factor_of_its_own_after_t0_is_told() -> None:
+    """A band that was widened more after the stop says so."""
+    check = Calibration(1.15, (INSIDE,) * 3, late_widening=2.0).state
+    (sentence,) = fit_sentences({"band_check": check})
+    assert "scaled by 1.15 (2 after t0);" in sentence

@@ -1,0 +1,47 @@
+"""The paper's tables hold the study's ratings, and mark the best."""
+
+import numpy as np
+import pandas as pd
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign
+from crashfuse.reporting.paper_tables import TABLE_3, TABLE_5, best, rating_table
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.fold import Fold
+from crashfuse.study.study import Study
+
+
+def study(campaign: Campaign) -> Study:
+    """Two tests, predicted by the test itself and by something softer."""
+    config = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(20.0, 60.0))
+    folds = []
+    for test in campaign.tests[:2]:
+        own = [
+            Estimate(name, Prediction(test.condition, scale * test.pulse.accel_mps2), {}, 0.0)
+            for name, scale in (("cae", 0.7), ("displacement_domain", 1.0))
+        ]
+        folds.append(Fold.of(test, own, config.windows_ms))
+    return Study(campaign, config, tuple(folds))
+
+
+def test_a_table_has_a_row_for_each_test_and_approach_and_the_mean_at_its_foot(campaign: Campaign) -> None:
+    """Windows are columns, as in the paper; a perfect prediction rates 1 everywhere."""
+    table = rating_table(study(campaign), TABLE_5)
+    assert list(table.columns) == ["(0, 20) ms", "(0, 60) ms"]
+    assert list(table.index) == [(t, a) for t in ("T1", "T2", "Mean") for a in ("Displacement domain", "CAE")]
+    np.testing.assert_allclose(table.xs("Displacement domain", level=1), 1.0)
+    cae = table.xs("CAE", level=1)
+    np.testing.assert_allclose(cae.loc["Mean"], cae.loc[["T1", "T2"]].mean())
+
+
+def test_approaches_that_the_study_does_not_have_are_left_out(campaign: Campaign) -> None:
+    """Table 3 compares networks; there is none here."""
+    assert rating_table(study(campaign), TABLE_3).empty
+
+
+def test_the_best_of_a_test_is_marked_window_by_window() -> None:
+    """Equal to three digits is equally good, as the reader sees it."""
+    index = pd.MultiIndex.from_product([["T1", "T2"], ["a", "b"]])
+    table = pd.DataFrame({"w": [0.8, 0.9, 0.70004, 0.70001], "v": [0.5, 0.4, 0.1, 0.2]}, index=index)
+    assert best(table).to_numpy().tolist() == [[False, True], [True, False], [True, False], [True, True]]

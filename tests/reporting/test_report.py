@@ -1,0 +1,125 @@
+"""The report holds what a reader who was not there needs, and stays light."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plotly.offline import get_plotlyjs
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.reporting.report import prediction_report, study_report
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.fold import Fold
+from crashfuse.study.study import Study
+
+CONFIG = StudyConfig(approaches=("cae",))
+
+
+def estimate(test: CrashTest) -> Estimate:
+    """The test itself, with 100 draws around it."""
+    accel = test.pulse.accel_mps2
+    prediction = Prediction(test.condition, accel, np.linspace(0.9, 1.1, 100)[:, None] * accel)
+    return Estimate("cae", prediction, {}, 0.1, {test.id: accel})
+
+
+@pytest.fixture(scope="module")
+def study(campaign: Campaign) -> Study:
+    """A study of two tests with one approach."""
+    folds = tuple(Fold.of(test, [estimate(test)], CONFIG.windows_ms) for test in campaign.tests[:2])
+    return Study(campaign, CONFIG, folds)
+
+
+@pytest.fixture(scope="module")
+def text(study: Study) -> str:
+    """Its report."""
+    return study_report(study)
+
+
+def figures(text: str) -> int:
+    """How many figures a report holds."""
+    return len(re.findall('class="plotly-graph-div"', text))
+
+
+def test_a_study_has_its_figures_and_two_for_each_held_out_test(text: str) -> None:
+    """Heat map, spread of the ratings, calibration, bias by speed; motion, and the same over displacement."""
+    assert figures(text) == 4 + 2 * 2
+    assert text.count("by speed</h2>") == 1
+    assert text.count("The same over displacement") == 2
+    assert "T4 \\u00b7 35.0 mph" in text
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "Result: mean rating over the held-out tests",
+        "Ratings by test, in the form of the paper&#x27;s tables",
+        "What the 95 % band is worth",
+        "Data: 4 tests, 24 CAE runs",
+        "Method and settings",
+        "What the CAE model gets wrong, by speed",
+        "Test T1: ",
+        "Limits",
+        "Where this comes from",
+    ],
+)
+def test_a_study_has_every_part_a_certification_review_asks_for(text: str, heading: str) -> None:
+    """Data, method, results, bands, limits and provenance, each under its heading."""
+    assert f"<h2>{heading}" in text
+
+
+def test_a_study_recommends_before_it_shows(text: str) -> None:
+    """The verdict stands at the top; each test has what was recommended before it was run, and what came of it."""
+    assert text.index("for this campaign") < text.index("<h2>Result")
+    assert text.count("Recommended before it was run") == 2
+    assert text.count("It then rated 1.000 (Excellent).") == 2
+
+
+def test_a_study_names_the_command_that_makes_it_again(text: str, campaign: Campaign) -> None:
+    """With the fingerprint of the data."""
+    assert "crashfuse study CAMPAIGN --out DIR --held-out T1 T2 --approach cae" in text
+    assert campaign.fingerprint in text
+
+
+def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
+    """The same tests, rated without any other at their speed."""
+    both = study_report(replace(study, speed_groups=study))
+    assert "A whole speed group left out" in both
+    assert figures(both) == figures(study_report(study)) + 1
+
+
+def test_paper_gets_page_breaks_and_no_scrollbars(text: str) -> None:
+    """Each test begins a page, figures are made to fit, and nothing scrolls by itself."""
+    assert "section.test { break-before: page }" in text
+    assert "beforeprint" in text
+    assert "overflow: auto" not in text
+    assert "overflow: scroll" not in text
+
+
+def test_what_users_typed_is_text(study: Study) -> None:
+    """A campaign's name is not markup."""
+    named = replace(study, campaign=replace(study.campaign, name="<script>alert(1)</script>"))
+    assert "<script>alert(1)" not in study_report(named)
+
+
+def test_the_figures_are_light(text: str) -> None:
+    """All but Plotly itself stays below 100 kB a figure."""
+    assert len(text) - len(get_plotlyjs()) < 100_000 * figures(text)
+
+
+def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
+    """Nothing was measured there; what may be expected, the nearest tests and the bias of the tests stand."""
+    text = prediction_report(campaign, [estimate(campaign.tests[0])], CONFIG)
+    assert figures(text) == 3
+    assert '"name":"Test"' not in text
+    assert "by speed</h2>" in text
+    assert "Expected rating over 0–60 ms: about 1.00" in text
+    assert "Nearest tests by speed and weights: T1 (+0.0 mph" in text
+    assert "crashfuse predict CAMPAIGN --speed-mph 15 " in text
+
+
+def test_equal_results_give_equal_bytes(study: Study, text: str) -> None:
+    """Whenever and however long it took: a review can compare reports."""
+    assert study_report(replace(study, seconds={"prepare": 7.0})) == text

@@ -1,0 +1,128 @@
+"""The two occupant models against closed forms, against an independent integrator, and at the record's end."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from crashfuse.signals.occupant import occupant_load_criterion, vehicle_pulse_index
+from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
+from crashfuse.units import G
+
+SPEED_MPS = 15.0
+
+Measure = Callable[..., FloatArray]
+
+
+def time_of(duration_s: float, dt_s: float = DT_S) -> FloatArray:
+    """Times from 0 to a duration."""
+    return np.arange(round(duration_s / dt_s) + 1) * dt_s
+
+
+def olc(accel_mps2: FloatArray, dt_s: float = DT_S) -> FloatArray:
+    """OLC of acceleration from 15 m/s."""
+    motion = kinematics(accel_mps2, SPEED_MPS, dt_s)
+    return occupant_load_criterion(motion.velocity_mps, motion.displacement_m, dt_s)
+
+
+def vpi(accel_mps2: FloatArray, dt_s: float = DT_S) -> FloatArray:
+    """VPI of acceleration from 15 m/s."""
+    motion = kinematics(accel_mps2, SPEED_MPS, dt_s)
+    return vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, dt_s)
+
+
+def half_sine(time_s: FloatArray, duration_s: float = 0.08) -> FloatArray:
+    """A half sine that takes 16.5 m/s away."""
+    peak = 1.1 * SPEED_MPS * np.pi / (2 * duration_s)
+    return np.where(time_s < duration_s, -peak * np.sin(np.pi * time_s / duration_s), 0.0)
+
+
+@pytest.mark.parametrize("braking_g", [15, 25, 40])
+def test_constant_braking_has_an_olc_of_300_to_235_times_it(braking_g: float) -> None:
+    """From t1 = √(2·65 mm/a) both slow evenly and meet after τ with a·t1·τ/2 = 235 mm, so OLC = a (1 + t1/τ)."""
+    found = olc(np.full(time_of(0.15).size, -braking_g * G))
+    assert found == pytest.approx(braking_g * G * 300 / 235, rel=1e-5)
+
+
+def test_vehicle_that_stands_still_leaves_the_occupant_half_of_v0_times_its_braking_time() -> None:
+    """Braked at 40 g to a stop: s = v0²/2a, and from t1 the occupant covers v0 τ/2 = s − s(t1) + 235 mm, OLC = v0/τ."""
+    braking = 40 * G
+    time = np.minimum(time_of(0.15), SPEED_MPS / braking)
+    displacement = SPEED_MPS * time - braking * time**2 / 2
+    t1 = np.sqrt(2 * 0.065 / braking)
+    way = displacement[-1] - (SPEED_MPS * t1 - 0.065) + 0.235
+    found = occupant_load_criterion(SPEED_MPS - braking * time, displacement, DT_S)
+    assert found == pytest.approx(SPEED_MPS**2 / (2 * way), rel=1e-5)
+
+
+@pytest.mark.parametrize("braking_g", [15, 25, 40])
+def test_constant_braking_has_its_closed_form_vpi(braking_g: float) -> None:
+    """At 30 mm the mass is w = √(2·30 mm·a) faster than the vehicle, so its peak is a + √(a² + ω² w²), ω² = 2500/s²."""
+    a = braking_g * G
+    found = vpi(np.full(time_of(0.15).size, -a))
+    assert found == pytest.approx(a + np.sqrt(a**2 + 2500 * 2 * 0.03 * a), rel=1e-5)
+
+
+def test_vehicle_that_stops_at_once_has_a_vpi_of_omega_v0() -> None:
+    """All of v0²/2 goes into the spring: the largest VPI of a given speed, whatever the slack."""
+    time = time_of(0.1)
+    found = vehicle_pulse_index(np.where(time > 0, 0.0, SPEED_MPS), np.zeros(time.size), DT_S)
+    assert found == pytest.approx(50 * SPEED_MPS, rel=1e-4)
+
+
+def test_vpi_of_a_half_sine_is_that_of_an_adaptive_integrator() -> None:
+    """SciPy's Runge-Kutta at 1e-10 on the closed-form motion of the vehicle finds the same peak."""
+    rate, peak = np.pi / 0.08, 1.1 * SPEED_MPS * np.pi / 0.16
+
+    def vehicle(t: float) -> float:
+        loaded = min(t, 0.08)
+        displacement = SPEED_MPS * loaded - peak / rate * (loaded - np.sin(rate * loaded) / rate)
+        return float(displacement - 0.1 * SPEED_MPS * (t - loaded))
+
+    def motion(t: float, state: FloatArray) -> list[float]:
+        return [state[1], -2500 * max(state[0] - vehicle(t) - 0.03, 0.0)]
+
+    solution = solve_ivp(motion, (0, 0.12), [0.0, SPEED_MPS], rtol=1e-10, atol=1e-12, max_step=1e-4)
+    expected = max(-motion(t, y)[1] for t, y in zip(solution.t, solution.y.T, strict=True))
+    assert vpi(half_sine(time_of(0.12))) == pytest.approx(expected, rel=1e-5)
+
+
+def test_olc_of_a_half_sine_brings_the_occupant_to_the_vehicle_after_300_mm() -> None:
+    """Simulated on its own with the OLC as brake after 65 mm, the occupant has the vehicle's velocity at 300 mm."""
+    dt_s = 1e-5
+    time = time_of(0.15, dt_s)
+    accel = half_sine(time)
+    vehicle = kinematics(accel, SPEED_MPS, dt_s)
+    free = SPEED_MPS * time - vehicle.displacement_m < 0.065
+    occupant = kinematics(np.where(free, 0.0, -float(olc(accel, dt_s))), SPEED_MPS, dt_s)
+    met = int(np.argmax(~free & (occupant.velocity_mps <= vehicle.velocity_mps)))
+    assert occupant.displacement_m[met] - vehicle.displacement_m[met] == pytest.approx(0.3, abs=2e-4)
+
+
+@pytest.mark.parametrize("measure", [olc, vpi])
+def test_step_of_time_does_not_matter(measure: Measure) -> None:
+    """A quarter of the step changes neither by more than 0.01 %."""
+    coarse, fine = (measure(half_sine(time_of(0.15, dt_s)), dt_s) for dt_s in (DT_S, DT_S / 4))
+    assert coarse == pytest.approx(fine, rel=1e-4)
+
+
+@pytest.mark.parametrize("measure", [olc, vpi])
+def test_many_pulses_at_once_are_as_one_by_one(measure: Measure) -> None:
+    """Leading axes are kept, and each pulse has its own number."""
+    pulses = np.array([half_sine(time_of(0.14), duration) for duration in (0.05, 0.06, 0.07, 0.08, 0.09, 0.1)])
+    together = measure(pulses.reshape(2, 3, -1))
+    assert together.shape == (2, 3)
+    np.testing.assert_allclose(together.ravel(), [measure(pulse) for pulse in pulses], rtol=1e-12)
+
+
+@pytest.mark.parametrize("measure", [olc, vpi])
+def test_record_that_ends_too_early_has_no_number(measure: Measure) -> None:
+    """Cut ever later, a pulse has no number at first, and from some time on always the same."""
+    pulse = half_sine(time_of(0.15))
+    found = np.array([measure(pulse[:n]) for n in range(100, pulse.size, 50)])
+    known = np.isfinite(found)
+    first = int(known.argmax())
+    assert first > 0
+    assert known[first:].all()
+    np.testing.assert_allclose(found[first:], measure(pulse), rtol=1e-12)

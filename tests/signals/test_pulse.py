@@ -1,0 +1,144 @@
+"""Kinematics of a pulse against the closed forms of a half sine and the conservation of energy."""
+
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+from crashfuse.condition import Condition
+from crashfuse.errors import DataError
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse, kinematics
+from crashfuse.units import LB, MPH
+
+DURATION_S = 0.08
+PEAK_MPS2 = 400.0
+
+
+def half_sine(time_s: FloatArray = GRID_S, peak_mps2: float = PEAK_MPS2) -> FloatArray:
+    """A braking half sine of 80 ms, zero after it."""
+    return np.where(time_s < DURATION_S, -peak_mps2 * np.sin(np.pi * time_s / DURATION_S), 0.0)
+
+
+DELTA_V_MPS = 2 * PEAK_MPS2 * DURATION_S / np.pi
+
+
+def test_study_grid_is_12500_hertz_over_100_milliseconds() -> None:
+    """1250 samples of 0.08 ms, beginning at contact, ending a step before 100 ms."""
+    assert (N_SAMPLES, GRID_S[0], GRID_S.size) == (1250, 0, 1250)
+    assert (DT_S, GRID_S[-1]) == pytest.approx((8e-5, 0.09992))
+    with pytest.raises(ValueError, match="read-only"):
+        GRID_S[0] = 1
+
+
+def test_half_sine_changes_velocity_by_its_area() -> None:
+    """A half sine of peak A and duration T takes 2 A T/π of velocity, and none after T."""
+    motion = kinematics(half_sine(), 15.0, DT_S)
+    np.testing.assert_allclose(motion.velocity_mps[GRID_S >= DURATION_S], 15.0 - DELTA_V_MPS, atol=1e-4)
+
+
+def test_half_sine_displacement_follows_its_closed_form() -> None:
+    """s(t) = v0 t − A T/π (t − T/π sin(π t/T)) while the pulse lasts, to the second order of the rule."""
+    inside = GRID_S < DURATION_S
+    t = GRID_S[inside]
+    exact = 15.0 * t - PEAK_MPS2 * DURATION_S / np.pi * (t - DURATION_S / np.pi * np.sin(np.pi * t / DURATION_S))
+    np.testing.assert_allclose(kinematics(half_sine(), 15.0, DT_S).displacement_m[inside], exact, atol=1e-6)
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, DELTA_V_MPS / 2, 15.0])
+def test_half_sine_stops_the_vehicle_at_its_closed_form_time(speed_mps: float) -> None:
+    """v(t0) = 0 at cos(π t0/T) = 1 − 2 v0/ΔV, found between samples."""
+    exact = DURATION_S / np.pi * np.arccos(1 - 2 * speed_mps / DELTA_V_MPS)
+    assert Pulse(GRID_S, half_sine()).kinematics(speed_mps).t0_s == pytest.approx(exact, abs=2e-7)
+
+
+def test_error_of_integration_falls_with_the_square_of_the_step() -> None:
+    """Half the time step, a quarter of the error in displacement: the rule is of second order."""
+    exact = 15.0 * DURATION_S - PEAK_MPS2 * DURATION_S**2 / np.pi
+    errors = []
+    for n in (100, 200):
+        time_s = np.linspace(0, DURATION_S, n + 1)
+        accel = -PEAK_MPS2 * np.sin(np.pi * time_s / DURATION_S)
+        errors.append(abs(kinematics(accel, 15.0, DURATION_S / n).displacement_m[-1] - exact))
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.01)
+
+
+def test_crush_energy_equals_kinetic_energy() -> None:
+    """Whatever the pulse, ½ v0² − ½ v² is the area of −a over s, at every sample and to rounding."""
+    accel = np.random.default_rng(0).normal(-200, 300, N_SAMPLES)
+    motion = kinematics(accel, 15.0, DT_S)
+    work = np.cumsum(-(accel[1:] + accel[:-1]) / 2 * np.diff(motion.displacement_m))
+    np.testing.assert_allclose(work, (15.0**2 - motion.velocity_mps[1:] ** 2) / 2, atol=1e-9)
+
+
+def test_draws_are_integrated_as_if_alone() -> None:
+    """Leading axes are kept: velocity and displacement (…, n), t0 (…), each row by itself."""
+    draws = half_sine() * np.linspace(0.7, 1.3, 6).reshape(2, 3, 1)
+    motion = kinematics(draws, 12.0, DT_S)
+    assert motion.velocity_mps.shape == motion.displacement_m.shape == (2, 3, N_SAMPLES)
+    assert motion.t0_s.shape == (2, 3)
+    alone = kinematics(draws[1, 2], 12.0, DT_S)
+    np.testing.assert_array_equal(motion.displacement_m[1, 2], alone.displacement_m)
+    assert motion.t0_s[1, 2] == alone.t0_s
+
+
+def test_vehicle_that_never_stops_has_no_t0() -> None:
+    """t0 is NaN where the pulse takes less than the speed, beside draws that do stop."""
+    draws = half_sine() * np.array([[0.5], [1.0]])
+    t0_s = kinematics(draws, 0.9 * DELTA_V_MPS, DT_S).t0_s
+    assert np.isnan(t0_s[0])
+    assert 0 < t0_s[1] < DURATION_S
+
+
+def test_stop_on_a_sample_is_that_sample() -> None:
+    """A constant braking whose stop falls on a sample has t0 there: v0/a."""
+    assert kinematics(np.full(11, -100.0), 0.05, 1e-4).t0_s == pytest.approx(5e-4, rel=1e-9)
+
+
+def test_resampling_a_straight_line_is_exact_and_zero_outside() -> None:
+    """Linear interpolation keeps a ramp; before and after the record there is no acceleration."""
+    ramp = Pulse(np.linspace(0, 0.01, 101), np.linspace(5, 25, 101))
+    grid_s = np.linspace(-0.005, 0.015, 401)
+    found = ramp.resampled(grid_s)
+    inside = (grid_s >= 0) & (grid_s <= 0.01)
+    np.testing.assert_allclose(found.accel_mps2[inside], 5 + 2000 * grid_s[inside], rtol=1e-12)
+    assert not found.accel_mps2[~inside].any()
+    assert found.dt_s == pytest.approx(5e-5)
+
+
+def test_pulse_keeps_its_own_read_only_copy() -> None:
+    """Changing the caller's array does not change the pulse, and the pulse can't be changed."""
+    accel = half_sine()
+    pulse = Pulse(GRID_S, accel)
+    accel[100] = 7
+    assert pulse.accel_mps2[100] == half_sine()[100]
+    with pytest.raises(ValueError, match="read-only"):
+        pulse.accel_mps2[0] = 1
+    with pytest.raises(FrozenInstanceError):
+        pulse.accel_mps2 = accel  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("time_s", "accel", "found"),
+    [
+        ([0, 1, 2], [0, 1], r"time of shape \(3,\) and acceleration of shape \(2,\)"),
+        ([0], [1], r"time of shape \(1,\)"),
+        ([[0, 1]], [[0, 1]], r"shape \(1, 2\)"),
+        ([0, 1, 2], [0, np.nan, 1], "not finite"),
+        ([0, np.inf, 2], [0, 1, 1], "not finite"),
+        ([0, 2, 1], [0, 1, 1], "time steps from -1 to 2 s"),
+        ([0, 1, 1], [0, 1, 1], "time steps from 0 to 1 s"),
+        ([0, 1, 3], [0, 1, 1], "time steps from 1 to 2 s"),
+    ],
+)
+def test_what_is_no_pulse_is_refused(time_s: list[float], accel: list[float], found: str) -> None:
+    """Unequal lengths, a single sample, holes, time that stands still, runs back or is uneven say so."""
+    with pytest.raises(DataError, match=found):
+        Pulse(np.array(time_s), np.array(accel))
+
+
+def test_condition_is_the_papers_input_vector() -> None:
+    """The vector x is [v0, wf, wr] in SI (Eq. 3); the mass is on both axles; the text has both systems of units."""
+    condition = Condition(35 * MPH, 2000 * LB, 1500 * LB)
+    np.testing.assert_allclose(condition.vector, [15.6464, 907.18474, 680.388555])
+    assert condition.mass_kg == pytest.approx(1587.573295)
+    assert str(condition) == "35.0 mph (56.3 km/h), front 2000 lb, rear 1500 lb"

@@ -1,0 +1,107 @@
+"""An approach at a condition: impossible ones are refused; fits and predictions are kept by all that decides them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.base import Approach, Prediction
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.approaches.time_domain.approach import TimeDomain
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.signals.pulse import DT_S, kinematics
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Fit, estimate_at, estimates_at
+
+pytestmark = pytest.mark.usefixtures("quick_networks")
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "said"),
+    [*((v, "speed and weights above 0") for v in (0.0, -3.0, float("nan"))), (180.0, "at most 224 mph and 132277 lb")],
+)
+def test_an_impossible_speed_is_refused(campaign: Campaign, speed_mps: float, said: str) -> None:
+    """Nothing crashes at a standstill, and no barrier test is made at 400 mph."""
+    condition = replace(campaign.tests[0].condition, speed_mps=speed_mps)
+    with pytest.raises(UsageError, match=said):
+        estimate_at(campaign, condition, "displacement_domain")
+
+
+@pytest.mark.parametrize("approach", APPROACHES)
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_far_beyond_the_library_the_vehicle_still_stops(campaign: Campaign, approach: str, factor: float) -> None:
+    """At half and twice the weights every approach predicts a crash, and flags the extrapolation."""
+    base = campaign.tests[1].condition
+    condition = replace(
+        base, front_weight_kg=factor * base.front_weight_kg, rear_weight_kg=factor * base.rear_weight_kg
+    )
+    prediction = estimate_at(campaign, condition, approach).prediction
+    velocity = kinematics(prediction.accel_mps2, condition.speed_mps, DT_S).velocity_mps
+    assert 0.7 < (condition.speed_mps - velocity.min()) / condition.speed_mps < 1.6
+    assert any("Extrapolation" in note for note in prediction.notes)
+
+
+def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept is kept by the settings, not by the preset's name."""
+    condition = campaign.tests[0].condition
+    estimate_at(campaign, condition, "displacement_domain")
+    few = replace(DisplacementConfig.fast(), n_draws=20)
+    monkeypatch.setattr(DisplacementConfig, "fast", lambda: few)
+    draws = estimate_at(campaign, condition, "displacement_domain").prediction.draws_mps2
+    assert draws is not None
+    assert len(draws) == 20
+
+
+def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(
+    campaign: Campaign, fitting_is_an_error: Callable[[], None]
+) -> None:
+    """The second fit learns nothing; with one test less it has to."""
+    condition = campaign.tests[1].condition
+    config = StudyConfig(approaches=("displacement_domain",))
+    first = Fit.of(campaign, "displacement_domain", config).estimate(condition)
+    fitting_is_an_error()
+    again = Fit.of(campaign, "displacement_domain", config).estimate(condition)
+    assert again.prediction.accel_mps2.tobytes() == first.prediction.accel_mps2.tobytes()
+    with pytest.raises(AssertionError, match="fitted again"):
+        Fit.of(campaign.without(["T3"]), "displacement_domain", config)
+    with pytest.raises(AssertionError, match="fitted again"):
+        Fit.of(campaign, "displacement_domain", replace(config, seed=1))
+
+
+@pytest.mark.parametrize("order", [APPROACHES, APPROACHES[::-1]])
+def test_several_approaches_say_together_what_each_says_alone(
+    campaign: Campaign, order: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the bit, and what fused is made of is predicted once, whoever comes first."""
+    condition = replace(campaign.tests[1].condition, speed_mps=9.0)
+    fits = [Fit.of(campaign, name) for name in order]
+    alone = [fit.estimate(condition) for fit in fits]
+    asked: list[str] = []
+    for approach in (TimeDomain, DisplacementDomain):
+
+        def counted(self: Approach, at: Condition, predict: Callable[..., Prediction] = approach.predict) -> Prediction:
+            asked.append(self.name)
+            return predict(self, at)
+
+        monkeypatch.setattr(approach, "predict", counted)
+    together = estimates_at(fits, condition)
+    assert sorted(asked) == ["displacement_domain", "time_domain"]
+    assert [estimate.approach for estimate in together] == list(order)
+    for one, other in zip(alone, together, strict=True):
+        assert one.prediction.accel_mps2.tobytes() == other.prediction.accel_mps2.tobytes()
+        ours, theirs = (e.prediction.draws_mps2 for e in (one, other))
+        assert ours is theirs is None or (ours is not None and theirs is not None and np.array_equal(ours, theirs))
+        assert one.prediction.notes == other.prediction.notes
+
+
+def test_parts_with_other_settings_are_not_shared(campaign: Campaign) -> None:
+    """A time domain with another seed is not what fused is made of."""
+    condition = campaign.tests[1].condition
+    fused = Fit.of(campaign, "fused")
+    other = Fit.of(campaign, "time_domain", StudyConfig(seed=1))
+    (_, together), alone = estimates_at([other, fused], condition), fused.estimate(condition)
+    assert together.prediction.accel_mps2.tobytes() == alone.prediction.accel_mps2.tobytes()

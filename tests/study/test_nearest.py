@@ -1,0 +1,25 @@
+"""What is near a condition is named with its differences."""
+
+from dataclasses import replace
+
+from crashfuse.campaign import Campaign
+from crashfuse.study.nearest import nearest_runs, nearest_sentences, nearest_tests
+from crashfuse.units import LB, MPH
+
+
+def test_the_nearest_test_comes_first_with_its_differences(campaign: Campaign) -> None:
+    """T3 at 26 mph is 2 mph faster than a condition of its weights at 24 mph."""
+    condition = replace(campaign.test("T3").condition, speed_mps=25.8 * MPH, front_weight_kg=2090 * LB)
+    first, second = nearest_tests(campaign, condition, n=2)
+    assert (first.id, second.id) == ("T3", "T2")
+    assert first.differences(condition) == "T3 (+0.2 mph, front -10 lb, rear +0 lb)"
+
+
+def test_a_paired_run_is_the_nearest_run(campaign: Campaign) -> None:
+    """Nothing lies nearer than the very condition."""
+    condition = campaign.test("T2").condition
+    (run,) = nearest_runs(campaign, condition)
+    assert campaign.cae.ids.index(run.id) == campaign.cae.paired_run(condition)
+    assert (
+        nearest_sentences(campaign, condition)[1] == f"Nearest CAE run: {run.id} (+0.0 mph, front +0 lb, rear +0 lb)."
+    )

@@ -1,0 +1,225 @@
+"""The next test: what is promised of each candidate, and which one is best."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.condition import Condition
+from crashfuse.errors import NotFittedError, UsageError
+from crashfuse.reporting.plots.next_test import next_tests
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
+from crashfuse.units import LB, MPH, G
+
+FEW = DisplacementConfig(n_draws=20)
+RANGE = ConditionRange(Condition(8 * MPH, 2000 * LB, 1450 * LB), Condition(36 * MPH, 2120 * LB, 1600 * LB))
+
+
+def at(speed_mph: float) -> Condition:
+    """A crash at this speed, with weights in the middle of the range."""
+    return Condition(speed_mph * MPH, 2060 * LB, 1525 * LB)
+
+
+def braking(condition: Condition, decel_mps2: float) -> Pulse:
+    """Constant braking until the vehicle stops."""
+    return Pulse(GRID_S, np.where(condition.speed_mps / decel_mps2 > GRID_S, -decel_mps2, 0.0))
+
+
+@pytest.fixture(scope="module")
+def clustered(campaign: Campaign) -> Campaign:
+    """The small campaign without its slow test: 25, 26 and 35 mph are left."""
+    return campaign.without(["T1"])
+
+
+@pytest.fixture(scope="module")
+def domain(clustered: Campaign) -> DisplacementDomain:
+    """The displacement domain that has learned from it."""
+    return DisplacementDomain(FEW).fit(clustered)
+
+
+def test_no_test_widens_the_band_and_the_best_comes_first(domain: DisplacementDomain) -> None:
+    """Far and near, inside the range and outside: every gain is a share between 0 and 1, in falling order."""
+    candidates = (*RANGE.grid(5, 2), at(3.0), at(60.0))
+    ranked = rank_next_tests(domain, RANGE, candidates)
+    gains = [test.gain for test in ranked]
+    assert {test.condition for test in ranked} == set(candidates)
+    assert gains == sorted(gains, reverse=True)
+    assert all(0 <= gain < 1 for gain in gains)
+    assert len({test.before_mps2 for test in ranked}) == 1
+
+
+def test_a_repeat_gains_less_than_a_speed_where_none_was_tested(
+    domain: DisplacementDomain, clustered: Campaign
+) -> None:
+    """Tests at 25, 26 and 35 mph: none is better repeated than 15 mph tried, and the best of all is slower than 20."""
+    repeats = [test.condition for test in clustered.tests]
+    assert rank_next_tests(domain, RANGE, [*repeats, at(15.0)])[0].condition == at(15.0)
+    assert rank_next_tests(domain, RANGE)[0].condition.speed_mps < 20 * MPH
+
+
+def test_the_range_decides(domain: DisplacementDomain) -> None:
+    """Who cares for fast crashes only is sent to another speed than who cares for slow ones."""
+    candidates = RANGE.grid(8, 1)
+    slow, fast = (
+        rank_next_tests(domain, ConditionRange(at(low), at(high)), candidates)[0].condition.speed_mps / MPH
+        for low, high in ((8.0, 14.0), (29.0, 32.0))
+    )
+    assert slow <= 16
+    assert 26 < fast < 36
+
+
+def test_a_planned_test_counts_as_run(domain: DisplacementDomain) -> None:
+    """The band with the best one planned is what the best one promised, and the next is another speed."""
+    best, *_ = rank_next_tests(domain, RANGE)
+    ranked = rank_next_tests(domain, RANGE, planned=[best.condition])
+    assert ranked[0].before_mps2 == pytest.approx(best.after_mps2, rel=1e-6)
+    again = next(test for test in ranked if test.condition == best.condition)
+    assert again.gain < 0.5 * best.gain
+    assert ranked[0].condition.speed_mps != best.condition.speed_mps
+
+
+def test_the_band_now_is_that_of_the_predictions(domain: DisplacementDomain) -> None:
+    """Half of what lies between the 2.5 % and 97.5 % quantiles of the bias that predictions draw."""
+    low, high = at(20.0), replace(at(20.0), speed_mps=20.001 * MPH)
+    now = rank_next_tests(domain, ConditionRange(low, high), [low])[0].before_mps2
+    points = domain.foreseen(low)
+    moving = points.speed_share > domain.bias_.end_share
+    stopping = np.zeros(1)  # the two are drawn apart; the stop comes on top
+    assert domain.calibration_.widening >= 1
+    rng = np.random.default_rng(0)
+    s, share = points.displacement_m, points.speed_share
+    drawn = domain.bias_.sample(low, s, points.cae_mps2, np.append(share, stopping), 6000, rng)
+    total = drawn.over_displacement_mps2[1:] + drawn.over_speed_mps2[1:, : s.size]
+    lower, upper = np.quantile(total, [0.025, 0.975], axis=0)
+    assert moving.any()
+    drawn_now = domain.calibration_.widening * np.mean((upper - lower) / 2)
+    assert now == pytest.approx(drawn_now, rel=0.04)
+
+
+def test_what_the_tests_showed_has_no_influence(domain: DisplacementDomain) -> None:
+    """With the hyperparameters kept, biases three times as large, or others, give the same shares."""
+    assert isinstance(domain.bias_, HierarchicalBias)
+    targets = [domain.foreseen(condition) for condition in RANGE.spread(4)]
+    further = [domain.foreseen(condition) for condition in RANGE.grid(4, 1)]
+    rng, learned = np.random.default_rng(0), domain.bias_.learned()
+    others = [replace(p, bias_mps2=rng.normal(size=p.bias_mps2.size)) for p in domain.points_]
+    shares = []
+    for points in (domain.points_, others):
+        now, then = HierarchicalBias().restore(points, learned).half_widths(targets, further)
+        shares.append(then / now)
+    np.testing.assert_allclose(shares[0], shares[1], rtol=1e-7)
+
+
+def test_a_foreseen_test_lies_where_a_real_one_would(domain: DisplacementDomain, clustered: Campaign) -> None:
+    """From contact to the CAE pulse's crush, as far apart as the points of a test at that condition, without bias."""
+    test = clustered.tests[0]
+    points, real = domain.foreseen(test.condition), domain.points_[0]
+    run = clustered.cae.paired_run(test.condition)
+    crush = Pulse(GRID_S, clustered.cae.accel_mps2[run]).kinematics(test.condition.speed_mps).displacement_m.max()
+    assert points.displacement_m[-1] == pytest.approx(crush, rel=1e-3)
+    assert np.diff(points.displacement_m)[0] == pytest.approx(np.diff(real.displacement_m)[0], rel=0.1)
+    np.testing.assert_allclose(points.bias_mps2, 0, atol=1e-9)
+
+
+def test_a_candidate_outside_the_cae_runs_is_flagged(domain: DisplacementDomain) -> None:
+    """It can be ranked, and says which input lies outside."""
+    flags = {test.condition: test.extrapolation for test in rank_next_tests(domain, RANGE, [at(20.0), at(50.0)])}
+    assert flags[at(20.0)] == ()
+    assert "speed" in flags[at(50.0)][0]
+
+
+def test_table_4_and_an_unfitted_approach_are_refused(clustered: Campaign) -> None:
+    """The sentences say what to take instead."""
+    with pytest.raises(NotFittedError, match="fit"):
+        rank_next_tests(DisplacementDomain(), RANGE)
+    paper = DisplacementDomain(replace(DisplacementConfig.paper(), projected_points=4, restarts=0, n_draws=4))
+    with pytest.raises(UsageError, match="fast"):
+        rank_next_tests(paper.fit(clustered), RANGE)
+
+
+def test_a_factor_that_tells_tests_apart_must_be_given(campaign: Campaign) -> None:
+    """Of two powertrains the range says which; a range made of tests takes the kind that was tested most."""
+    speeds = (12.0, 18.0, 24.0, 30.0, 35.0)
+    conditions = [replace(at(v), factors=(("powertrain", kind),)) for v, kind in zip(speeds, "ABABA", strict=True)]
+    decels = [180.0 if condition.factors[0][1] == "A" else 220.0 for condition in conditions]
+    tests = [CrashTest("", c, braking(c, decel)) for c, decel in zip(conditions, decels, strict=True)]
+    runs = np.array([braking(c, 200.0).accel_mps2 for c in campaign.cae.conditions], np.float32)
+    library = replace(campaign.cae, accel_mps2=runs)
+    domain = DisplacementDomain(FEW).fit(replace(campaign, cae=library, tests=tuple(tests)))
+    over = ConditionRange.of(tests)
+    assert over.low == tests[0].condition
+    assert over.high == tests[-1].condition
+    assert next_tests_table(rank_next_tests(domain, over, over.grid(3, 1)))["powertrain"].tolist() == ["A"] * 3
+    with pytest.raises(UsageError, match="powertrain"):
+        rank_next_tests(domain, RANGE)
+
+
+def test_a_grid_has_the_limits_and_a_single_value_is_the_middle() -> None:
+    """12 speeds by 3 × 3 weights; what is fixed is there once."""
+    vectors = np.array([condition.vector for condition in RANGE.grid(4, 2)])
+    assert len(vectors) == 16
+    np.testing.assert_allclose(vectors.min(axis=0), RANGE.low.vector)
+    np.testing.assert_allclose(vectors.max(axis=0), RANGE.high.vector)
+    assert {c.front_weight_kg for c in RANGE.grid(4, 1)} == {2060 * LB}
+    assert len(ConditionRange(at(10.0), at(20.0)).grid(3, 3)) == 3
+
+
+def test_conditions_are_spread_evenly_over_the_range() -> None:
+    """Every eighth of each axis has its share of 48, and they are always the same."""
+    shares = np.array([c.vector for c in RANGE.spread(48)]) - RANGE.low.vector
+    shares /= RANGE.high.vector - RANGE.low.vector
+    counts = [np.histogram(axis, bins=8, range=(0, 1))[0] for axis in shares.T]
+    assert np.min(counts) >= 4
+    assert np.max(counts) <= 8
+    assert RANGE.spread(5) == RANGE.spread(9)[:5]
+
+
+def test_a_range_that_makes_no_sense_is_refused() -> None:
+    """Upside down, without speed, of two kinds of vehicle, of no tests."""
+    for low, high in ((20.0, 10.0), (0.0, 10.0), (10.0, np.nan)):
+        with pytest.raises(UsageError, match="range"):
+            ConditionRange(at(low), at(high))
+    with pytest.raises(UsageError, match="one kind"):
+        ConditionRange(at(10.0), replace(at(20.0), factors=(("drive", "AWD"),)))
+    with pytest.raises(UsageError, match="test"):
+        ConditionRange.of([])
+
+
+RANKED = (
+    NextTest(at(12.0), 4 * G, 3 * G),
+    NextTest(at(50.0), 4 * G, 3.5 * G, ("Extrapolation: speed",)),
+    NextTest(at(20.0), 4 * G, 4 * G),
+)
+
+
+def test_the_table_speaks_mph_lb_and_g() -> None:
+    """One row a candidate, in rank."""
+    table = next_tests_table(RANKED)
+    assert table.iloc[1].to_dict() == {
+        "rank": 2,
+        "speed (mph)": 50.0,
+        "front weight (lb)": 2060,
+        "rear weight (lb)": 1525,
+        "band now (± g)": 4.0,
+        "band then (± g)": 3.5,
+        "gain (%)": 12.5,
+        "extrapolation": "yes",
+    }
+
+
+def test_the_figure_shows_the_gain_over_speed(clustered: Campaign) -> None:
+    """In order of speed and joined where the weights are the same; the best numbered, extrapolations open."""
+    figure = next_tests(RANKED, clustered.tests)
+    candidates, run = figure.data[:2]
+    np.testing.assert_allclose(candidates.x, [12, 20, 50], rtol=1e-6)
+    np.testing.assert_allclose(candidates.y, [25, 0, 12.5], atol=1e-5)
+    assert candidates.text == ("1", "3", "2")
+    assert candidates.marker.symbol == ("circle", "circle", "circle-open")
+    assert "lines" in candidates.mode
+    np.testing.assert_allclose(run.x, [25, 26, 35], rtol=1e-6)
+    other = replace(RANKED[0], condition=replace(at(12.0), rear_weight_kg=700.0))
+    assert "lines" not in next_tests((*RANKED, other), clustered.tests).data[0].mode

@@ -1,0 +1,196 @@
+"""A saved model predicts as on the day it was saved; a file that is not one is refused, and nothing in it runs."""
+
+import json
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file, save_file
+
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import DataError, NotFittedError
+from crashfuse.study import saved_models as models
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Fit
+from crashfuse.study.saved_models import load_model, save_model
+from crashfuse.units import LB, MPH
+
+pytestmark = pytest.mark.usefixtures("quick_networks")
+
+NEW = Condition(22 * MPH, 2060 * LB, 1520 * LB)
+
+
+@pytest.fixture(scope="module")
+def fits(
+    campaign: Campaign,
+    quick_networks: None,  # noqa: ARG001
+    tmp_path_factory: pytest.TempPathFactory,
+) -> dict[str, Fit]:
+    """Every approach, fitted once to all tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        return {name: Fit.of(campaign, name) for name in APPROACHES}
+
+
+@pytest.fixture
+def saved(campaign: Campaign, fits: dict[str, Fit], tmp_path: Path) -> Path:
+    """A saved time domain."""
+    path = tmp_path / "models" / "time_domain.safetensors"
+    save_model(fits["time_domain"], campaign, path)
+    return path
+
+
+@pytest.mark.parametrize("name", APPROACHES)
+def test_a_saved_model_predicts_the_same_bits_without_learning_again(
+    name: str, campaign: Campaign, fits: dict[str, Fit], tmp_path: Path, fitting_is_an_error: Callable[[], None]
+) -> None:
+    """Mean, draws, notes, and what it says of its fit."""
+    path = tmp_path / f"{name}.safetensors"
+    save_model(fits[name], campaign, path)
+    fitting_is_an_error()
+    loaded = load_model(path, campaign)
+    one, other = fits[name].estimate(NEW), loaded.estimate(NEW)
+    assert loaded.config == StudyConfig()
+    assert other.prediction.accel_mps2.tobytes() == one.prediction.accel_mps2.tobytes()
+    assert other.prediction.notes == one.prediction.notes
+    assert (other.prediction.draws_mps2 is None) == (one.prediction.draws_mps2 is None)
+    if one.prediction.draws_mps2 is not None and other.prediction.draws_mps2 is not None:
+        assert other.prediction.draws_mps2.tobytes() == one.prediction.draws_mps2.tobytes()
+    assert json.dumps(other.state) == json.dumps(one.state)
+
+
+def test_the_papers_models_can_be_kept_too(
+    campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fitting_is_an_error: Callable[[], None]
+) -> None:
+    """Table 4's Gaussian process with a single start."""
+    from crashfuse.approaches.displacement_domain.approach import DisplacementConfig
+
+    quick = replace(DisplacementConfig.paper(), restarts=0, projected_points=15)
+    monkeypatch.setattr(DisplacementConfig, "paper", lambda: quick)
+    config = StudyConfig(preset="paper", seed=3)
+    fit = Fit.of(campaign, "displacement_domain", config)
+    save_model(fit, campaign, tmp_path / "model")
+    fitting_is_an_error()
+    loaded = load_model(tmp_path / "model", campaign)
+    assert loaded.config == config
+    one, other = fit.estimate(NEW).prediction, loaded.estimate(NEW).prediction
+    assert other.accel_mps2.tobytes() == one.accel_mps2.tobytes()
+
+
+def test_the_file_says_what_made_it(campaign: Campaign, saved: Path) -> None:
+    """Fingerprint, versions, seed and settings stand in its header as JSON, the weights beside them by name."""
+    import safetensors
+
+    with safetensors.safe_open(saved, framework="numpy") as file:
+        record = json.loads(file.metadata()["crashfuse"])
+    assert record["fingerprint"] == campaign.fingerprint
+    assert record["approach"] == "time_domain"
+    assert (record["preset"], record["seed"]) == ("fast", 0)
+    assert record["settings"]["members"] == 2
+    assert set(record["packages"]) == {"numpy", "scipy", "scikit-learn", "torch", "safetensors"}
+    assert "lf/head.weight" in load_file(saved)
+
+
+def test_other_data_is_refused(campaign: Campaign, saved: Path) -> None:
+    """A model is shown beside the data it learned from, or not at all."""
+    with pytest.raises(DataError, match=r"a model of the data in Tiny .* found one of Tiny .* take the campaign"):
+        load_model(saved, campaign.without(["T1"]))
+
+
+def test_another_version_is_refused(campaign: Campaign, saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numbers must not change silently with the code around them."""
+    monkeypatch.setattr(models, "__version__", "99.0")
+    with pytest.raises(DataError, match=r"a model made by crashfuse 99\.0, found .*; train it again"):
+        load_model(saved, campaign)
+
+
+@pytest.mark.parametrize("keep", [0, 1, 7, 100, 5000, -1])
+def test_a_file_that_was_cut_off_is_refused(campaign: Campaign, saved: Path, keep: int) -> None:
+    """Wherever it ends."""
+    saved.write_bytes(saved.read_bytes()[:keep])
+    with pytest.raises(DataError, match=r"time_domain\.safetensors: expected a model .*, found .*cut off"):
+        load_model(saved, campaign)
+
+
+def test_a_flipped_byte_is_noticed_wherever_it_is(campaign: Campaign, saved: Path) -> None:
+    """In the header or in a weight: one sentence, and never a prediction."""
+    content = saved.read_bytes()
+    for place in np.linspace(0, len(content) - 1, 60).astype(int):
+        damaged = bytearray(content)
+        damaged[place] ^= 4
+        saved.write_bytes(damaged)
+        with pytest.raises(DataError, match="train it again"):
+            load_model(saved, campaign)
+
+
+def test_arrays_that_do_not_fit_are_refused_although_the_checksum_is_right(campaign: Campaign, saved: Path) -> None:
+    """Whoever forges a file can forge its checksum; the sentence is the same."""
+    import safetensors
+
+    with safetensors.safe_open(saved, framework="numpy") as file:
+        text = file.metadata()["crashfuse"]
+    arrays = load_file(saved)
+    for forged, record in (
+        ({k: v for k, v in arrays.items() if k != "lf/head.weight"}, text),
+        ({**arrays, "lf/head.weight": arrays["lf/head.weight"][:, :, :3]}, text),
+        (arrays, text.replace('"approach": "time_domain"', '"approach": "os"')),
+        (arrays, text.replace('"preset": "fast"', '"preset": "slow"')),
+        (arrays, text.replace('"channels": 8', '"channels": 800000')),
+        (arrays, text.replace('"seed": 0', '"seed": []')),
+        (arrays, text.replace('"learned": {', '"learned": {"x": 1}, "y": {')),
+    ):
+        digest = models._digest(record, forged)
+        save_file(forged, saved, {"crashfuse": record, "sha256": digest})
+        with pytest.raises(DataError, match="expected a model as crashfuse saved it, found"):
+            load_model(saved, campaign)
+
+
+def test_a_pickle_is_not_opened(campaign: Campaign, tmp_path: Path) -> None:
+    """What would run code when it is unpickled is refused unread."""
+
+    class Evil:
+        def __reduce__(self) -> tuple[object, tuple[str]]:
+            return exec, (f"open({str(tmp_path / 'ran')!r}, 'w')",)
+
+    path = tmp_path / "time_domain.safetensors"
+    path.write_bytes(pickle.dumps(Evil()))
+    with pytest.raises(DataError, match="another kind of file"):
+        load_model(path, campaign)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_missing_file_says_how_to_make_it(campaign: Campaign, tmp_path: Path) -> None:
+    """One sentence with the command."""
+    with pytest.raises(DataError, match="no such file; train it with crashfuse train"):
+        load_model(tmp_path / "lf_tcn.safetensors", campaign)
+
+
+def test_an_unfitted_approach_cannot_be_saved(campaign: Campaign, tmp_path: Path) -> None:
+    """There is nothing to save, and nothing is written."""
+    for name in APPROACHES:
+        with pytest.raises(NotFittedError):
+            save_model(Fit(StudyConfig().create(name), StudyConfig(), 0.0, {}), campaign, tmp_path / "model")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_model_of_one_process_is_read_by_another(campaign_on_disk: Path, tmp_path: Path) -> None:
+    """Trained and used by two calls of the command line: CAE and displacement domain, the same numbers each time."""
+    condition = ["--speed-mph", "22", "--front-weight-lb", "2060", "--rear-weight-lb", "1520"]
+    chosen = ["--approach", "cae", "displacement_domain"]
+    for command in (
+        ["train", str(campaign_on_disk), "--out", str(tmp_path / "models"), *chosen],
+        ["predict", str(campaign_on_disk), *condition, "--out", str(tmp_path / "saved"), "--models", "models"],
+        ["predict", str(campaign_on_disk), *condition, "--out", str(tmp_path / "trained"), *chosen],
+    ):
+        subprocess.run([sys.executable, "-m", "crashfuse", *command], check=True, cwd=tmp_path, capture_output=True)
+    names = {path.name for path in (tmp_path / "models").iterdir()}
+    assert names == {"cae.safetensors", "displacement_domain.safetensors"}
+    for name in ("pulses.csv", "metrics.csv"):
+        assert (tmp_path / "saved" / name).read_bytes() == (tmp_path / "trained" / name).read_bytes()

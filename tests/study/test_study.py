@@ -1,0 +1,289 @@
+"""The study: nothing leaks, nothing is computed twice, and the numbers don't depend on how it is run."""
+
+import hashlib
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.base import Approach
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.errors import Cancelled, DataError, UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Progress, Watch
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.rating import rate_iso18571
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import estimate_at
+from crashfuse.study.recommendation import recommend_for
+from crashfuse.study.study import Study, check_study, run_study
+
+CONFIG = StudyConfig(windows_ms=(20.0, 60.0))
+
+
+pytestmark = pytest.mark.usefixtures("quick_networks")
+
+
+@pytest.fixture(scope="module")
+def finished(campaign: Campaign, quick_networks: None, tmp_path_factory: pytest.TempPathFactory) -> Study:  # noqa: ARG001
+    """A study of the small campaign with two tests held out, in one process."""
+    cache = Cache(tmp_path_factory.mktemp("study"))
+    return run_study(campaign, CONFIG, held_out=["T2", "T4"], cache=cache, workers=1)
+
+
+def test_each_held_out_test_has_every_approach_rated_over_every_window(finished: Study) -> None:
+    """Two folds, four approaches, two windows."""
+    assert [fold.held_out for fold in finished.folds] == ["T2", "T4"]
+    for fold in finished.folds:
+        assert tuple(fold.ratings) == APPROACHES
+        assert all(tuple(ratings) == (20.0, 60.0) for ratings in fold.ratings.values())
+
+
+def test_the_rating_is_that_of_prediction_against_test(finished: Study) -> None:
+    """The figure in the table is ISO/TS 18571 of the two pulses at 10 kHz over the window."""
+    fold = finished.fold("T4")
+    at = np.arange(600) * 1e-4
+    test = finished.campaign.test("T4").pulse
+    predicted = fold.estimate("cae").prediction
+    pair = [np.interp(at, test.time_s, accel) for accel in (test.accel_mps2, predicted.accel_mps2)]
+    assert fold.ratings["cae"][60.0] == rate_iso18571(pair[0], pair[1], dt_s=1e-4)
+    assert finished.mean_rating("cae", 60.0) == pytest.approx(
+        np.mean([f.ratings["cae"][60.0].overall for f in finished.folds])
+    )
+
+
+def test_correcting_the_cae_model_helps(finished: Study) -> None:
+    """A shorter half sine is easily learnt: the displacement domain beats the uncorrected CAE clearly."""
+    assert finished.mean_rating("displacement_domain", 60.0) > finished.mean_rating("cae", 60.0) + 0.05
+
+
+@pytest.mark.parametrize("approach", APPROACHES)
+def test_the_held_out_pulse_does_not_reach_its_own_prediction(
+    campaign: Campaign, finished: Study, approach: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Another held-out pulse, computed afresh, gives the same prediction to the bit, and another rating."""
+    test = campaign.test("T2")
+    wobble = 1 + 0.5 * np.sin(200 * test.pulse.time_s)
+    other_pulse = Pulse(test.pulse.time_s, wobble * test.pulse.accel_mps2)
+    tests = tuple(CrashTest(t.id, t.condition, other_pulse) if t.id == "T2" else t for t in campaign.tests)
+    changed = replace(campaign, tests=tests)
+    cache = Cache(tmp_path_factory.mktemp("fresh"))
+    config = replace(CONFIG, approaches=(approach,))
+    study = run_study(changed, config, held_out=["T2"], cache=cache, workers=1)
+    before, after = finished.fold("T2").estimate(approach), study.fold("T2").estimate(approach)
+    assert after.prediction.accel_mps2.tobytes() == before.prediction.accel_mps2.tobytes()
+    if before.prediction.draws_mps2 is not None:
+        assert after.prediction.draws_mps2 is not None
+        assert after.prediction.draws_mps2.tobytes() == before.prediction.draws_mps2.tobytes()
+    assert study.fold("T2").ratings[approach][60.0] != finished.fold("T2").ratings[approach][60.0]
+
+
+def test_another_training_pulse_does_reach_the_prediction(campaign: Campaign, finished: Study) -> None:
+    """The no-leak test above means something: what may be learnt from is learnt from."""
+    test = campaign.test("T3")
+    softer = Pulse(test.pulse.time_s, 0.8 * test.pulse.accel_mps2)
+    tests = tuple(CrashTest(t.id, t.condition, softer) if t.id == "T3" else t for t in campaign.tests)
+    changed = replace(campaign, tests=tests).without(["T2"])
+    for approach in ("time_domain", "displacement_domain"):
+        estimate = estimate_at(changed, campaign.test("T2").condition, approach, CONFIG)
+        before = finished.fold("T2").estimate(approach).prediction
+        assert np.abs(estimate.prediction.accel_mps2 - before.accel_mps2).max() > 1.0
+
+
+def test_leaving_a_speed_group_out_learns_from_other_speeds_only(campaign: Campaign) -> None:
+    """T2 at 25 mph is predicted as if T3 at 26 mph did not exist; T4 has no companion, so nothing changes for it."""
+    config = StudyConfig(approaches=("displacement_domain",), hold_out="speed group")
+    study = run_study(campaign, config, held_out=["T2", "T4"], workers=1)
+    for held_out, left_out in (("T2", ["T2", "T3"]), ("T4", ["T4"])):
+        alone = estimate_at(campaign.without(left_out), campaign.test(held_out).condition, "displacement_domain")
+        found = study.fold(held_out).estimate("displacement_domain")
+        assert found.prediction.accel_mps2.tobytes() == alone.prediction.accel_mps2.tobytes()
+
+
+def test_one_speed_group_cannot_be_left_out(campaign: Campaign) -> None:
+    """Nothing would remain to learn from."""
+    alike = campaign.without(["T1", "T4"])
+    with pytest.raises(UsageError, match="All tests are of one speed group"):
+        run_study(alike, StudyConfig(hold_out="speed group"))
+
+
+def test_workers_do_not_change_the_numbers(campaign: Campaign) -> None:
+    """Two processes give what one gives, to the bit, in the same order."""
+    config = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
+    caches = [Cache(Cache().folder / name) for name in ("one", "two")]
+    one = run_study(campaign, config, held_out=["T1", "T2"], cache=caches[0], workers=1)
+    two = run_study(campaign, config, held_out=["T1", "T2"], cache=caches[1], workers=2)
+    for a, b in zip(one.folds, two.folds, strict=True):
+        assert a.ratings == b.ratings
+        for x, y in zip(a.estimates, b.estimates, strict=True):
+            assert x.prediction.accel_mps2.tobytes() == y.prediction.accel_mps2.tobytes()
+
+
+def _count_fits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Fits of the displacement domain that came to their end."""
+    fits: list[str] = []
+    original: Callable[..., Approach] = DisplacementDomain.fit
+
+    def counted(self: DisplacementDomain, campaign: Campaign, watch: Watch) -> Approach:
+        fitted = original(self, campaign, watch)
+        fits.append(campaign.name)
+        return fitted
+
+    monkeypatch.setattr(DisplacementDomain, "fit", counted)
+    return fits
+
+
+def test_a_second_run_is_answered_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same study again fits nothing and gives the same bits."""
+    fits = _count_fits(monkeypatch)
+    config = StudyConfig(approaches=("displacement_domain",))
+    first = run_study(campaign, config, held_out=["T3"], workers=1)
+    second = run_study(campaign, config, held_out=["T3"], workers=1)
+    assert len(fits) == 1
+    a, b = (study.fold("T3").estimate("displacement_domain") for study in (first, second))
+    assert a.prediction.accel_mps2.tobytes() == b.prediction.accel_mps2.tobytes()
+    assert a.prediction.draws_mps2 is not None
+    assert b.prediction.draws_mps2 is not None
+    assert a.prediction.draws_mps2.tobytes() == b.prediction.draws_mps2.tobytes()
+    assert a.state == b.state
+    assert a.prediction.notes == b.prediction.notes
+
+
+def test_a_damaged_cache_is_computed_again(campaign: Campaign, tmp_path: Path) -> None:
+    """With a byte flipped in every entry of every kind, the same study gives the same bits and mends the cache."""
+    config = StudyConfig(approaches=("displacement_domain",))
+    first = run_study(campaign, config, held_out=["T3"], cache=Cache(tmp_path), workers=1)
+    entries = {path: path.read_bytes() for path in tmp_path.rglob("*.bin")}
+    assert {path.parent.name for path in entries} == {"emulator", "fits", "predictions"}
+    for path, content in entries.items():
+        path.write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
+    second = run_study(campaign, config, held_out=["T3"], cache=Cache(tmp_path), workers=1)
+    a, b = (study.fold("T3").estimate("displacement_domain").prediction for study in (first, second))
+    assert a.accel_mps2.tobytes() == b.accel_mps2.tobytes()
+    assert a.draws_mps2 is not None
+    assert b.draws_mps2 is not None
+    assert a.draws_mps2.tobytes() == b.draws_mps2.tobytes()
+    for path in entries:
+        checksum, _, payload = path.read_bytes().partition(b"\n")
+        assert hashlib.sha256(payload).hexdigest().encode() == checksum
+
+
+def test_two_studies_on_one_cache_learn_once(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the same time, with the same tests left out: who comes second takes what the first has learned."""
+    fits = _count_fits(monkeypatch)
+    config = StudyConfig(approaches=("displacement_domain",))
+    with ThreadPoolExecutor(2) as pool:
+        studies = list(pool.map(lambda _: run_study(campaign, config, held_out=["T1", "T2"], workers=1), range(2)))
+    assert len(fits) == 2
+    for test_id in ("T1", "T2"):
+        one, other = (study.fold(test_id).estimate("displacement_domain").prediction for study in studies)
+        assert one.accel_mps2.tobytes() == other.accel_mps2.tobytes()
+
+
+def test_a_study_that_was_stopped_goes_on_where_it_was(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cancelling between two folds keeps the first: only the second is computed afterwards."""
+    fits = _count_fits(monkeypatch)
+    config = StudyConfig(approaches=("displacement_domain",))
+    cancel = threading.Event()
+
+    def stop_after_one(progress: Progress) -> None:
+        if progress.step == "Held-out predictions" and progress.done == 1:
+            cancel.set()
+
+    with pytest.raises(Cancelled):
+        run_study(campaign, config, held_out=["T1", "T2"], watch=Watch(stop_after_one, cancel), workers=1)
+    run_study(campaign, config, held_out=["T1", "T2"], workers=1)
+    assert len(fits) == 2
+
+
+@pytest.mark.parametrize(
+    ("config", "held_out", "sentence"),
+    [
+        (StudyConfig(), ["T9"], "There is no test 'T9' in Tiny; it has T1, T2, T3, T4"),
+        (StudyConfig(approaches=("magic",)), [], "There is no approach 'magic'; choose from cae, lf_tcn, time_domain"),
+        (StudyConfig(approaches=()), [], "Name at least one approach"),
+        (StudyConfig(preset="slow"), [], "There is no preset 'slow'; choose from fast, paper"),  # type: ignore[arg-type]
+        (StudyConfig(windows_ms=(5.0,)), [], "A rating window of 5 ms is not possible; choose 10 to 100 ms"),
+    ],
+)
+def test_an_impossible_study_is_refused_before_it_starts(
+    campaign: Campaign, config: StudyConfig, held_out: list[str], sentence: str
+) -> None:
+    """The message names what was asked and what there is."""
+    with pytest.raises(UsageError, match=sentence):
+        run_study(campaign, config, held_out=held_out)
+
+
+def test_a_test_that_is_flat_over_a_window_is_named_before_anything_is_computed(campaign: Campaign) -> None:
+    """It cannot be rated; the sentence names test and window."""
+    late = np.where(GRID_S < 0.025, 0.0, campaign.test("T1").pulse.accel_mps2)
+    tests = (replace(campaign.tests[0], pulse=Pulse(GRID_S, late)), *campaign.tests[1:])
+    with pytest.raises(DataError, match="T1: expected a pulse that varies over 0–20 ms"):
+        run_study(replace(campaign, tests=tests), CONFIG)
+
+
+def test_cancelling_a_parallel_study_is_quiet(campaign: Campaign) -> None:
+    """It ends with Cancelled, and without a warning."""
+    cancel = threading.Event()
+
+    def stop_at_once(progress: Progress) -> None:
+        if progress.step == "Held-out predictions":
+            cancel.set()
+
+    config = StudyConfig(approaches=("displacement_domain",))
+    with pytest.raises(Cancelled):
+        run_study(campaign, config, watch=Watch(stop_at_once, cancel), workers=2)
+
+
+def test_a_single_test_cannot_be_left_out(campaign: Campaign) -> None:
+    """Nothing would remain to learn from."""
+    with pytest.raises(UsageError, match="at least 2 tests"):
+        run_study(campaign.without(["T1", "T2", "T3"]))
+
+
+def test_both_ways_to_leave_out_give_one_study_beside_the_other(campaign: Campaign) -> None:
+    """Each with the numbers that it has alone."""
+    config = StudyConfig(approaches=("displacement_domain",), windows_ms=(60.0,))
+    both = run_study(campaign, replace(config, hold_out="both"), held_out=["T2"], workers=1)
+    assert both.speed_groups is not None
+    for found, way in zip((both, both.speed_groups), both.config.each, strict=True):
+        alone = run_study(campaign, way, held_out=["T2"], workers=1)
+        assert found.mean_rating("displacement_domain", 60.0) == alone.mean_rating("displacement_domain", 60.0)
+    assert both.mean_rating("displacement_domain", 60.0) != both.speed_groups.mean_rating("displacement_domain", 60.0)
+
+
+def test_tests_of_one_speed_group_are_left_out_one_by_one_only(campaign: Campaign) -> None:
+    """There is no other group to learn from, and that is no error where both was asked for."""
+    alike = campaign.without(["T1", "T4"])
+    study = run_study(alike, StudyConfig(approaches=("cae",), hold_out="both"), workers=1)
+    assert study.speed_groups is None
+
+
+def test_a_recommendation_for_a_test_does_not_know_its_pulse(campaign: Campaign, finished: Study) -> None:
+    """With another held-out pulse approach and sentences stay the same."""
+    test = campaign.test("T2")
+    other = replace(test, pulse=Pulse(test.pulse.time_s, 0.5 * test.pulse.accel_mps2))
+    changed = replace(campaign, tests=tuple(other if t.id == "T2" else t for t in campaign.tests))
+    study = run_study(changed, CONFIG, held_out=["T2"], workers=1)
+    first, second = (
+        recommend_for(s.fold("T2").estimates, c.without(["T2"]), test.condition)
+        for s, c in ((finished, campaign), (study, changed))
+    )
+    assert first == second
+    assert first.expected is not None
+
+
+def test_a_window_beyond_the_end_of_a_held_out_record_is_refused(campaign: Campaign) -> None:
+    """Nobody measured what it would be rated against; up to its end, and with other tests held out, it can be."""
+    tests = (replace(campaign.tests[0], recorded_s=0.0799), *campaign.tests[1:])
+    cut = replace(campaign, tests=tests)
+    for windows, held_out in (((80.0,), ("T1",)), ((100.0,), ("T2",))):
+        check_study(cut, StudyConfig(windows_ms=windows), held_out)
+    with pytest.raises(DataError, match=r"T1: expected a record over 0–90 ms, found 79\.9 ms; rate a shorter window"):
+        check_study(cut, StudyConfig(windows_ms=(60.0, 90.0)), ("T2", "T1"))

@@ -1,0 +1,74 @@
+"""The house keeps its plan: rooms in one order, imports only down it, no circles, tests beside what they test."""
+
+import ast
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import ROOT
+
+PACKAGE = ROOT / "crashfuse"
+ROOMS = (
+    "cli",
+    "ui",
+    "reporting",
+    "study",
+    "approaches",
+    "cae",
+    "importing",
+    "readers",
+    "campaign_folder",
+    "synthetic",
+    "execution",
+    "campaign",
+    "condition",
+    "signals",
+    "files",
+    "errors",
+    "units",
+    "version",
+)
+"""Rooms and modules of the package from the top down: each may use what stands below it."""
+
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path.name not in ("__init__.py", "__main__.py"))
+
+
+def _name(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _imports(path: Path) -> Iterator[str]:
+    """Modules of the package that a file imports, at its top or within a function."""
+    names = {_name(module) for module in PACKAGE.rglob("*.py")}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            candidates = [f"{node.module}.{alias.name}" for alias in node.names]
+            yield from (c if c in names else node.module for c in candidates if node.module.startswith("crashfuse"))
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in names)
+
+
+def _room(module: str) -> str:
+    return module.split(".")[1]
+
+
+def test_every_room_has_its_place() -> None:
+    """A new room is a decision: it is entered in the order, and on the architecture page."""
+    there = {path.stem for path in PACKAGE.iterdir() if path.is_dir() or path.suffix == ".py"}
+    assert there - {"__init__", "__main__", "__pycache__", "py"} == set(ROOMS)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: _name(path).removeprefix("crashfuse."))
+def test_imports_run_one_way(path: Path) -> None:
+    """A module imports from its own room and from those below it, never from one above."""
+    own = ROOMS.index(_room(_name(path)))
+    upwards = [name for name in _imports(path) if name.count(".") and ROOMS.index(_room(name)) < own]
+    assert upwards == []
+
+
+def test_no_module_imports_itself_in_a_circle() -> None:
+    """Whoever changes a module has to look at those above it, and at no other."""
+    graph = {_name(path): set(_imports(path)) - {_name(path)} for path in PACKAGE.rglob("*.py")}
+    assert len(list(TopologicalSorter(graph).static_order())) >= len(graph)  # raises CycleError where there is one

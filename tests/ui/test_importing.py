@@ -1,0 +1,456 @@
+"""The page Data takes foreign files: it shows what comes of them, and adds them to a campaign when told to."""
+
+import base64
+import io
+import json
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from openpyxl import Workbook
+
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.ui import campaigns, uploads
+from crashfuse.units import KPH, MPH
+from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g
+from tests.importing.test_draft import zipped
+from tests.importing.test_import import german, isomme, library
+from tests.readers.lsdyna_files import Run
+from tests.readers.nhtsa_files import nhtsa_files
+from tests.readers.test_tdms import nhtsa_test
+
+if TYPE_CHECKING:
+    from tests.ui.conftest import Session
+
+Visit = Callable[..., "Session"]
+
+
+def drop(session: "Session", **files: bytes) -> "Session":
+    """Upload files; a name's last underscore is its point."""
+    named = [(".".join(name.rsplit("_", 1)), content, "application/octet-stream") for name, content in files.items()]
+    session.app.file_uploader[0].set_value(named)
+    return session.press("Open upload")
+
+
+def field(session: "Session", label: str) -> Any:
+    """The one field whose label begins like this."""
+    kinds = ("number_input", "selectbox", "multiselect", "text_input", "radio", "button_group")
+    found = [
+        one
+        for kind in kinds
+        for one in getattr(session.app, kind)
+        if getattr(one, "label", "").lower().startswith(label.lower())
+    ]
+    assert found, f"There is no field {label!r}."
+    return found[0]
+
+
+def curves(session: "Session") -> dict[str, np.ndarray]:
+    """Ordinates of the preview by the names of its curves; the last of a name."""
+    (figure,) = session.app.get("plotly_chart")
+    data = json.loads(figure.proto.spec)["data"]
+    return {
+        curve["name"]: np.array(curve["y"]) if isinstance(curve["y"], list) else decoded(curve["y"]) for curve in data
+    }
+
+
+def decoded(packed: dict[str, str]) -> np.ndarray:
+    """A column as Plotly packs it."""
+    return np.frombuffer(base64.b64decode(packed["bdata"]), packed["dtype"])
+
+
+def kept() -> list[Path]:
+    """Folders of uploads that the server keeps."""
+    return list(uploads._scratch().iterdir())
+
+
+def into(session: "Session", folder: Path) -> "Session":
+    """Name the campaign folder to add to."""
+    session.app.text_input(key="import folder").set_value(str(folder))
+    return session.run()
+
+
+def added(folder: Path) -> list[str]:
+    """Ids that campaign.toml tells of."""
+    return [one["id"] for one in tomllib.loads((folder / "campaign.toml").read_text(encoding="utf-8"))["imported"]]
+
+
+# --- every format --------------------------------------------------------------------------------------------------
+
+
+def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -> None:
+    """Condition and channels are found and shown; the peak of the preview is that of the crash."""
+    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    assert "NHTSA" in session.words
+    assert field(session, "Channels").value == ["93", "94", "99"]
+    assert field(session, "Speed (km/h)").placeholder == "56"
+    assert field(session, "Filter").placeholder == "CFC 60"
+    assert session.charts == 1
+    assert abs(curves(session)["00005"]).max() == pytest.approx(abs(half_sine_g(clock())).max(), rel=0.03)
+    assert abs(curves(session)["As recorded"]).max() > 1.3 * abs(curves(session)["00005"]).max()
+    session = into(session, tmp_path / "nova").press("Add as test")
+    assert added(tmp_path / "nova") == ["00005"]
+    assert "1 test added to" in session.words
+    assert "cae.csv" in session.words
+    assert "what is imported next goes to the same folder" in session.words
+    assert kept() == []
+    session = drop(session, t1_csv=german(clock(), half_sine_g(clock())))
+    assert field(session, "Take it as").value == "cae"
+    assert field(session, "Campaign folder").value == str(tmp_path / "nova")
+
+
+def test_an_isomme_zip_says_what_it_lacks(visit: Visit, tmp_path: Path) -> None:
+    """It knows the mass alone; the front axle's share completes it."""
+    session = drop(visit(), m_zip=zipped(isomme("M1")))
+    assert "Before it can be added" in session.words
+    (button,) = [button for button in session.app.button if button.label.startswith("Add")]
+    assert button.disabled
+    field(session, "Front share").set_value(56.0)
+    session = into(session.run(), tmp_path / "m").press("Add as test")
+    assert added(tmp_path / "m") == ["M1"]
+    rows = (tmp_path / "m" / "tests.csv").read_text()
+    assert "952" in rows  # 56 % of 1700 kg
+
+
+def test_tdms_is_read(visit: Visit) -> None:
+    """The weights are all that it does not know."""
+    session = drop(visit(), t_tdms=nhtsa_test())
+    assert "TDMS" in session.words
+    field(session, "Front weight").set_value(950.0)
+    field(session, "Rear weight").set_value(750.0)
+    assert "Add as test" in session.run().buttons
+    assert "The vehicle stops at" in session.words
+
+
+def test_weights_that_do_not_add_up_are_a_sentence(visit: Visit) -> None:
+    """800 kg with 950 of them in front: said on the page, and mended there."""
+    session = drop(visit(), t_tdms=nhtsa_test())
+    field(session, "Front weight").set_value(950.0)
+    field(session, "Mass").set_value(800.0)
+    assert "950 kg in front with a mass of 800 kg" in session.run().words
+    field(session, "Mass").set_value(1700.0)
+    assert "Add as test" in session.run().buttons
+    assert "The vehicle stops at" in session.words
+
+
+def test_lsdyna_runs_become_cae_runs(visit: Visit, tmp_path: Path) -> None:
+    """A zip of a folder a run: each a record, taken as CAE runs unless told otherwise."""
+    runs = {f"lib/r{i}/binout0000": Run(step_s=5e-4).binout() for i in range(3)}
+    session = drop(visit(), lib_zip=zipped(runs))
+    assert field(session, "Take it as").value == "cae"
+    field(session, "Front share").set_value(56.0)
+    session = into(session.run(), tmp_path / "c").press("Add 3 CAE runs")
+    assert added(tmp_path / "c") == ["r0", "r1", "r2"]
+
+
+def test_a_workbook_is_a_table(visit: Visit, tmp_path: Path) -> None:
+    """One sheet with pulses, one with conditions, joined by the id."""
+    book = Workbook()
+    sheet = book.active
+    assert sheet is not None
+    sheet.title = "T7"
+    sheet.append(["Zeit [ms]", "ax [g]"])
+    time_s = clock(rate_hz=2000)
+    for row in np.column_stack([time_s * 1000, half_sine_g(time_s)]).tolist():
+        sheet.append(row)
+    conditions = book.create_sheet("Versuche")
+    for cells in (["ID", "v [km/h]", "front [kg]", "rear [kg]"], ["T7", 56, 950, 750], ["T8", 50, 950, 750]):
+        conditions.append(cells)
+    stream = io.BytesIO()
+    book.save(stream)
+    session = drop(visit(), tests_xlsx=stream.getvalue())
+    session = into(session, tmp_path / "x").press("Add as test")
+    assert added(tmp_path / "x") == ["T7"]
+
+
+# --- overruling ----------------------------------------------------------------------------------------------------
+
+
+def test_columns_without_names_are_mapped(visit: Visit, tmp_path: Path) -> None:
+    """Time, unit and acceleration are said by the user; the preview follows."""
+    time_s = clock()
+    table = german(time_s, 0 * time_s, half_sine_g(time_s), header="p;q;r")
+    session = drop(visit(), x_csv=table)
+    field(session, "Acceleration").set_value(["r"])
+    field(session, "Unit of time").set_value("ms")
+    field(session, "Unit of acceleration").set_value("g")
+    for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
+        field(session, label).set_value(value)
+    session = into(session.run(), tmp_path / "x")
+    assert "Column r is the acceleration in g: chosen by the user." in session.words
+    session.press("Add as test")
+    assert added(tmp_path / "x") == ["x"]
+    stop = load_stop(tmp_path / "x" / "tests" / "x.csv")
+    assert stop == pytest.approx(STOP_S, abs=1e-4)
+
+
+def load_stop(path: Path) -> float:
+    """When the velocity is gone, by a plain sum."""
+    time_s, accel = np.loadtxt(path, delimiter=",", skiprows=1).T
+    velocity = SPEED_MPS + np.cumsum(accel) * (time_s[1] - time_s[0])
+    return float(time_s[np.argmax(velocity <= 0)])
+
+
+def test_what_is_filled_in_overrules_what_was_found(visit: Visit, tmp_path: Path) -> None:
+    """Channel, filter, time zero, speed in mph and id."""
+    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    field(session, "Channels").set_value(["93"])
+    field(session, "Filter").set_value("CFC 180")
+    field(session, "Time zero").set_value(1.0)
+    field(session, "Speed in").set_value("mph")
+    session.run()
+    field(session, "Speed (mph)").set_value(36.0)
+    field(session, "Id in").set_value("Nova")
+    session = into(session.run(), tmp_path / "n")
+    assert "Filtered with CFC 180" in session.words
+    assert "Time zero at 1 ms of the file: given by the user" in session.words
+    session.press("Add as test")
+    (told,) = tomllib.loads((tmp_path / "n" / "campaign.toml").read_text(encoding="utf-8"))["imported"]
+    assert (told["id"], told["channels"], told["channel_filter_class"]) == ("Nova", ["93"], 180)
+    row = (tmp_path / "n" / "tests.csv").read_text().splitlines()[1]
+    assert float(row.split(",")[1]) == pytest.approx(36.0 * MPH / KPH)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.57, 100.0, 150.0])
+def test_a_front_share_that_no_vehicle_has_breaks_nothing(visit: Visit, share: float) -> None:
+    """0 and 100 % of the mass, more than all of it, and 0.57 for 57: none can be added, each is said."""
+    session = drop(visit(), m_zip=zipped(isomme("M1")))
+    field(session, "Front share").set_value(share)
+    session.run()
+    assert "It cannot be added yet" in session.words or "Before it can be added" in session.words
+    (button,) = [button for button in session.app.button if button.label.startswith("Add")]
+    assert button.disabled
+    assert (field(session, "Front share").proto.min, field(session, "Front share").proto.max) == (20, 80)
+
+
+def test_another_unit_converts_what_is_typed_in(visit: Visit) -> None:
+    """Numbers stay what they mean: 90 km/h are 25 m/s, 1000 lb are 453.59 kg; the preview is in these units."""
+    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
+    field(session, "Weights in").set_value("lb")
+    session.run()
+    for label, value in (("Speed (", 90.0), ("Front weight", 1000.0), ("Rear weight", 1000.0)):
+        field(session, label).set_value(value)
+    session.run()
+    field(session, "Speed in").set_value("m/s")
+    field(session, "Weights in").set_value("kg")
+    session.run()
+    assert field(session, "Speed (m/s)").value == pytest.approx(25.0)
+    assert field(session, "Front weight (kg)").value == pytest.approx(453.592, abs=1e-3)
+    field(session, "Speed (m/s)").set_value(SPEED_MPS)
+    assert f"{SPEED_MPS:.1f} m/s, front 454 kg, rear 454 kg" in session.run().words
+
+
+def test_what_follows_from_a_number_is_found(visit: Visit) -> None:
+    """The file knows a mass of 1700 kg: 60 % of it in front are 1020 and 680 kg."""
+    session = drop(visit(), m_zip=zipped(isomme("M1")))
+    assert field(session, "Front weight").placeholder == "not found"
+    field(session, "Front share").set_value(60.0)
+    session.run()
+    assert field(session, "Front weight").placeholder == "1020"
+    assert field(session, "Rear weight").placeholder == "680"
+    assert "front 1020 kg, rear 680 kg" in session.words
+
+
+def test_a_new_session_goes_on_with_an_import(visit: Visit) -> None:
+    """The browser loads the page anew: files and what was filled in are still there, until it is left."""
+    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
+    field(session, "Speed (").set_value(56.0)
+    field(session, "Take it as").set_value("cae")
+    key = session.run().app.query_params["import"]
+    again = visit(**{"import": key})
+    assert "Nothing is added before you say so" in again.words
+    assert field(again, "Speed (").value == 56.0
+    assert field(again, "Take it as").value == "cae"
+    again.press("Back without importing")
+    assert "import" not in again.app.query_params
+    assert "Nothing is added" not in visit(**{"import": key}).words
+
+
+def test_choices_outlive_a_visit_to_another_page(visit: Visit) -> None:
+    """Turning the page loses nothing."""
+    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
+    field(session, "Speed (").set_value(56.0)
+    session.run().go("train").go("data")
+    assert field(session, "Speed (").value == 56.0
+
+
+# --- several records -----------------------------------------------------------------------------------------------
+
+
+def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(visit: Visit, tmp_path: Path) -> None:
+    """Three CSVs of one form and one with a word amid its numbers: three are added, of the fourth it is said why."""
+    files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(4)}
+    files["t3_csv"] = files["t3_csv"].replace(b"\n100,000000;", b"\nhundred;")
+    session = drop(visit(), **files)
+    assert len([one for one in session.app.selectbox if one.label == "Time"]) == 1
+    for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
+        field(session, label).set_value(value)
+    session = into(session.run(), tmp_path / "many")
+    assert "Not everything can be added: 1 problem" in session.words
+    assert "'hundred'" in session.tables[0]["Found"].tolist()
+    session.press("Add 3 tests")
+    assert added(tmp_path / "many") == ["t0", "t1", "t2"]
+
+
+def test_records_without_conditions_are_told_of_the_table_that_gives_them(visit: Visit) -> None:
+    """One speed for all is seldom right."""
+    session = drop(visit(), **{f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)})
+    assert "A table of conditions, dropped along with the files, gives each record its own" in session.words
+
+
+def test_two_lists_of_problems_stand_on_one_page(visit: Visit, tmp_path: Path) -> None:
+    """A record that is left out, and a folder that is refused."""
+    files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)}
+    files["t1_csv"] = files["t1_csv"].replace(b"\n100,000000;", b"\nhundred;")
+    (tmp_path / "letter.txt").write_text("Dear")
+    session = drop(visit(), **files)
+    for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
+        field(session, label).set_value(value)
+    session = into(session.run(), tmp_path).press("Add as test")
+    assert len(session.tables) == 2
+    assert [button.label for button in session.app.download_button] == ["problems.csv"] * 2
+
+
+def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_path: Path) -> None:
+    """CAE runs from a wide table with a table of conditions, then tests into the same folder: then it is open."""
+    parts = {path.stem + "_csv": path.read_bytes() for path in library(tmp_path / "cae").iterdir()}
+    out = tmp_path / "campaign"
+    session = drop(visit(), **parts)
+    field(session, "Take it as").set_value("cae")
+    session = into(session.run(), out).press("Add 12 CAE runs")
+    assert "12 CAE runs added" in session.words
+    files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)}
+    session = drop(session, **files)
+    for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
+        field(session, label).set_value(value)
+    session = session.run().press("Add 2 tests")
+    assert session.app.text_input(key="folder")
+    assert session.numbers["CAE runs"] == "12"
+    assert session.numbers["Tests"] == "2"
+    assert session.app.sidebar.selectbox(key="campaign").value == "campaign"
+    assert load_campaign(out).test_ids == ("t0", "t1")
+
+
+# --- where to ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_the_open_campaign_is_added_to(visit: Visit, open_campaign: Path) -> None:
+    """It is proposed, and shows the new test at once."""
+    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    session = session.press("Add as test")
+    assert session.numbers["Tests"] == "5"
+    assert load_campaign(open_campaign).test_ids[-1] == "00005"
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_factor_of_the_campaign_is_asked_for(visit: Visit, open_campaign: Path) -> None:
+    """Its tests are told apart by the drive: the new one says what it has."""
+    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    drive = field(session, "drive")
+    assert set(drive.options) == set(load_campaign(open_campaign).factors["drive"])
+    drive.set_value(drive.options[0])
+    session.run().press("Add as test")
+    assert load_campaign(open_campaign).tests[-1].condition.factors == (("drive", drive.options[0]),)
+
+
+@pytest.mark.parametrize("bad_id", ["=1+1", "-20C Versuch"])
+def test_an_id_that_would_spoil_the_campaign_is_refused(visit: Visit, open_campaign: Path, bad_id: str) -> None:
+    """It stays open."""
+    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    field(session, "Id in").set_value(bad_id)
+    session = session.run().press("Add as test")
+    assert session.tables[-1]["Expected"].tolist() == ["an id that no spreadsheet takes for a formula"]
+    assert len(load_campaign(open_campaign).tests) == 4
+
+
+def test_a_campaign_that_filters_gets_the_record_raw(visit: Visit, open_campaign: Path) -> None:
+    """The preview is filtered as the campaign will; what is added is whole, with what came before contact."""
+    (open_campaign / "campaign.toml").write_text("channel_filter_class = 60\n")
+    session = drop(visit(), v5_zip=zipped(nhtsa_files()))
+    assert field(session, "Filter").value == "CFC 60, by the campaign"
+    assert field(session, "Filter").disabled
+    assert abs(curves(session)["00005"]).max() == pytest.approx(abs(half_sine_g(clock())).max(), rel=0.03)
+    session.press("Add as test")
+    time_s, _ = np.loadtxt(open_campaign / "tests" / "00005.csv", delimiter=",", skiprows=1).T
+    assert time_s[0] == pytest.approx(-0.05)
+
+
+def test_nothing_is_added_to_the_sample_or_among_other_things(visit: Visit, tmp_path: Path) -> None:
+    """Nor to a path that is none; the import stays as it is."""
+    session = visit().press("Load the sample campaign")
+    session = drop(session, v5_zip=zipped(nhtsa_files()))
+    assert not [one for one in session.app.radio if one.label == "Into"]
+    (tmp_path / "letter.txt").write_text("Dear")
+    sample = campaigns._SHIPPED
+    before = sorted(sample.iterdir())
+    for text, found in (
+        (sample, "one of crashfuse's own"),
+        (sample / "new", "one of crashfuse's own"),
+        (tmp_path, "a folder of other things"),
+        (tmp_path / "letter.txt", "a file"),
+        (Path("here"), "here"),
+        (Path(), "."),
+    ):
+        session = into(session, text).press("Add as test")
+        assert session.tables[-1]["Found"].tolist() == [found]
+    assert sorted(sample.iterdir()) == before
+    session.press("Back without importing")
+    assert kept() == []
+    assert session.numbers["Tests"] == "11"
+
+
+def test_an_id_that_is_there_is_refused(visit: Visit, tmp_path: Path) -> None:
+    """The campaign stays as it was."""
+    out = tmp_path / "c"
+    for _ in range(2):
+        session = into(drop(visit(), v5_zip=zipped(nhtsa_files())), out).press("Add as test")
+    assert "Nothing was added" in session.words
+    assert added(out) == ["00005"]
+
+
+def test_a_folder_of_foreign_files_is_imported_from_where_it_is(visit: Visit, tmp_path: Path) -> None:
+    """Nothing of the user's own is deleted."""
+    (tmp_path / "v5").mkdir()
+    for name, content in nhtsa_files().items():
+        (tmp_path / "v5" / name).write_bytes(content)
+    session = visit()
+    session.app.text_input(key="folder").set_value(str(tmp_path / "v5"))
+    session = session.press("Open folder")
+    assert "NHTSA" in session.words
+    session.press("Back without importing")
+    assert len(list((tmp_path / "v5").iterdir())) == len(nhtsa_files())
+
+
+# --- bad files -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("x_csv", b"a;b\n1;2\n"),
+        ("x_csv", b"\x00\x01\x02" * 50),
+        ("x_xlsx", b"no workbook"),
+        ("x_tdms", b"TDSm" + b"\xff" * 60),
+        ("binout_", b"\x08\x08\x08\x01\x01\x01" + b"\xff" * 50),
+        ("x_zip", zipped({"v1.EV5": b"----- EV5 -----\n"})),
+        ("x_zip", zipped({"x.mme": b"0" * 5_000_000})),
+    ],
+)
+def test_bad_files_are_said_and_leave_nothing(visit: Visit, name: str, content: bytes) -> None:
+    """No traceback, nothing to add, and the way back leaves no file."""
+    session = drop(visit(), **{name: content})
+    assert session.tables or "Before it can be added" in session.words
+    assert not [one for one in session.app.button if one.label.startswith("Add") and not one.disabled]
+    if "Back without importing" in session.buttons:
+        session.press("Back without importing")
+    assert kept() == []
+
+
+def test_nobody_is_sent_to_the_command_line(visit: Visit) -> None:
+    """Columns are chosen on the page."""
+    session = drop(visit(), x_csv=b"a;b\n1;2\n")
+    assert "COLUMN=ROLE" not in session.words + session.tables[0].to_string()
