@@ -10,163 +10,143 @@ import subprocess
 import sys
 import tarfile
 import time
+import tomllib
 import urllib.request
 import zipfile
 from collections.abc import Iterator
+from importlib.metadata import Distribution, distributions
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
-from supply_chain.audit import altered, unpinned, vulnerable
-from supply_chain.hashes import HASHES, TORCH, entries, unknown
-from supply_chain.inventory import CUDA, ROOT, SBOM, TABLE, Component, installation, licence, pins, sbom, table
+from supply_chain.audit import pins, problems
+from tests.conftest import ROOT
+
+HASHES, SBOM = ROOT / "supply_chain" / "hashes.txt", ROOT / "sbom.cdx.json"
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 PERMISSIVE = {
-    *("0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "CC0-1.0", "ISC", "MIT", "MIT-CMU", "PSF-2.0"),
-    *("Zlib", "LLVM-exception"),
-    "MPL-2.0",  # asks for changes to its own files only
+    *("0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "CC0-1.0", "ISC", "MIT", "MIT-0", "MIT-CMU"),
+    *("PSF-2.0", "Zlib", "Apache-2.0 WITH LLVM-exception"),
+    *("3-Clause BSD License", "Apache License 2.0", "Apache Software License", "BSD", "BSD License", "MIT License"),
+    "Python Software Foundation License",
+    *("MPL-2.0", "Mozilla Public License 2.0 (MPL 2.0)"),  # asks for changes to its own files only
 }
 
 
-@pytest.fixture(scope="module")
-def installed() -> tuple[Component, ...]:
-    """Everything that crashfuse and its extras need here."""
-    return installation()
+def hashed() -> dict[str, tuple[str, list[str]]]:
+    """Version and hashes of each distribution in the file of hashes."""
+    found = {}
+    for entry in HASHES.read_text(encoding="utf-8").replace("\\\n", "").splitlines():
+        requirement, *hashes = entry.split(" --hash=")
+        name, version = requirement.partition(";")[0].strip().split("==")
+        found[name] = version, [each.strip() for each in hashes]
+    return found
 
 
-def test_everything_that_is_installed_is_pinned(installed: tuple[Component, ...]) -> None:
-    """In this very version; if this fails, install with -c constraints.txt, or pin what is new."""
-    assert unpinned(installed) == []
+def licensed() -> dict[str, tuple[str, str]]:
+    """Version and licence of each distribution in the table of licences."""
+    _, _, *lines = (ROOT / "THIRD_PARTY.md").read_text(encoding="utf-8").splitlines()
+    rows = (re.split(r"\s*\|\s*", line.strip("| ")) for line in lines)
+    return {canonicalize_name(name): (version, licence) for name, version, licence in rows}
 
 
-def test_every_pin_has_its_hashes() -> None:
-    """And nothing else has: the files are made from the pins; what CUDA brings along is not for them."""
-    hashed = entries(HASHES.read_text(encoding="utf-8") + TORCH.read_text(encoding="utf-8"))
-    versions = dict(requirement.partition(";")[0].strip().split("==") for requirement in hashed)
-    assert versions == {name: version for name, version in pins().items() if not name.startswith(CUDA)}
-    assert all(hashes for hashes in hashed.values())
-    assert all(re.fullmatch(r"sha256:[0-9a-f]{64}", each) for hashes in hashed.values() for each in hashes)
-
-
-def test_a_file_that_nobody_listed_is_told(tmp_path: Path) -> None:
-    """One byte more, and it is not the file that was pinned."""
-    path = tmp_path / "torch-2.13.0-py3-none-any.whl"
-    path.write_bytes(b"something else")
-    assert unknown([path]) == [path.name]
-
-
-def test_the_table_of_licences_is_current() -> None:
-    """If this fails: python -m supply_chain.inventory."""
-    written = TABLE.read_text(encoding="utf-8").splitlines()
-    assert [line for line in table().splitlines() if line not in written] == []
-    pinned = pins()
-    listed = dict(re.findall(r"^\| ([a-z0-9-]+) \| (\d\S*) \|", "\n".join(written), flags=re.MULTILINE))
-    assert listed == {name: pinned.get(name) for name in listed}
-
-
-def test_no_licence_asks_users_to_publish_their_work(installed: tuple[Component, ...]) -> None:
-    """All are permissive; tests alone compare with a package under the LGPL, which nobody needs to use crashfuse."""
-    others = {
-        (each.name, each.purpose)
-        for each in installed
-        if set(re.findall(r"[^\s()]+", each.licence)) - {"AND", "OR", "WITH"} - PERMISSIVE
-    }
-    assert others == {("nptdms", "test")}
-
-
-@pytest.mark.parametrize(
-    ("fields", "expected"),
-    [
-        ({"license_expression": "MIT OR Apache-2.0", "license": "something else"}, "MIT OR Apache-2.0"),
-        ({"license": "BSD", "classifier": ["License :: OSI Approved :: MIT License"]}, "MIT"),
-        ({"license": "MPL-2.0 AND MIT"}, "MPL-2.0 AND MIT"),
-        ({"license": "GPL-3.0-only", "classifier": ["License :: OSI Approved"]}, "GPL-3.0-only"),
-    ],
-)
-def test_a_licence_is_read_from_any_age_of_metadata(fields: dict[str, str | list[str]], expected: str) -> None:
-    """The expression first, then classifiers, then what was written by hand."""
-    assert licence({"name": "toy", **fields}) == expected
-
-
-def test_an_unknown_licence_is_an_error() -> None:
-    """Nobody's silence is taken for a permission."""
-    with pytest.raises(ValueError, match="toy: no licence is known"):
-        licence({"name": "toy", "license": "Ask me"})
-
-
-def test_the_bill_of_materials_is_current_and_whole() -> None:
-    """Each component is as installed, at its pin, and every reference leads to one; if not, run the inventory."""
+def bill() -> tuple[dict[str, str], dict[str, set[str]]]:
+    """Version of each component of the bill of materials, and the names that each one, and the project, needs."""
     written = json.loads(SBOM.read_text(encoding="utf-8"))
-    assert (written["bomFormat"], written["specVersion"]) == ("CycloneDX", "1.6")
-    components = {each["bom-ref"]: each for each in written["components"]}
-    for component in json.loads(sbom())["components"]:
-        assert components[component["bom-ref"]] == component
-    assert all(pins()[each["name"]] == each["version"] for each in components.values())
-    known = {*components, written["metadata"]["component"]["bom-ref"]}
-    assert {each["ref"] for each in written["dependencies"]} == known
-    assert {ref for each in written["dependencies"] for ref in each["dependsOn"]} == set(components)
+    parts = {part["bom-ref"]: canonicalize_name(part["name"]) for part in written["components"]}
+    names = {**parts, written["metadata"]["component"]["bom-ref"]: "crashfuse"}
+    needs = {names[each["ref"]]: {names[ref] for ref in each.get("dependsOn", ())} for each in written["dependencies"]}
+    return {parts[part["bom-ref"]]: part["version"] for part in written["components"]}, needs
+
+
+def asked_for(*extras: str) -> dict[str, Requirement]:
+    """What the project itself asks for, with these extras, by name."""
+    texts = [*PROJECT["dependencies"], *(text for extra in extras for text in PROJECT["optional-dependencies"][extra])]
+    return {canonicalize_name(requirement.name): requirement for requirement in map(Requirement, texts)}
+
+
+def test_all_three_lists_hold_every_pin_and_nothing_else() -> None:
+    """If this fails, make them anew: docs/how-to/supply-chain.md."""
+    pinned = pins()
+    assert {name: version for name, (version, _) in hashed().items()} == pinned
+    assert {name: version for name, (version, _) in licensed().items()} == pinned
+    assert bill()[0] == pinned
+
+
+def test_every_pin_has_hashes() -> None:
+    """SHA-256 each, and no address from where to install."""
+    for name, (_, hashes) in hashed().items():
+        assert hashes, name
+        assert all(re.fullmatch(r"sha256:[0-9a-f]{64}", each) for each in hashes), name
+
+
+def test_no_list_tells_of_the_machine_that_made_it() -> None:
+    """No path, no index."""
+    for path in (HASHES, SBOM):
+        assert not re.search(r"file:|index-url|find-links", path.read_text(encoding="utf-8"))
+
+
+def test_what_the_project_asks_for_is_pinned_within_its_range() -> None:
+    """And the bill of materials says that the project needs it."""
+    pinned, wanted = pins(), asked_for(*PROJECT["optional-dependencies"])
+    assert [name for name, each in wanted.items() if not each.specifier.contains(pinned.get(name, "0"))] == []
+    assert bill()[1]["crashfuse"] == set(wanted)
+
+
+def test_what_pinned_distributions_need_is_pinned() -> None:
+    """So that -c constraints.txt leaves nothing to chance; here only for those that are installed."""
+    pinned = pins()
+    for distribution in distributions():
+        if canonicalize_name(distribution.name) in pinned:
+            for needed in map(Requirement, distribution.requires or ()):
+                if needed.marker is None or needed.marker.evaluate({"extra": ""}):
+                    assert canonicalize_name(needed.name) in pinned, f"{distribution.name} needs {needed.name}"
+
+
+def test_no_licence_asks_users_to_publish_their_work() -> None:
+    """All are permissive, but for NVIDIA's own, which lets users run its libraries, and what only tests use."""
+    others = {
+        name: licence
+        for name, (_, licence) in licensed().items()
+        if set(re.split(r" AND | OR |; ", licence)) - PERMISSIVE
+    }
+    cuda = {name for name in others if name.startswith(("nvidia-", "cuda-"))}
+    tests_only = {"nptdms": "LGPL-3.0-only", "objective-rating-metrics": "UNKNOWN"}  # MIT, in its licence file
+    assert {name: others[name] for name in others.keys() - cuda} == tests_only
+    assert not tests_only.keys() & asked_for(*(PROJECT["optional-dependencies"].keys() - {"test"})).keys()
+    assert {who for who, needed in bill()[1].items() if needed & tests_only.keys()} == {"crashfuse"}
 
 
 @pytest.fixture
-def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Component:
+def toy(tmp_path: Path) -> Distribution:
     """A distribution of one module, installed with the hash of its file."""
     code = b"answer = 42\n"
     (tmp_path / "toy.py").write_bytes(code)
     info = tmp_path / "toy-1.5.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy\nVersion: 1.5\n", encoding="utf-8")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy\nVersion: 1.5+cpu\n", encoding="utf-8")
     digest = base64.urlsafe_b64encode(hashlib.sha256(code).digest()).rstrip(b"=").decode()
     (info / "RECORD").write_text(f"toy.py,sha256={digest},{len(code)}\ntoy-1.5.dist-info/RECORD,,\n", encoding="utf-8")
-    monkeypatch.syspath_prepend(tmp_path)
-    return Component("toy", "1.5", "MIT", "use", ())
+    (found,) = distributions(path=[str(tmp_path)])
+    return found
 
 
-def test_an_altered_or_missing_file_is_found(toy: Component, tmp_path: Path) -> None:
-    """By the hash that was recorded when it was installed."""
-    assert altered([toy]) == []
+def test_an_audit_finds_altered_and_missing_files(toy: Distribution, tmp_path: Path) -> None:
+    """By the hash that was recorded when the distribution was installed."""
+    assert list(problems([toy], {"toy": "1.5"})) == []
     (tmp_path / "toy.py").write_text("answer = 43\n", encoding="utf-8")
-    assert altered([toy]) == ["toy: toy.py was altered."]
+    assert list(problems([toy], {"toy": "1.5"})) == ["toy: toy.py was altered."]
     (tmp_path / "toy.py").unlink()
-    assert altered([toy]) == ["toy: toy.py is gone."]
+    assert list(problems([toy], {"toy": "1.5"})) == ["toy: toy.py is missing."]
 
 
-def test_an_unpinned_version_is_found(toy: Component) -> None:
-    """What nobody pinned is told, too."""
-    assert unpinned([toy]) == ["toy 1.5 is installed, no version is pinned."]
-
-
-def _advisory(number: int, events: list[dict[str, str]], **other: object) -> dict[str, object]:
-    ranges = [{"type": "ECOSYSTEM", "events": events}]
-    affected = {"package": {"ecosystem": "PyPI", "name": "Toy"}, "ranges": ranges, **other}
-    return {"id": f"A-{number}", "summary": "it leaks", "affected": [affected]}
-
-
-def test_known_vulnerabilities_are_found_without_a_network(toy: Component, tmp_path: Path) -> None:
-    """In a zip of advisories: by range, by list; not what is fixed, to come, withdrawn, or another's."""
-    start = {"introduced": "0"}
-    advisories = [
-        _advisory(1, [start, {"fixed": "1.6"}]),
-        _advisory(2, [start, {"fixed": "1.5"}]),
-        _advisory(3, [start, {"last_affected": "1.5"}]),
-        _advisory(4, [{"introduced": "1.10"}]),
-        _advisory(5, [start, {"fixed": "1.1"}, {"introduced": "1.5rc1"}]),
-        _advisory(6, [], versions=["1.4", "1.5.0"]),
-        {**_advisory(7, [start]), "withdrawn": "2026-01-01T00:00:00Z"},
-        _advisory(8, [start], package={"ecosystem": "npm", "name": "toy"}),
-    ]
-    path = tmp_path / "all.zip"
-    with zipfile.ZipFile(path, "w") as archive:
-        for advisory in advisories:
-            archive.writestr(f"{advisory['id']}.json", json.dumps(advisory))
-    assert vulnerable([toy], path) == [f"toy 1.5: A-{number}: it leaks" for number in (1, 3, 5, 6)]
-
-
-def test_a_zip_without_advisories_is_no_good_news(toy: Component, tmp_path: Path) -> None:
-    """It is an error."""
-    with zipfile.ZipFile(tmp_path / "all.zip", "w"):
-        pass
-    with pytest.raises(ValueError, match="holds no advisory"):
-        vulnerable([toy], tmp_path / "all.zip")
+def test_an_audit_finds_other_versions_and_what_is_not_pinned(toy: Distribution) -> None:
+    """A build for another device (+cpu) is the same version."""
+    assert list(problems([toy], {"toy": "1.4"})) == ["toy: 1.5+cpu is installed, 1.4 is pinned."]
+    assert list(problems([toy], {})) == ["toy: 1.5+cpu is installed, nothing is pinned."]
 
 
 def _built(checkout: Path, target: str, folder: Path) -> Path:
@@ -177,98 +157,86 @@ def _built(checkout: Path, target: str, folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, built from this checkout."""
-    return _built(ROOT, "wheel", tmp_path_factory.mktemp("wheel"))
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The source distribution, unpacked."""
+    folder = tmp_path_factory.mktemp("source")
+    with tarfile.open(_built(ROOT, "sdist", folder / "sdist")) as archive:
+        archive.extractall(folder / "unpacked", filter="data")
+    (unpacked,) = (folder / "unpacked").iterdir()
+    return unpacked
 
 
 @pytest.fixture(scope="module")
-def unpacked(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel as it is installed, far from any checkout."""
+def installed(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel that the source distribution builds, as it is installed, far from any checkout."""
     folder = tmp_path_factory.mktemp("site")
-    with zipfile.ZipFile(wheel) as archive:
+    with zipfile.ZipFile(_built(source, "wheel", tmp_path_factory.mktemp("wheel"))) as archive:
         archive.extractall(folder)  # noqa: S202 - our own wheel
     return folder
 
 
-def test_the_wheel_holds_the_package_and_the_dashboard_and_nothing_else(wheel: Path) -> None:
-    """Every module, app.py with its pages and settings, the licence; no test, no data, nothing compiled."""
-    names = set(zipfile.ZipFile(wheel).namelist())
-    code = {path.relative_to(ROOT).as_posix() for path in (ROOT / "crashfuse").rglob("*.py")}
-    pages = {f"crashfuse/dashboard/pages/{path.name}" for path in (ROOT / "pages").glob("*.py")}
-    assert len(code) > 80
-    assert len(pages) >= 5
-    assert {name for name in names if name.startswith("crashfuse/")} == {
-        *code,
-        *pages,
-        "crashfuse/py.typed",
-        "crashfuse/dashboard/app.py",
-        "crashfuse/dashboard/.streamlit/config.toml",
-    }
-    info = {name.partition("/")[2] for name in names if not name.startswith("crashfuse/")}
-    assert info == {"METADATA", "WHEEL", "RECORD", "entry_points.txt", "licenses/LICENSE"}
+def _files(folder: Path) -> set[str]:
+    found = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    return {path.as_posix() for path in found if "__pycache__" not in path.parts}
 
 
-def test_the_source_distribution_builds_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
-    """To the byte; and it holds what a test needs, but no cache."""
-    sdist = _built(ROOT, "sdist", tmp_path / "sdist")
-    with tarfile.open(sdist) as archive:
-        archive.extractall(tmp_path / "source", filter="data")
-    (source,) = (tmp_path / "source").iterdir()
-    assert _built(source, "wheel", tmp_path / "again").read_bytes() == wheel.read_bytes()
-    assert (source / "tests" / "test_supply_chain.py").is_file()
-    assert (source / "sample_data" / "tests.csv").is_file()
+def test_the_source_distribution_holds_what_a_test_needs(source: Path) -> None:
+    """Tests and sample, the settings of the dashboard; no cache."""
+    assert _files(source / "tests") == _files(ROOT / "tests")
+    assert _files(source / "sample_data") == _files(ROOT / "sample_data")
     assert {path.name for path in source.iterdir() if path.name.startswith(".")} == {".gitignore", ".streamlit"}
 
 
-def _outside(unpacked: Path, folder: Path) -> dict[str, str]:
+def test_the_wheel_holds_the_package_and_the_dashboard_and_nothing_else(installed: Path) -> None:
+    """All of the package, app.py with its pages and settings, the licence; no test, no data, nothing compiled."""
+    package = {f"crashfuse/{name}" for name in _files(ROOT / "crashfuse")}
+    pages = {f"crashfuse/dashboard/pages/{name}" for name in _files(ROOT / "pages")}
+    own = {"crashfuse/dashboard/app.py", "crashfuse/dashboard/.streamlit/config.toml"}
+    assert {Path(name).suffix for name in package} == {".py", ".pyi", ".typed"}
+    assert len(package) > 100
+    assert len(pages) >= 5
+    assert {name for name in _files(installed) if name.startswith("crashfuse/")} == package | pages | own
+    (info,) = installed.glob("*.dist-info")
+    assert _files(info) == {"METADATA", "WHEEL", "RECORD", "entry_points.txt", "licenses/LICENSE"}
+
+
+def _outside(installed: Path, folder: Path) -> dict[str, str]:
     """Surroundings in which the unpacked wheel is what is found."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("CRASHFUSE", "PYTHON"))}
-    return {**kept, "PYTHONPATH": str(unpacked), "CRASHFUSE_CACHE": str(folder / "cache")}
-
-
-def test_the_wheel_makes_and_reads_the_sample_outside_a_checkout(unpacked: Path, tmp_path: Path) -> None:
-    """The sample is made, not shipped, and is the one of the checkout."""
-    code = (
-        "import sys, crashfuse, crashfuse.cli; print(crashfuse.__file__);"
-        "sys.exit(crashfuse.cli.main(['sample', 'campaign']) or crashfuse.cli.main(['check', 'campaign']))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, env=_outside(unpacked, tmp_path), capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith(str(unpacked))
-    assert "Nothing is wrong." in done.stdout
-    assert (tmp_path / "campaign" / "tests.csv").read_bytes() == (ROOT / "sample_data" / "tests.csv").read_bytes()
+    return {**kept, "PYTHONPATH": str(installed), "CRASHFUSE_CACHE": str(folder / "cache")}
 
 
 _FIRST_PAGE = """
 from pathlib import Path
 from streamlit.testing.v1 import AppTest
-import crashfuse
+import crashfuse.cli, crashfuse.reporting.report
+print(crashfuse.__file__)
 app = AppTest.from_file(str(Path(crashfuse.__file__).parent / "dashboard" / "app.py"), default_timeout=120).run()
 next(button for button in app.button if button.label == "Load the sample campaign").click().run()
 assert not app.exception, app.exception
 assert not app.error, app.error
+assert crashfuse.cli.main(["check", "cache/sample"]) == 0
 """
 
 
-def test_the_dashboard_opens_the_sample_outside_a_checkout(unpacked: Path, tmp_path: Path) -> None:
-    """It finds its pages, and makes the sample when it is asked for."""
-    command, env = [sys.executable, "-c", _FIRST_PAGE], _outside(unpacked, tmp_path)
+def test_the_dashboard_opens_the_sample_outside_a_checkout(installed: Path, tmp_path: Path) -> None:
+    """It finds its pages, and makes the sample, which is not shipped but is that of the checkout."""
+    command, env = [sys.executable, "-c", _FIRST_PAGE], _outside(installed, tmp_path)
     done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "cache" / "sample" / "tests.csv").is_file()
+    assert done.stdout.startswith(str(installed))
+    made = tmp_path / "cache" / "sample" / "tests.csv"
+    assert made.read_bytes() == (ROOT / "sample_data" / "tests.csv").read_bytes()
 
 
 @pytest.fixture
-def served(unpacked: Path, tmp_path: Path) -> Iterator[str]:
+def served(installed: Path, tmp_path: Path) -> Iterator[str]:
     """Address of ``crashfuse app`` as it runs from the unpacked wheel."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     command = [sys.executable, "-m", "crashfuse", "app", "--port", str(port)]
-    env = {**_outside(unpacked, tmp_path), "STREAMLIT_SERVER_HEADLESS": "true"}
+    env = {**_outside(installed, tmp_path), "STREAMLIT_SERVER_HEADLESS": "true"}
     with (tmp_path / "log.txt").open("w") as log:
         server = subprocess.Popen(command, cwd=tmp_path, env=env, stdout=log, stderr=log)
         try:
