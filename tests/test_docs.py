@@ -20,16 +20,8 @@ WITH_CODE = [page for page in PAGES if re.search(r"```(python|console)", (DOCS /
 
 IDS = ("T04", "T05", "T09")  # the pages speak of the sample campaign; here a small one has its place and its ids
 READ_ONLY = ("--scheduler", "--device cuda")  # options that need what a test machine may not have
-NOT_OURS = (
-    "python -m pip ",
-    "python -m mkdocs ",
-    "dask ",
-    "osv-scanner ",
-    "pip-audit ",
-    "sed ",
-    "uv ",
-    "uvx ",
-)  # the words of others: not run here
+# the words of others: not run here
+NOT_OURS = ("python -m pip ", "python -m mkdocs ", "dask ", "osv-scanner ", "pip-audit ", "sed ", "uv ", "uvx ")
 IN_THE_CHECKOUT = re.compile(r"python -m (supply_chain\.\w+)")
 
 

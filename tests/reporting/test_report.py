@@ -55,7 +55,7 @@ def test_a_study_has_its_figures_and_two_for_each_held_out_test(text: str) -> No
     "heading",
     [
         "Result: mean rating over the held-out tests",
-        "Ratings by test, in the form of the paper&#x27;s tables",
+        "Ratings by test, in the form of the paper's tables",
         "What the 95 % band is worth",
         "Data: 4 tests, 24 CAE runs",
         "Method and settings",
@@ -83,6 +83,20 @@ def test_a_study_names_the_command_that_makes_it_again(text: str, campaign: Camp
     assert campaign.fingerprint in text
 
 
+def test_the_best_rating_of_each_window_is_bold(study: Study) -> None:
+    """As it is shown, to three digits; names stand before the numbers."""
+    config = StudyConfig(approaches=("cae", "fused"), windows_ms=(20.0, 60.0))
+    folds = []
+    for test in study.campaign.tests[:2]:
+        exact = estimate(test)
+        weaker = replace(exact, prediction=Prediction(test.condition, 0.9 * test.pulse.accel_mps2))
+        folds.append(Fold.of(test, [weaker, replace(exact, approach="fused")], config.windows_ms))
+    text = study_report(Study(study.campaign, config, tuple(folds)))
+    ratings = folds[0].ratings["cae"]
+    assert "<tr><td>Fused</td><td><b>1.000</b></td><td><b>1.000</b></td></tr>" in text
+    assert f"<tr><td>CAE</td><td>{ratings[20.0].overall:.3f}</td><td>{ratings[60.0].overall:.3f}</td></tr>" in text
+
+
 def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
     """The same tests, rated without any other at their speed."""
     both = study_report(replace(study, speed_groups=study))
@@ -101,6 +115,7 @@ def test_paper_gets_page_breaks_and_no_scrollbars(text: str) -> None:
 def test_what_users_typed_is_text(study: Study) -> None:
     """A campaign's name is not markup."""
     named = replace(study, campaign=replace(study.campaign, name="<script>alert(1)</script>"))
+    assert "<h1>&lt;script&gt;alert(1)&lt;/script&gt;: study" in study_report(named)
     assert "<script>alert(1)" not in study_report(named)
 
 

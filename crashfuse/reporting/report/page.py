@@ -1,124 +1,116 @@
-"""The pieces a report is written with: text, tables, figures, and the page around them."""
+"""The page: a report's template, filled with what it asks for and with what all reports hold."""
 
-import html
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from itertools import count
 
 import pandas as pd
 import plotly.graph_objects as go
+from jinja2 import Environment, PackageLoader, StrictUndefined, pass_context
+from jinja2.runtime import Context
+from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.reporting.provenance import provenance
+from crashfuse.study.config import StudyConfig
+from crashfuse.units import LB, MPH
 
-_FIGURE = re.compile(r'id="([0-9a-f-]{36})" class="plotly-graph-div"')
-_STYLE = """
-body { font: 15px/1.5 system-ui, "Segoe UI", sans-serif; color: #262a33; background: #fff; max-width: 62rem;
-       margin: 2rem auto; padding: 0 1rem }
-h1 { font-size: 1.7rem; line-height: 1.25 }
-h2 { font-size: 1.25rem; margin-top: 2.2rem; border-bottom: 1px solid #d5d9e0 }
-h3 { font-size: 1.05rem; margin: 1.4rem 0 .3rem }
-table { border-collapse: collapse; margin: .6rem 0; font-variant-numeric: tabular-nums }
-th, td { padding: .2rem .7rem; border-bottom: 1px solid #e3e6ea; text-align: right; vertical-align: top }
-th:first-child, td:first-child { text-align: left }
-thead th { border-bottom: 2px solid #262a33 }
-table.words td { text-align: left }
-table.ratings td:nth-child(2), table.ratings th:nth-child(2) { text-align: left }
-.notice { background: #fff4d6; border-left: 4px solid #d9a400; padding: .6rem 1rem }
-.verdict { background: #eef4f9; border-left: 4px solid #0072b2; padding: .1rem 1rem }
-.quiet { color: #5a6270 }
-nav { margin: 1rem 0 }
-nav a { margin-right: 1.2rem }
-code { overflow-wrap: anywhere }
-@page { size: A4; margin: 14mm }
-@media print {
-  body { font-size: 10pt; margin: 0; padding: 0; max-width: none }
-  nav, details { display: none }
-  h2, h3 { break-after: avoid }
-  table, .plotly-graph-div, .verdict { break-inside: avoid }
-  table.ratings { break-inside: auto }
-  tr { break-inside: avoid }
-  section.test { break-before: page }
-  .modebar { display: none !important }
+_METHODS = {
+    "cae": "the CAE model as it is: the run made at the very condition, else an emulator trained on the library (modes "
+    "of its pulses with a Gaussian process on each). The baseline.",
+    "lf_tcn": "temporal convolutional networks that learned the CAE runs and no test (Eq. 5).",
+    "time_domain": "those networks with increments of their weights learned from the tests (Eq. 6). Under the fast "
+    "preset in closed form, their strength chosen by leaving tests out; the band is the posterior, widened until it "
+    "holds on left-out tests.",
+    "displacement_domain": "a Gaussian process on what the CAE model gets wrong over displacement (Eqs. 7–28), and the "
+    "vehicle's motion integrated with it (Eq. 29); whole functions are drawn for the band, widened likewise.",
+    "fused": "time domain, displacement domain and raw CAE averaged with weights that left-out tests decide (by CRPS), "
+    "the more alike the nearer a test is; the band is the mixture's.",
 }
-"""
-
-# Paper is narrower than the window and a page shorter than a stack of figures; afterwards all is as it was.
-_PRINTING = """
-const figures = () => document.querySelectorAll(".plotly-graph-div");
-addEventListener("beforeprint", () => figures().forEach(figure => {
-  figure.dataset.height = figure.layout.height;
-  Plotly.relayout(figure, { autosize: false, width: 680, height: Math.min(figure.layout.height, 600) });
-}));
-addEventListener("afterprint", () => figures().forEach(figure => {
-  Plotly.relayout(figure, { autosize: true, width: null, height: Number(figure.dataset.height) });
-}));
-"""
 
 
-def page(title: str, campaign: Campaign, parts: Sequence[str]) -> str:
-    """The whole file; figures are numbered, so that equal content gives equal bytes."""
-    body = "".join(parts)
-    for number, drawn in enumerate(dict.fromkeys(_FIGURE.findall(body)), start=1):
-        body = body.replace(drawn, f"figure-{number}")
-    notice = f"<p class=notice>{text(campaign.notice)}</p>" if campaign.notice else ""
+@pass_context
+def _figure(context: Context, drawn: go.Figure) -> Markup:
+    """A figure that can be zoomed; Plotly itself stands once in the page. Numbered, so that equal results are equal."""
+    name, config = f"figure-{next(context['numbers'])}", {"displaylogo": False, "responsive": True}
+    return Markup(drawn.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=config))  # noqa: S704
+
+
+_TEMPLATES = Environment(
+    loader=PackageLoader("crashfuse.reporting.report"),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+_TEMPLATES.filters["figure"] = _figure
+
+
+def render(
+    template: str,
+    title: str,
+    campaign: Campaign,
+    config: StudyConfig,
+    command: str,
+    held_out: Sequence[str] = (),
+    **own: object,
+) -> str:
+    """The whole file, from a report's own template and values; the command is the one that repeats its results."""
+    cfc = campaign.channel_filter_class
+    return _TEMPLATES.get_template(f"{template}.html.j2").render(
+        own,
+        title=f"{campaign.name}: {title}",
+        plotly=Markup(get_plotlyjs()),  # noqa: S704
+        numbers=count(1),
+        campaign=campaign,
+        config=config,
+        tests=_tests(campaign),
+        library=_library(campaign),
+        filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
+        methods=[(LABELS[name], _METHODS[name]) for name in config.approaches],
+        origin=_origin(provenance(campaign, held_out, config), command),
+    )
+
+
+def _tests(campaign: Campaign) -> pd.DataFrame:
+    rows = []
+    for test in campaign.tests:
+        run = campaign.cae.paired_run(test.condition)
+        rows.append(
+            {
+                "Test": test.id,
+                "Speed (mph)": f"{test.condition.speed_mps / MPH:.1f}",
+                "Front weight (lb)": f"{test.condition.front_weight_kg / LB:.0f}",
+                "Rear weight (lb)": f"{test.condition.rear_weight_kg / LB:.0f}",
+                **dict(test.condition.factors),
+                "CAE pulse": "emulator" if run is None else campaign.cae.ids[run],
+                "Inside the CAE runs' range": "no" if campaign.cae.extrapolation(test.condition) else "yes",
+            }
+        )
+    return pd.DataFrame(rows).fillna("–")
+
+
+def _library(campaign: Campaign) -> str:
+    low, high = campaign.cae.vectors.min(axis=0), campaign.cae.vectors.max(axis=0)
     return (
-        f"<!doctype html><html lang=en><head><meta charset=utf-8>"
-        f"<meta name=viewport content='width=device-width'><title>{text(title)}</title><style>{_STYLE}</style>"
-        f"<script>{get_plotlyjs()}</script><script>{_PRINTING}</script></head>"
-        f"<body><h1>{text(title)}</h1>{notice}{body}</body></html>\n"
+        f"CAE runs: {low[0] / MPH:.1f}–{high[0] / MPH:.1f} mph, front {low[1] / LB:.0f}–{high[1] / LB:.0f} lb, "
+        f"rear {low[2] / LB:.0f}–{high[2] / LB:.0f} lb."
     )
 
 
-def section(title: str, *parts: str, name: str = "", kind: str = "") -> str:
-    """A part of the report under a heading, with a name to link to."""
-    marks = f" id={name}" * bool(name) + f" class={kind}" * bool(kind)
-    return f"<section{marks}><h2>{text(title)}</h2>{''.join(parts)}</section>"
-
-
-def paragraphs(sentences: Iterable[str], kind: str = "") -> str:
-    """Each on its own."""
-    mark = f" class={kind}" if kind else ""
-    return "".join(f"<p{mark}>{text(sentence)}</p>" for sentence in sentences)
-
-
-def bullets(sentences: Iterable[str]) -> str:
-    """A list."""
-    return f"<ul>{''.join(f'<li>{text(sentence)}</li>' for sentence in sentences)}</ul>"
-
-
-def table(frame: pd.DataFrame, *, escape: bool = True, kind: str = "") -> str:
-    """A table of text and numbers as they are; ``escape=False`` for cells that hold markup of ours."""
-    clean: Callable[[object], str] = text if escape else str
-    head = "".join(f"<th>{text(column)}</th>" for column in frame.columns)
-    body = "".join("<tr>" + "".join(f"<td>{clean(cell)}</td>" for cell in row) + "</tr>" for row in frame.to_numpy())
-    mark = f" class={kind}" if kind else ""
-    return f"<table{mark}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-
-
-def pairs_table(rows: Mapping[str, object]) -> str:
-    """Names and values below each other."""
-    items = "".join(
-        f"<tr><td>{text(name)}</td><td><code>{text(_listed(value))}</code></td></tr>" for name, value in rows.items()
-    )
-    return f"<table class=words><tbody>{items}</tbody></table>"
+def _origin(record: Mapping[str, object], command: str) -> dict[str, str]:
+    return {
+        "Command": command,
+        "Campaign fingerprint (SHA-256)": str(record["fingerprint"]),
+        "crashfuse": str(record["crashfuse"]),
+        "Python, platform": f"{record['python']}, {record['platform']}",
+        "Packages": _listed(record["packages"]),
+        "Seed and settings": _listed(record["config"]),
+    }
 
 
 def _listed(value: object) -> str:
     if isinstance(value, Mapping):
         return ", ".join(f"{name} {_listed(own)}" for name, own in value.items())
-    if isinstance(value, list | tuple):
-        return " ".join(map(str, value))
-    return str(value)
-
-
-def figure(drawn: go.Figure) -> str:
-    """A figure that can be zoomed; Plotly itself stands once in the page."""
-    markup: str = drawn.to_html(
-        full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True}
-    )
-    return markup
-
-
-def text(value: object) -> str:
-    """What a reader typed or computed, as text."""
-    return html.escape(str(value))
+    return " ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
