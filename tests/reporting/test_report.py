@@ -97,6 +97,16 @@ def test_the_best_rating_of_each_window_is_bold(study: Study) -> None:
     assert f"<tr><td>CAE</td><td>{ratings[20.0].overall:.3f}</td><td>{ratings[60.0].overall:.3f}</td></tr>" in text
 
 
+def test_abbreviations_are_written_out_where_they_occur(study: Study, text: str) -> None:
+    """LF and MF before the tables of a report that has the LF network, and in no other."""
+    assert "LF" not in re.sub("<script.*?</script>", "", text, flags=re.DOTALL)
+    fold = study.folds[0]
+    folds = (Fold.of(fold.test, [replace(fold.estimates[0], approach="lf_tcn")], CONFIG.windows_ms),)
+    other = study_report(replace(study, config=replace(CONFIG, approaches=("lf_tcn",)), folds=folds))
+    assert other.index("low-fidelity (LF) network") < other.index("<td>LF TCN")
+    assert other.index("multi-fidelity (MF) network") < other.index("<td>LF TCN")
+
+
 def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
     """The same tests, rated without any other at their speed."""
     both = study_report(replace(study, speed_groups=study))
