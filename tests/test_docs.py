@@ -1,6 +1,12 @@
-"""The documentation is true: its commands and its code run, its links lead somewhere, and it stays on the machine."""
+"""The documentation is true: commands and code run and print what is shown, figures agree, links lead somewhere.
 
+A block of text right below a block of commands is what these print. ``…`` stands for any words, alone on a line for any
+lines; numbers have to agree to the digits shown.
+"""
+
+import contextlib
 import dataclasses
+import io
 import re
 import shlex
 import subprocess
@@ -21,6 +27,8 @@ WITH_CODE = [page for page in PAGES if re.search(r"```(python|console)", (DOCS /
 IDS = ("T04", "T05", "T09")  # the pages speak of the sample campaign; here a small one has its place and its ids
 READ_ONLY = ("--scheduler", "--device cuda")  # options that need what a test machine may not have
 NOT_OURS = ("python -m pip ", "python -m mkdocs ", "pip-audit ", "dask ")  # the words of others: not run here
+BLOCK = re.compile(r"```python\n(?P<code>[^`]*)```|```console\n(?P<commands>[^`]*)```\n\n```text\n(?P<output>[^`]*)```")
+NUMBER = re.compile(r"([+−-]?\d+\.\d+)")
 IN_THE_CHECKOUT = re.compile(r"python -m (supply_chain\.\w+)")
 
 
@@ -59,7 +67,7 @@ def run(line: str) -> None:
         assert (ROOT / module[1].replace(".", "/")).with_suffix(".py").is_file()
         return
     program, *arguments = shlex.split(line)
-    assert program == "crashfuse", line
+    assert program == "crashfuse", f"{line}: another program, or not a command"
     parsed = cli.parser().parse_args(arguments)
     if arguments[0] == "app" or any(option in line for option in READ_ONLY):
         return
@@ -69,6 +77,49 @@ def run(line: str) -> None:
     if arguments[0] == "study" and "--workers" not in arguments:
         arguments += ["--workers", "1"]  # others would not know of the small networks
     assert cli.main(arguments) == 0, line
+
+
+def _shown(page: str) -> list[re.Match[str]]:
+    """Blocks of code, and of commands with their output, down to the last output."""
+    blocks = list(BLOCK.finditer((DOCS / page).read_text(encoding="utf-8")))
+    while blocks and blocks[-1]["output"] is None:
+        blocks.pop()
+    return blocks
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if _shown(page)])
+def test_what_a_page_shows_is_what_is_printed(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the sample campaign: all commands whose output is shown, and the code above them."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in _shown(page):
+        if block["code"] is not None:
+            exec(block["code"], names)  # noqa: S102 - our own documentation
+            continue
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            for line in block["commands"].splitlines():
+                assert cli.main(shlex.split(line)[1:]) == 0, line
+        assert _agrees(block["output"], printed.getvalue()), f"{block['commands']}prints\n{printed.getvalue()}"
+
+
+def _agrees(shown: str, printed: str) -> bool:
+    """Whether all that is shown was printed; a last digit may be off by one, for machines round differently."""
+    numbers = NUMBER.findall(shown)
+    lines = [r"(?:.*\n)*?" if line == "…" else _pattern(line) + r"\n" for line in shown.splitlines()]
+    found = re.fullmatch("".join(lines), re.sub(r" +$", "", printed, flags=re.MULTILINE))
+    return found is not None and all(
+        abs(float(a.replace("−", "-")) - float(b.replace("−", "-"))) < 1.001 * 10.0 ** -len(a.partition(".")[2])
+        for a, b in zip(numbers, found.groups(), strict=True)
+    )
+
+
+def _pattern(line: str) -> str:
+    """What a shown line matches: a group for each number, with as many digits."""
+    words = NUMBER.split(line)
+    numbers = (rf"([+−-]?\d+\.\d{{{len(number.partition('.')[2])}}})" for number in words[1::2])
+    plain = (re.escape(word).replace("…", ".*") for word in words[::2])
+    return next(plain) + "".join(number + word for number, word in zip(numbers, plain, strict=True))
 
 
 class _Page(HTMLParser):
