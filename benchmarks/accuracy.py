@@ -39,7 +39,7 @@ def main() -> None:
 
 
 def _print_summary(study: Study) -> None:
-    inside = "inside the 95 % band: a, v, a after t0, crush, peak"
+    inside = "inside the 95 % band: a, v, a after TTZV, crush, peak"
     print(f"| | 0–20 ms | 0–40 ms | 0–60 ms | worst | gap closed | change | {inside} |")
     print("|---|---:|---:|---:|---:|---:|---:|---|")
     raw = _overall(study, "cae")
@@ -104,7 +104,7 @@ def _overall(study: Study, approach: str) -> np.ndarray:
 
 
 def _coverage(study: Study, approach: str) -> str:
-    """Shares of time inside the band: a(t), v(t) up to t0, a(t) after it; counts of tests: maximum crush, peak."""
+    """Shares of time inside the band: a(t), v(t) up to TTZV, a(t) after it; counts of tests: maximum crush, peak."""
     found = study.coverage.get(approach)
     if found is None:
         return "–"

@@ -1,6 +1,7 @@
 """The house keeps its plan: rooms in one order, imports only down it, no circles, tests beside what they test."""
 
 import ast
+import re
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -58,6 +59,12 @@ def test_every_room_has_its_place() -> None:
     """A new room is a decision: it is entered in the order, and on the architecture page."""
     there = {path.stem for path in PACKAGE.iterdir() if path.is_dir() or path.suffix == ".py"}
     assert there - {"__init__", "__main__", "__pycache__", "py"} == set(ROOMS)
+
+
+def test_the_architecture_page_shows_the_rooms_in_their_order() -> None:
+    """The table that a newcomer reads is the order that is checked here."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("\n## Rooms")[2]
+    assert tuple(re.findall(r"^\| `(\w+)(?:/|\.py)` \|", page, flags=re.MULTILINE)) == ROOMS
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: _name(path).removeprefix("crashfuse."))

@@ -1,8 +1,15 @@
-"""The documentation is true: its commands and its code run, its links lead somewhere, and it stays on the machine."""
+"""The documentation is true: commands and code run and print what is shown, figures agree, links lead somewhere.
 
+A block of text right below a block of commands is what these print. ``…`` stands for any words, alone on a line for any
+lines; numbers have to agree to the digits shown.
+"""
+
+import contextlib
 import dataclasses
+import io
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -18,10 +25,12 @@ DOCS = ROOT / "docs"
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
 WITH_CODE = [page for page in PAGES if re.search(r"```(python|console)", (DOCS / page).read_text(encoding="utf-8"))]
 
-IDS = ("T04", "T05", "T09")  # the pages speak of the sample campaign; here a small one has its place and its ids
+IDS = ("T04", "T05", "T09", "T10")  # the pages speak of the sample campaign; here a small one has its place and its ids
 READ_ONLY = ("--scheduler", "--device cuda")  # options that need what a test machine may not have
 # the words of others: not run here
 NOT_OURS = ("python -m pip ", "python -m mkdocs ", "dask ", "osv-scanner ", "pip-audit ", "sed ", "uv ", "uvx ")
+BLOCK = re.compile(r"```python\n(?P<code>[^`]*)```|```console\n(?P<commands>[^`]*)```\n\n```text\n(?P<output>[^`]*)```")
+NUMBER = re.compile(r"([+−-]?\d+\.\d+)")
 IN_THE_CHECKOUT = re.compile(r"python -m (supply_chain\.\w+)")
 
 
@@ -31,6 +40,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("pages")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick_networks")
 @pytest.mark.parametrize("page", WITH_CODE)
 def test_all_code_on_a_page_runs(
@@ -39,7 +49,7 @@ def test_all_code_on_a_page_runs(
     """From top to bottom, on a small campaign with small networks."""
     monkeypatch.setenv("CRASHFUSE_CACHE", str(cache))
     monkeypatch.chdir(tmp_path)
-    apart = (campaign.tests[0], *campaign.tests[2:])
+    apart = (campaign.tests[0], *campaign.tests[2:], campaign.tests[-1])
     tests = tuple(dataclasses.replace(test, id=name) for name, test in zip(IDS, apart, strict=True))
     write_campaign(dataclasses.replace(campaign, tests=tests), tmp_path / "campaign")
     condition_table([("N1", tests[1].condition)]).to_csv("candidates.csv", index=False)
@@ -60,7 +70,7 @@ def run(line: str) -> None:
         assert (ROOT / module[1].replace(".", "/")).with_suffix(".py").is_file()
         return
     program, *arguments = shlex.split(line)
-    assert program == "crashfuse", line
+    assert program == "crashfuse", f"{line}: another program, or not a command"
     parsed = cli.parser().parse_args(arguments)
     if arguments[0] == "app" or any(option in line for option in READ_ONLY):
         return
@@ -70,6 +80,51 @@ def run(line: str) -> None:
     if arguments[0] == "study" and "--workers" not in arguments:
         arguments += ["--workers", "1"]  # others would not know of the small networks
     assert cli.main(arguments) == 0, line
+
+
+def _shown(page: str) -> list[re.Match[str]]:
+    """Blocks of code, and of commands with their output, down to the last output."""
+    blocks = list(BLOCK.finditer((DOCS / page).read_text(encoding="utf-8")))
+    while blocks and blocks[-1]["output"] is None:
+        blocks.pop()
+    return blocks
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if _shown(page)])
+def test_what_a_page_shows_is_what_is_printed(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the sample campaign: all commands whose output is shown, and the code above them."""
+    monkeypatch.chdir(tmp_path)
+    if "crashfuse sample" not in (DOCS / page).read_text(encoding="utf-8"):
+        shutil.copytree(ROOT / "sample_data", "campaign")
+    names: dict[str, object] = {}
+    for block in _shown(page):
+        if block["code"] is not None:
+            exec(block["code"], names)  # noqa: S102 - our own documentation
+            continue
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            for line in block["commands"].splitlines():
+                assert cli.main(shlex.split(line)[1:]) == 0, line
+        assert _agrees(block["output"], printed.getvalue()), f"{block['commands']}prints\n{printed.getvalue()}"
+
+
+def _agrees(shown: str, printed: str) -> bool:
+    """Whether all that is shown was printed; a last digit may be off by one, for machines round differently."""
+    numbers = NUMBER.findall(shown)
+    lines = [r"(?:.*\n)*?" if line == "…" else _pattern(line) + r"\n" for line in shown.splitlines()]
+    found = re.fullmatch("".join(lines), re.sub(r" +$", "", printed, flags=re.MULTILINE))
+    return found is not None and all(
+        abs(float(a.replace("−", "-")) - float(b.replace("−", "-"))) < 1.001 * 10.0 ** -len(a.partition(".")[2])
+        for a, b in zip(numbers, found.groups(), strict=True)
+    )
+
+
+def _pattern(line: str) -> str:
+    """What a shown line matches: a group for each number, with as many digits."""
+    words = NUMBER.split(line)
+    numbers = (rf"([+−-]?\d+\.\d{{{len(number.partition('.')[2])}}})" for number in words[1::2])
+    plain = (re.escape(word).replace("…", ".*") for word in words[::2])
+    return next(plain) + "".join(number + word for number, word in zip(numbers, plain, strict=True))
 
 
 class _Page(HTMLParser):

@@ -1,26 +1,25 @@
-"""The README's commands and code work as they stand."""
+"""The README's commands work as they stand, its figures are those of the benchmark, its links lead somewhere."""
 
 import re
 import shlex
-import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from crashfuse import cli
+from crashfuse.version import __version__
 from tests.conftest import ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def blocks(language: str) -> list[str]:
-    """Code blocks of a language."""
-    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+ACCURACY = (ROOT / "docs" / "accuracy.md").read_text(encoding="utf-8")
+APPROACHES = ("CAE", "Time domain", "Displacement domain", "Fused")  # in the order of the columns
+CAMPAIGNS = ("Sample", "Lumped parameters, runs paired with tests", "Lumped parameters, none paired", "Finite elements")
 
 
 def test_the_two_commands_install_and_run_what_exists() -> None:
     """Both install from the checkout; the first starts the dashboard on the sample, the second runs the tests."""
-    start, check = (block.strip().split(" && ") for block in blocks("console"))
+    start, check = (block.strip().split(" && ") for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL))
     assert start[0] == "python -m pip install -c constraints.txt ."
     assert check == [
         'python -m pip install -c constraints.txt -e ".[test]"',
@@ -31,39 +30,69 @@ def test_the_two_commands_install_and_run_what_exists() -> None:
     assert (ROOT / "constraints.txt").is_file()
 
 
-def _help(capsys: pytest.CaptureFixture[str], *command: str) -> str:
-    with pytest.raises(SystemExit):
-        cli.main([*command, "--help"])
-    return capsys.readouterr().out
+def test_the_public_workflow_runs_the_same_two_commands() -> None:
+    """Whatever the README asks of a newcomer is proven on every platform."""
+    workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
+    start, check = (block.strip() for block in re.findall(r"```console\n(.*?)```", README, re.DOTALL))
+    assert f"run: {check}\n" in workflow
+    assert f"run: {start.partition(' && ')[0]} && crashfuse --help\n" in workflow  # the dashboard itself never ends
 
 
-def test_every_documented_command_and_option_exists(capsys: pytest.CaptureFixture[str]) -> None:
-    """What the README lists is what `--help` knows, and the other way round."""
-    (listing,) = (block for block in blocks("text") if "crashfuse app" in block)
-    documented = {
-        entry.split()[1]: set(re.findall(r"--[a-z-]+", entry)) for entry in re.split(r"\n(?=crashfuse )", listing)
-    }
-    commands = set(re.findall(r"^ {4}([a-z-]+)(?: |$)", _help(capsys), flags=re.MULTILINE))
-    assert set(documented) == commands
-    for command, options in documented.items():
-        assert set(re.findall(r"--[a-z-]+", _help(capsys, command))) - {"--help"} == options, command
+def test_the_citation_names_this_version() -> None:
+    """What is cited is what is installed."""
+    assert f"\nversion: {__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
 
 
-@pytest.mark.usefixtures("quick_networks")
-def test_the_library_example_runs(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """On the sample campaign, with a smaller network, in a folder beside it."""
-    shutil.copytree(ROOT / "sample_data", tmp_path / "sample_data")
-    monkeypatch.chdir(tmp_path)
-    (code,) = blocks("python")
-    exec(code, {})  # noqa: S102 - our own README
-    assert "displacement_domain" in capsys.readouterr().out
-    assert (tmp_path / "out" / "T09" / "report.html").is_file()
+def _rows(text: str) -> dict[str, list[str]]:
+    """Rows of all tables in a text, by their first cell; of several the first."""
+    rows: dict[str, list[str]] = {}
+    for line in re.findall(r"^\| (.+) \|$", text, flags=re.MULTILINE):
+        name, *cells = re.split(r" \| ", line)
+        rows.setdefault(name, cells)
+    return rows
 
 
-@pytest.mark.parametrize("name", ["docs/compare.png", "LICENSE", "CHANGELOG.md"])
-def test_linked_files_exist(name: str) -> None:
-    """No dead link."""
-    assert f"]({name})" in README
-    assert (ROOT / name).is_file()
+def _printed(campaign: str, left_out: str) -> dict[str, list[str]]:
+    """What the benchmark printed of a campaign: its table of means by approach."""
+    text = ACCURACY.partition(f"### {campaign}, one {left_out} left out\n")[2]
+    assert text, f"docs/accuracy.md lacks {campaign}, one {left_out} left out"
+    return _rows(text.partition("\n### ")[0])
+
+
+def _summaries() -> Iterator[tuple[str, str, str]]:
+    """Tables that repeat what the benchmark printed: where, what was left out, the text of the table."""
+    yield "README.md", "test", README
+    yield "docs/accuracy.md", "test", ACCURACY.partition("\n## ")[0]
+    yield "docs/accuracy.md", "speed group", ACCURACY.partition("\n## A speed")[2].partition("\n## ")[0]
+
+
+@pytest.mark.parametrize("campaign", CAMPAIGNS)
+def test_accuracy_is_what_the_benchmark_printed(campaign: str) -> None:
+    """Means over 0–60 ms of each approach, and of the mixture the gap closed and the worst test."""
+    for place, left_out, text in _summaries():
+        printed = _printed(campaign, left_out)
+        cells = _rows(text)[campaign]
+        means = [printed[approach][2] for approach in APPROACHES]
+        if left_out == "test":
+            assert cells[2:] == [*means, printed["Fused"][4], printed["Fused"][3]], place
+        else:
+            assert cells == means, place
+
+
+def test_the_tutorial_shows_the_means_of_the_sample() -> None:
+    """Over 0–60 ms, each test left out alone and with all tests at about its speed."""
+    rows = _rows((ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8"))
+    for approach in (*APPROACHES, "LF TCN"):
+        assert rows[approach] == [_printed("Sample", way)[approach][2] for way in ("test", "speed group")], approach
+
+
+def test_linked_files_exist() -> None:
+    """No dead link, to a file or to a heading within it."""
+    links = re.findall(r"\]\((?!https?:)([^)]+)\)", README)
+    assert len(links) > 10
+    for link in links:
+        name, _, anchor = link.partition("#")
+        path: Path = ROOT / name
+        assert path.is_file(), link
+        headings = re.findall(r"^#+ (.+)$", path.read_text(encoding="utf-8"), flags=re.MULTILINE) if anchor else []
+        assert not anchor or anchor in [heading.lower().replace(" ", "-") for heading in headings], link
