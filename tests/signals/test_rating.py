@@ -102,6 +102,7 @@ def random_pairs(rng: np.random.Generator) -> Iterator[tuple[str, FloatArray, Fl
         yield "zero comparison", t, np.zeros(n)
 
 
+@pytest.mark.slow  # to import and compile the other one takes most of it
 def test_independent_implementation_agrees() -> None:
     """Random pairs, rich in ties or not, score as the public package objective-rating-metrics scores them."""
     with warnings.catch_warnings():
