@@ -314,6 +314,7 @@ def windows(window_ms: float, begin_s: float = 0.0) -> object:
     return rate_windows(Pulse(GRID_S, np.sin(60 * GRID_S)), Pulse(GRID_S + begin_s, np.sin(60 * GRID_S)), [window_ms])
 
 
+@pytest.mark.slow
 def test_first_rating_comes_within_three_seconds() -> None:
     """A fresh interpreter imports and rates in under 3 s, the best of three tries, without torch or a compiler."""
     code = (
