@@ -13,10 +13,13 @@ from crashfuse.errors import DataError
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.signals.rating import rate_iso18571
 from crashfuse.units import MPH
-from tests.conftest import SHARED
+from tests.conftest import SHARED, needs_shared
 
 WORLDS = SHARED / "worlds"
-LIBRARIES = ["half sines", *(world for world in ("alpha", "beta") if (WORLDS / world).is_dir())]
+LIBRARIES = [
+    "half sines",
+    *(pytest.param(world, marks=[needs_shared, pytest.mark.slow]) for world in ("alpha", "beta")),
+]
 
 
 def pulse(condition: Condition) -> FloatArray:

@@ -120,6 +120,7 @@ def holder(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
         process.kill()
 
 
+@pytest.mark.slow
 def test_who_comes_second_waits_until_the_first_has_ended(tmp_path: Path, holder: subprocess.Popen[bytes]) -> None:
     """Even if that was killed; other entries are free all the while, and no lock stays."""
     cache, said = Cache(tmp_path), []
@@ -136,6 +137,7 @@ def test_who_comes_second_waits_until_the_first_has_ended(tmp_path: Path, holder
 
 
 @pytest.mark.usefixtures("holder")
+@pytest.mark.slow
 def test_waiting_can_be_cancelled_and_has_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody hangs for ever because another does."""
     cancel = threading.Event()

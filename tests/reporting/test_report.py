@@ -83,6 +83,7 @@ def test_a_study_names_the_command_that_makes_it_again(text: str, campaign: Camp
     assert campaign.fingerprint in text
 
 
+@pytest.mark.slow
 def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
     """The same tests, rated without any other at their speed."""
     both = study_report(replace(study, speed_groups=study))

@@ -75,6 +75,7 @@ def test_it_is_better_than_the_raw_cae(campaign: Campaign, fused: Fused) -> None
     assert errors[0] < 0.25 * errors[1]
 
 
+@pytest.mark.slow
 def test_a_cae_model_that_is_right_keeps_its_voice(campaign: Campaign) -> None:
     """Tests that are just as the CAE says: the raw CAE is what is predicted, whoever says it."""
     runs = [campaign.cae.paired_run(test.condition) for test in campaign.tests]
@@ -98,6 +99,7 @@ def test_a_single_test_is_enough(campaign: Campaign) -> None:
     assert "weights not learned" in prediction.notes[0]
 
 
+@pytest.mark.slow
 def test_what_its_voices_learned_is_taken_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """A study has fitted both already."""
     from crashfuse.study.estimate import Fit
