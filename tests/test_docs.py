@@ -32,6 +32,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.usefixtures("quick_networks")
 @pytest.mark.parametrize("page", WITH_CODE)
+@pytest.mark.slow
 def test_all_code_on_a_page_runs(
     page: str, campaign: Campaign, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

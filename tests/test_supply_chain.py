@@ -21,6 +21,8 @@ from supply_chain.audit import altered, unpinned, vulnerable
 from supply_chain.hashes import HASHES, TORCH, entries, unknown
 from supply_chain.inventory import CUDA, ROOT, SBOM, TABLE, Component, installation, licence, pins, sbom, table
 
+pytestmark = pytest.mark.slow
+
 PERMISSIVE = {
     *("0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "CC0-1.0", "ISC", "MIT", "MIT-CMU", "PSF-2.0"),
     *("Zlib", "LLVM-exception"),

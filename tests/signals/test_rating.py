@@ -296,6 +296,7 @@ def test_many_curves_rate_as_one_by_one() -> None:
     assert rate_many(reference, comparisons[:0], dt_s=DT_S) == []
 
 
+@pytest.mark.slow
 def test_memory_of_a_batch_is_bounded() -> None:
     """250 curves that share one shift would take 140 MB to warp at once; blocks keep it under 100 MB."""
     comparisons = bell(250) * np.linspace(0.8, 1.2, 250)[:, None]
