@@ -77,6 +77,7 @@ def test_each_curve_has_to_lie_inside_for_95_percent_of_the_time(name: str) -> N
     for share, holds in ((0.945, False), (0.951, True)):
         apart = [replace(INSIDE, **{name: share + away}) for away in (-0.04, 0.04)]
         assert Calibration(1.0, tuple(apart)).holds == holds
+    assert Calibration(1.0, (replace(INSIDE, **{name: 0.95}),)).holds
     unknown = replace(INSIDE, **{name: float("nan")})
     assert Calibration(1.0, (unknown, replace(INSIDE, **{name: 0.97}))).share(name) == 0.97
 
@@ -110,6 +111,7 @@ def test_what_is_kept_of_a_check_is_the_check() -> None:
         "crush_inside": 1,
         "peak_inside": 1,
     }  # fmt: skip
+    assert list(again.state)[-5:] == [f"{name}_inside" for name in ("accel", "velocity", "rebound", "crush", "peak")]
     nothing = Calibration.of(1.0, Calibration(1.0, ()).inside)
     assert (nothing.tests, nothing.late_widening) == ((), None)
     assert "late_widening" not in nothing.state
