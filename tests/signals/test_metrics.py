@@ -65,7 +65,7 @@ def test_constant_braking_is_its_own_mean_and_has_known_occupants() -> None:
 
 
 def test_step_of_time_does_not_matter() -> None:
-    """At other rates, at which 25 ms are an even or odd number of steps or end between two, the metrics are the same."""
+    """At other rates, where 25 ms are an even or odd number of steps or end between two, the metrics are the same."""
     reference = by_name(pulse_metrics(HALF_SINE, 15.0))
     for rate_hz in (10_000, 50_000, 50_040, 50_060):
         time = np.arange(rate_hz // 10) / rate_hz
