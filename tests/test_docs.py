@@ -103,6 +103,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_every_page_is_built_and_every_link_leads_somewhere(site: Path) -> None:
     """To a page and an anchor on it that exist."""
     pages = {path: _Page(path) for path in site.rglob("*.html")}

@@ -50,6 +50,7 @@ def test_every_documented_command_and_option_exists(capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.usefixtures("quick_networks")
+@pytest.mark.slow
 def test_the_library_example_runs(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

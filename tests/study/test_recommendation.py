@@ -151,6 +151,7 @@ def test_what_lies_within_a_standard_error_of_the_best_is_equal_to_it(
     mean = {"time_domain": 4.0, "displacement_domain": 4 + excess_g}
     (other,) = mean.keys() - {chosen}
     assert re.search(rf"{mean[chosen]:.2f} g; .* {mean[other]:.2f} g", found.sentences[0])
+    assert "_" not in "".join(found.sentences), "approaches are named in words"
     assert any("can't tell" in sentence for sentence in found.sentences) == (chosen == "displacement_domain")
 
 
