@@ -52,7 +52,8 @@ def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypa
     """Names, values, settings and their kind, and the version that computed it; another process finds the same."""
     cache = Cache(tmp_path)
     values = (1, 2, "1", 1.5, None, [1, 2], Few(), Few(4), Many(), [Few()], {"n": 3})
-    keys: list[dict[str, object]] = [{}, {"y": 1}, {"x": 1, "y": 1}, *({"x": value} for value in values)]
+    parts: list[dict[str, object]] = [{"x": value} for value in values]
+    keys = [*parts, {}, {"y": 1}, {"x": 1, "y": 1}]
     for number, key in enumerate(keys):
         cache.put("kind", key, {"number": number})
     for number, key in enumerate(keys):
