@@ -20,6 +20,11 @@ DATA = ROOT / "tests" / "data"
 SHARED = Path(os.environ.get("CRASHFUSE_SHARED", ROOT.parent / "shared"))
 """Vectors, worlds and real records that are not part of the project; tests of them run where they are there."""
 
+needs_shared = pytest.mark.skipif(
+    not SHARED.is_dir(), reason=f"needs curves and records of others in {SHARED}, or in CRASHFUSE_SHARED"
+)
+"""Skips a test that reads from there, and says so. Where the folder is there, a file that it lacks is an error."""
+
 N_RUNS = 24
 TEST_SPEEDS_MPH = (15.0, 25.0, 26.0, 35.0)
 
@@ -35,6 +40,18 @@ def pytest_configure() -> None:
 def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """No test reads or writes the user's cache."""
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.mktemp("cache")))
+
+
+@pytest.fixture(scope="module")
+def module_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for the cache of a whole test module."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture
+def one_cache(own_cache: None, module_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001
+    """What one test of a module has learned the next one finds."""
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(module_cache))
 
 
 @pytest.fixture(scope="module")

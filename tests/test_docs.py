@@ -43,6 +43,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 @pytest.mark.usefixtures("quick_networks")
 @pytest.mark.parametrize("page", WITH_CODE)
+@pytest.mark.slow
 def test_all_code_on_a_page_runs(
     page: str, campaign: Campaign, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -158,6 +159,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_every_page_is_built_and_every_link_leads_somewhere(site: Path) -> None:
     """To a page and an anchor on it that exist."""
     pages = {path: _Page(path) for path in site.rglob("*.html")}

@@ -27,6 +27,8 @@ from tests.conftest import ROOT
 HASHES, SBOM = ROOT / "supply_chain" / "hashes.txt", ROOT / "sbom.cdx.json"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
+pytestmark = pytest.mark.slow
+
 PERMISSIVE = {
     *("0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "CC0-1.0", "ISC", "MIT", "MIT-0", "MIT-CMU"),
     *("PSF-2.0", "Zlib", "Apache-2.0 WITH LLVM-exception"),

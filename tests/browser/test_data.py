@@ -6,10 +6,13 @@ import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pytest
 from selenium.webdriver.common.by import By
 
 from tests.importing.crashes import clock, half_sine_g
 from tests.importing.test_import import german
+
+pytestmark = pytest.mark.slow
 
 if TYPE_CHECKING:
     from tests.browser.conftest import Server, User

@@ -31,6 +31,8 @@ from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.campaign_folder.pulse_files import read_pulse
 from crashfuse.errors import DataError
 
+pytestmark = pytest.mark.slow
+
 MORE = os.environ.get("CRASHFUSE_HOSTILE_EXAMPLES")
 hostile = settings(
     max_examples=int(MORE or 60),

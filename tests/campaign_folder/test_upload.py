@@ -157,6 +157,7 @@ def test_a_parquet_file_of_few_bytes_and_endless_rows_is_refused(tmp_path: Path)
         lay_out([*BOTH, ("cae_pulses.parquet", stream.getvalue())], tmp_path, Limits(rows=1_000_000))
 
 
+@pytest.mark.slow
 def test_damage_anywhere_is_a_sentence_and_writes_nothing_outside(content: dict[str, bytes], tmp_path: Path) -> None:
     """Cut off or with flipped bits at random, a zip is laid out or refused; no other error, no file elsewhere."""
     small = {name: data[:300] for name, data in content.items()}

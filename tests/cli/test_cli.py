@@ -129,6 +129,7 @@ def test_resuming_takes_the_settings_that_were_recorded(
     assert "was begun with other settings (seed)" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_killed_study_resumes_to_the_same_files(
     campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -245,6 +246,7 @@ def test_a_folder_that_may_not_be_written_is_one_sentence(
     assert "crashfuse: model cannot be read or written: no space left on device.\n" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_older_results_of_the_same_kind_had_more_does_not_stay(campaign_on_disk: Path, tmp_path: Path) -> None:
     """Speed groups that are not asked for again, channels of approaches that are left out; a stranger's file stays."""
     study, predict = tmp_path / "study", tmp_path / "prediction"
@@ -264,6 +266,7 @@ def test_what_older_results_of_the_same_kind_had_more_does_not_stay(campaign_on_
     assert {p.relative_to(predict) for p in predict.rglob("*")} == {p.relative_to(once) for p in once.rglob("*")}
 
 
+@pytest.mark.slow
 def test_a_name_that_the_terminal_cannot_show_is_no_traceback(campaign_folder: Path) -> None:
     """Letters that its encoding lacks are escaped."""
     (campaign_folder / "campaign.toml").write_text('name = "\u540d\u524d"', encoding="utf-8")
@@ -275,6 +278,7 @@ def test_a_name_that_the_terminal_cannot_show_is_no_traceback(campaign_folder: P
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes end in another way there")
+@pytest.mark.slow
 def test_a_reader_that_has_seen_enough_is_no_error(campaign_on_disk: Path) -> None:
     """As with `crashfuse check … | head -0`: nothing is said of it."""
     reader, writer = os.pipe()
@@ -354,6 +358,7 @@ def test_check_tells_what_a_campaign_holds(campaign_on_disk: Path, capsys: pytes
     assert "Nothing is wrong." in out
 
 
+@pytest.mark.slow
 def test_sample_writes_a_campaign_that_checks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What `sample` writes, `check` accepts; both say that it is synthetic."""
     folder = tmp_path / "sample"
@@ -434,6 +439,7 @@ def test_rating_two_pulses_does_not_wait_for_torch() -> None:
     assert done.stdout.split() == ["False", "False"]
 
 
+@pytest.mark.slow
 def test_saved_models_predict_without_learning_again(
     campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -490,6 +496,7 @@ def test_a_device_that_is_not_there_is_wrong_usage(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_the_device_is_recorded(campaign_on_disk: Path, tmp_path: Path) -> None:
     """In study.json, with the other settings."""
     command = ["study", str(campaign_on_disk), "--out", str(tmp_path), "--held-out", "T2", "--device", "cpu"]
@@ -517,6 +524,7 @@ def test_a_whole_study_leaves_speed_groups_out_too(
     assert "Use the raw CAE model for this campaign." in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_series_of_studies_gives_what_each_gives_alone(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -545,6 +553,7 @@ def test_a_series_of_studies_gives_what_each_gives_alone(
     assert (row["mean"], row["least"]) == pytest.approx((own.mean(), own.min()), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_series_goes_on_where_it_was_and_says_first_what_is_impossible(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], fitting_is_an_error: Callable[[], None]
 ) -> None:

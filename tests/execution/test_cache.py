@@ -4,6 +4,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,58 @@ def test_another_key_finds_nothing(tmp_path: Path) -> None:
     cache.put("kind", {"x": 1}, {"a": 1.0})
     assert cache.get("kind", {"x": 2}) is None
     assert cache.get("other", {"x": 1}) is None
+
+
+@dataclass(frozen=True)
+class Few:
+    """Settings of one kind."""
+
+    n: int = 3
+
+
+@dataclass(frozen=True)
+class Many:
+    """Settings of another kind, with the same parts."""
+
+    n: int = 3
+
+
+def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names, values, settings and their kind, and the version that computed it; another process finds the same."""
+    cache = Cache(tmp_path)
+    values = (1, 2, "1", 1.5, None, [1, 2], Few(), Few(4), Many(), [Few()], {"n": 3})
+    parts: list[dict[str, object]] = [{"x": value} for value in values]
+    keys = [*parts, {}, {"y": 1}, {"x": 1, "y": 1}]
+    for number, key in enumerate(keys):
+        cache.put("kind", key, {"number": number})
+    for number, key in enumerate(keys):
+        found = Cache(tmp_path).get("kind", dict(reversed(key.items())))
+        assert found is not None
+        assert int(found["number"]) == number
+    monkeypatch.setattr("crashfuse.execution.cache.__version__", "0.0")
+    assert cache.get("kind", keys[0]) is None
+
+
+def test_what_has_no_value_of_its_own_cannot_be_part_of_a_key(tmp_path: Path) -> None:
+    """An object, or a class instead of settings."""
+    for part in (object(), Few):
+        with pytest.raises(TypeError, match="cannot be part of a cache key"):
+            Cache(tmp_path).get("kind", {"x": part})
+
+
+def test_a_cache_knows_what_it_was_used_for(tmp_path: Path) -> None:
+    """What was kept or found through it, by kind and file; not what was looked for in vain, or was there before."""
+    first, second = Cache(tmp_path), Cache(tmp_path)
+    first.put("one", {"x": 1}, {"a": 1.0})
+    first.put("two", {"x": 1}, {"a": 1.0})
+    assert second.used == set()
+    assert second.get("one", {"x": 1}) is not None
+    assert second.get("one", {"x": 2}) is None
+    assert second.used == {f"one/{path.name}" for path in (tmp_path / "one").iterdir()}
+    assert {name.partition("/")[0] for name in first.used} == {"one", "two"}
+    first.drop("one", {"x": 1})
+    assert Cache(tmp_path).get("one", {"x": 1}) is None
+    assert list(first.pack(first.used)) == [f"two/{path.name}" for path in (tmp_path / "two").iterdir()]
 
 
 @pytest.mark.parametrize("position", [0, 100, -1])
@@ -120,6 +173,7 @@ def holder(tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
         process.kill()
 
 
+@pytest.mark.slow
 def test_who_comes_second_waits_until_the_first_has_ended(tmp_path: Path, holder: subprocess.Popen[bytes]) -> None:
     """Even if that was killed; other entries are free all the while, and no lock stays."""
     cache, said = Cache(tmp_path), []
@@ -136,6 +190,7 @@ def test_who_comes_second_waits_until_the_first_has_ended(tmp_path: Path, holder
 
 
 @pytest.mark.usefixtures("holder")
+@pytest.mark.slow
 def test_waiting_can_be_cancelled_and_has_an_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody hangs for ever because another does."""
     cancel = threading.Event()

@@ -69,6 +69,7 @@ def deaths(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_costs_only_what_it_was_at(
     campaign: Campaign, tmp_path: Path, deaths: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -78,6 +79,7 @@ def test_a_process_that_is_killed_costs_only_what_it_was_at(
     assert "A worker died" in caplog.text
 
 
+@pytest.mark.slow
 def test_processes_that_die_again_and_again_end_the_study(campaign: Campaign, tmp_path: Path, deaths: Path) -> None:
     """One sentence says what may be the cause and how to go on."""
     with pytest.raises(CrashfuseError, match=r"out of memory perhaps.* --resume .*fewer --workers"):
@@ -109,6 +111,7 @@ def workers_of(process: subprocess.Popen[bytes]) -> list[psutil.Process]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.slow
 def test_workers_end_with_who_started_them(tmp_path: Path, number: signal.Signals) -> None:
     """A parent that is killed leaves no process, and no memory in use."""
     with subprocess.Popen([sys.executable, "-c", _SLEEPING, str(tmp_path)], stderr=subprocess.DEVNULL) as parent:
@@ -119,6 +122,7 @@ def test_workers_end_with_who_started_them(tmp_path: Path, number: signal.Signal
         assert not psutil.wait_procs(workers, timeout=20)[1]
 
 
+@pytest.mark.slow
 def test_ctrl_c_is_one_sentence_and_leaves_no_process(campaign_on_disk: Path, tmp_path: Path) -> None:
     """As a terminal sends it: to the whole group."""
     arguments = ["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--workers", "2"]
@@ -193,6 +197,7 @@ def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
     started.stop()
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_what_one_process_gives(campaign: Campaign, dask: Dask, tmp_path: Path) -> None:
     """To the bit; nothing is learned twice on the cluster, and all of it ends up in the caller's cache."""
     here = run_study(campaign, CONFIG, held_out=["T1", "T2"], cache=Cache(tmp_path / "here"), workers=1)
@@ -221,6 +226,7 @@ def test_a_cluster_gives_what_one_process_gives(campaign: Campaign, dask: Dask, 
     assert [p.done for p in seen if p.step == "Held-out predictions"][-1] == 4
 
 
+@pytest.mark.slow
 def test_a_cluster_knows_when_to_stop(campaign: Campaign, dask: Dask) -> None:
     """Cancelling does not wait for a task to end."""
 
@@ -232,6 +238,7 @@ def test_a_cluster_knows_when_to_stop(campaign: Campaign, dask: Dask) -> None:
         run_study(campaign, CONFIG, held_out=["T3"], watch=Watch(stop), scheduler=dask.address)
 
 
+@pytest.mark.slow
 def test_a_worker_of_a_cluster_that_is_killed_costs_only_what_it_was_at(
     campaign: Campaign, dask: Dask, tmp_path: Path, deaths: Path
 ) -> None:
@@ -242,6 +249,7 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_only_what_it_was_at(
     dask.add("one again")
 
 
+@pytest.mark.slow
 def test_a_worker_with_other_versions_is_refused(
     campaign: Campaign, dask: Dask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -252,6 +260,7 @@ def test_a_worker_with_other_versions_is_refused(
         run_study(campaign, CONFIG, scheduler=dask.address)
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers_is_waited_for_in_vain(
     campaign: Campaign, tmp_path: Path, deaths: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -272,6 +281,7 @@ def test_a_cluster_without_workers_is_waited_for_in_vain(
         alone.stop()
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, tmp_path: Path) -> None:
     """A sentence says how to go on."""
     mortal = Dask.start(tmp_path)
@@ -292,6 +302,7 @@ def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, tmp_path: Path
         mortal.stop()
 
 
+@pytest.mark.slow
 def test_an_unreachable_scheduler_is_one_sentence(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -58,6 +58,7 @@ def test_files_that_cannot_all_be_written_change_nothing(tmp_path: Path) -> None
     assert len(list(tmp_path.iterdir())) == 1
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_at_the_end_of_a_study_costs_nothing_but_time(
     campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

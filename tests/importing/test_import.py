@@ -18,7 +18,7 @@ from crashfuse.readers.record import PartialCondition
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.units import KPH, MS, G
-from tests.conftest import SHARED
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import CONDITION, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g
 from tests.readers.lsdyna_files import MASS_KG, Run
 from tests.readers.nhtsa_files import nhtsa_files
@@ -240,6 +240,7 @@ def test_an_id_is_the_one_in_the_table_of_conditions(tmp_path: Path) -> None:
     assert (test.id, test.condition.front_weight_kg) == ("V7", 950)
 
 
+@pytest.mark.slow
 def test_a_damaged_source_never_gives_half_a_campaign(tmp_path: Path) -> None:
     """Whatever is cut off or flipped in a table or a test: our own error and no folder, or a campaign that is whole."""
     dice = random.Random(7)  # noqa: S311  (no secret)
@@ -298,21 +299,20 @@ def test_a_table_without_pulses_says_what_it_lacks(tmp_path: Path) -> None:
         import_source(tmp_path / "x.csv", tmp_path / "out", GIVEN)
 
 
-if REAL.exists():  # a government's record, not part of the project
-
-    @pytest.mark.parametrize("name", ["tidy_10kHz_raw_and_cfc60.csv", "tidy_cfc60_12p5kHz_0_100ms.csv"])
-    def test_a_real_test_as_a_table_is_what_it_is_in_its_own_format(tmp_path: Path, name: str) -> None:
-        """Raw with what came before contact, or filtered and cut by somebody else: the same car stops alike."""
-        whole = PartialCondition(57.09 * KPH, 1719.0)
-        sensors = [
-            f"floor_{side}_rear_xmember_X_{rank}_{'raw' if 'raw' in name else 'cfc60'}_g"
-            for side in "LR"
-            for rank in ("primary", "redundant")
-        ]
-        choices = Choices(channels=tuple(sensors), condition=whole, front_share=0.56)
-        (table,) = import_source(REAL / name, tmp_path / "table", choices, record_id="camry")
-        (own,) = import_source(REAL, tmp_path / "own")
-        assert table.channel_filter_class == (60 if "raw" in name else None)
-        mean = [one.pulse.kinematics(one.condition.speed_mps) for one in (table, own)]
-        assert mean[0].t0_s == pytest.approx(mean[1].t0_s, abs=2e-5)
-        assert mean[0].displacement_m.max() == pytest.approx(mean[1].displacement_m.max(), abs=5e-4)
+@needs_shared
+@pytest.mark.parametrize("name", ["tidy_10kHz_raw_and_cfc60.csv", "tidy_cfc60_12p5kHz_0_100ms.csv"])
+def test_a_real_test_as_a_table_is_what_it_is_in_its_own_format(tmp_path: Path, name: str) -> None:
+    """Raw with what came before contact, or filtered and cut by somebody else: the same car stops alike."""
+    whole = PartialCondition(57.09 * KPH, 1719.0)
+    sensors = [
+        f"floor_{side}_rear_xmember_X_{rank}_{'raw' if 'raw' in name else 'cfc60'}_g"
+        for side in "LR"
+        for rank in ("primary", "redundant")
+    ]
+    choices = Choices(channels=tuple(sensors), condition=whole, front_share=0.56)
+    (table,) = import_source(REAL / name, tmp_path / "table", choices, record_id="camry")
+    (own,) = import_source(REAL, tmp_path / "own")
+    assert table.channel_filter_class == (60 if "raw" in name else None)
+    mean = [one.pulse.kinematics(one.condition.speed_mps) for one in (table, own)]
+    assert mean[0].t0_s == pytest.approx(mean[1].t0_s, abs=2e-5)
+    assert mean[0].displacement_m.max() == pytest.approx(mean[1].displacement_m.max(), abs=5e-4)

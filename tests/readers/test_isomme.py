@@ -228,6 +228,7 @@ def test_a_test_without_its_parts_is_refused(tmp_path: Path) -> None:
             read_isomme(tmp_path / "T1", limits)
 
 
+@pytest.mark.slow
 def test_damage_anywhere_is_a_sentence(tmp_path: Path) -> None:
     """With bytes changed, lost or doubled at random, a zip or a folder is read or refused, with no other error."""
     dice = random.Random(13499)  # noqa: S311  (no secret)

@@ -299,6 +299,7 @@ def test_claims_beyond_the_file_cost_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("form", ["binout", "nodout"])
+@pytest.mark.slow
 def test_no_flipped_byte_brings_a_traceback(tmp_path: Path, form: str) -> None:
     """150 files with flipped and lost bytes are read or refused with a DataError, in a moment each."""
     sound = SHORT.binout() if form == "binout" else SHORT.nodout()

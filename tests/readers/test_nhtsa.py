@@ -14,7 +14,7 @@ from crashfuse.importing import Choices, settle
 from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.units import KPH
-from tests.conftest import SHARED
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import SPEED_MPS, clock, half_sine_g
 from tests.readers.nhtsa_files import nhtsa_files, samples
 
@@ -132,6 +132,7 @@ def test_sizes_are_bounded(tmp_path: Path) -> None:
         read_nhtsa(folder, Limits(member_bytes=10 << 10))
 
 
+@pytest.mark.slow
 def test_damaged_files_give_a_sentence_or_a_record(tmp_path: Path) -> None:
     """Whatever is cut off or flipped, nothing but a DataError comes out."""
     rng = random.Random(5)  # noqa: S311  (no secret)
@@ -155,30 +156,29 @@ def test_damaged_files_give_a_sentence_or_a_record(tmp_path: Path) -> None:
     assert refused > 10
 
 
-if CAMRY.exists():  # a government's record, not part of the project
-
-    @pytest.mark.parametrize("channels", [(), ("93",), ("94",), ("99",), ("100",)])
-    def test_a_real_test_has_its_known_metrics(channels: tuple[str, ...]) -> None:
-        """NHTSA 10146, 57.09 km/h and 1719 kg: proposed or chosen, the rear crossmember gives the known numbers."""
-        settled = settle(read_nhtsa(CAMRY), Choices(channels=channels))
-        assert settled.condition.speed_mps == pytest.approx(57.09 * KPH)
-        assert settled.condition.mass_kg == pytest.approx(1719)
-        assert settled.channels == (channels or ("93", "94", "99", "100"))
-        assert settled.channel_filter_class == 60
-        known = {
-            "peak": (39.5, 47.5),
-            "peak_time": (62.5, 66.5),
-            "delta_v": (65.5, 67.5),
-            "t0": (72.4, 74.3),
-            "max_crush": (732.5, 751),
-            "sm25": (33.5, 35.5),
-            "olc": (29.2, 30.2),
-            "vpi": (59.7, 61.4),
-        }
-        pulse = settled.pulse
-        metrics = pulse_metrics(pulse.accel_mps2, settled.condition.speed_mps, dt_s=pulse.dt_s)
-        found = {metric.name: metric.value for metric in metrics}
-        for name, (low, high) in known.items():
-            value = found[name]
-            assert value is not None
-            assert low <= value <= high, name
+@needs_shared
+@pytest.mark.parametrize("channels", [(), ("93",), ("94",), ("99",), ("100",)])
+def test_a_real_test_has_its_known_metrics(channels: tuple[str, ...]) -> None:
+    """NHTSA 10146, 57.09 km/h and 1719 kg: proposed or chosen, the rear crossmember gives the known numbers."""
+    settled = settle(read_nhtsa(CAMRY), Choices(channels=channels))
+    assert settled.condition.speed_mps == pytest.approx(57.09 * KPH)
+    assert settled.condition.mass_kg == pytest.approx(1719)
+    assert settled.channels == (channels or ("93", "94", "99", "100"))
+    assert settled.channel_filter_class == 60
+    known = {
+        "peak": (39.5, 47.5),
+        "peak_time": (62.5, 66.5),
+        "delta_v": (65.5, 67.5),
+        "t0": (72.4, 74.3),
+        "max_crush": (732.5, 751),
+        "sm25": (33.5, 35.5),
+        "olc": (29.2, 30.2),
+        "vpi": (59.7, 61.4),
+    }
+    pulse = settled.pulse
+    metrics = pulse_metrics(pulse.accel_mps2, settled.condition.speed_mps, dt_s=pulse.dt_s)
+    found = {metric.name: metric.value for metric in metrics}
+    for name, (low, high) in known.items():
+        value = found[name]
+        assert value is not None
+        assert low <= value <= high, name

@@ -253,6 +253,7 @@ def test_what_is_not_read_or_makes_no_sense_is_refused_at_once(tmp_path: Path) -
     assert time.monotonic() - began < 2
 
 
+@pytest.mark.slow
 def test_no_flipped_byte_brings_a_traceback(tmp_path: Path) -> None:
     """300 files with flipped and lost bytes are read or refused with a DataError, in a moment each."""
     sound = nhtsa_test()

@@ -107,6 +107,7 @@ def test_abbreviations_are_written_out_where_they_occur(study: Study, text: str)
     assert other.index("multi-fidelity (MF) network") < other.index("<td>LF TCN")
 
 
+@pytest.mark.slow
 def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) -> None:
     """The same tests, rated without any other at their speed."""
     both = study_report(replace(study, speed_groups=study))

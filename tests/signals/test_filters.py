@@ -9,11 +9,15 @@ import pytest
 from crashfuse.errors import CrashfuseError, DataError, UsageError
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import FloatArray
-from tests.conftest import DATA, SHARED
+from tests.conftest import DATA, SHARED, needs_shared
 
 OWN = DATA / "cfc"
 FURTHER = SHARED / "vectors" / "cfc"
-VECTORS = [*sorted(OWN.glob("*.csv")), *sorted(FURTHER.glob("*.csv"))]
+VECTORS = [
+    OWN / "synth_12p5kHz.csv",
+    pytest.param(FURTHER / "cfc_vectors_synth_12p5kHz.csv", marks=needs_shared),
+    pytest.param(FURTHER / "cfc_vectors_nhtsa10146_ch093_10kHz.csv", marks=needs_shared),
+]
 CLASSES = (60, 180, 600, 1000)
 SETTLED_S = {60: 0.025, 180: 0.010, 600: 0.003, 1000: 0.003}  # how far the choice of padding reaches into a record
 

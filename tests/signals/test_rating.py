@@ -16,7 +16,7 @@ import pytest
 from crashfuse.errors import DataError
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import Rating, grade, rate_iso18571, rate_many, rate_windows
-from tests.conftest import DATA, SHARED
+from tests.conftest import DATA, SHARED, needs_shared
 
 DT_S = 1e-4
 SCORES = ("overall", "corridor", "phase", "magnitude", "slope")
@@ -36,15 +36,21 @@ def table(path: Path) -> dict[str, dict[str, str]]:
 
 
 EXPECTED = table(OWN / "expected.csv")
-CURVES = {
-    path.stem: path for folder in (FURTHER, OWN) for path in sorted(folder.glob("*.csv")) if path.stem in EXPECTED
-}
+OURS = [case for case in EXPECTED if (OWN / f"{case}.csv").is_file()]
+OTHERS = [pytest.param(case, marks=needs_shared) for case in EXPECTED if case not in OURS]
 
 
-@pytest.mark.parametrize("case", CURVES)
+def curves(case: str) -> tuple[FloatArray, FloatArray]:
+    """Reference and comparison of a published case."""
+    folder = OWN if case in OURS else FURTHER
+    _, reference, comparison = np.loadtxt(folder / f"{case}.csv", delimiter=",", skiprows=1, unpack=True)
+    return reference, comparison
+
+
+@pytest.mark.parametrize("case", [*OURS, *OTHERS])
 def test_vector_scores_agree(case: str) -> None:
     """All five scores equal the published vectors' unrounded ones."""
-    _, reference, comparison = np.loadtxt(CURVES[case], delimiter=",", skiprows=1, unpack=True)
+    reference, comparison = curves(case)
     expected = [float(EXPECTED[case][name]) for name in SCORES]
     np.testing.assert_allclose(scores(rate_iso18571(reference, comparison, dt_s=DT_S)), expected, rtol=0, atol=1e-9)
 
@@ -52,7 +58,7 @@ def test_vector_scores_agree(case: str) -> None:
 @pytest.mark.parametrize(("case", "published"), [("openvt_readme_ex1", 0.713), ("openvt_readme_ex2", 0.815)])
 def test_published_examples(case: str, published: float) -> None:
     """The worked examples of objective-rating-metrics round to the overall ratings printed in its manual."""
-    _, reference, comparison = np.loadtxt(CURVES[case], delimiter=",", skiprows=1, unpack=True)
+    reference, comparison = curves(case)
     assert round(rate_iso18571(reference, comparison, dt_s=DT_S).overall, 3) == published
 
 
@@ -75,14 +81,14 @@ def test_annex_of_the_standard() -> None:
     assert not wrong
 
 
-def random_pairs(rng: np.random.Generator) -> Iterator[tuple[str, FloatArray, FloatArray]]:
-    """Smooth, rough, shifted and tie-rich pairs of 100 to 500 samples."""
+def random_pairs(rng: np.random.Generator, rounds: int, longest: int) -> Iterator[tuple[str, FloatArray, FloatArray]]:
+    """Smooth, rough, shifted and tie-rich pairs of 100 samples or more."""
 
     def smooth(n: int, width: int) -> FloatArray:
         return np.convolve(rng.normal(size=n + width - 1), np.hanning(width + 2)[1:-1], "valid")
 
-    for _ in range(6):
-        n = int(rng.integers(100, 500))
+    for _ in range(rounds):
+        n = int(rng.integers(100, longest))
         x = np.arange(n)
         t = 100 * smooth(n, int(rng.integers(3, 80)))
         c = t + rng.uniform(0, 100) * smooth(n, int(rng.integers(3, 80)))
@@ -102,13 +108,59 @@ def random_pairs(rng: np.random.Generator) -> Iterator[tuple[str, FloatArray, Fl
         yield "zero comparison", t, np.zeros(n)
 
 
+def written_out(t: FloatArray, c: FloatArray) -> FloatArray:
+    """The five scores as the standard writes them, one sample after the other, shape (5,)."""
+    n, norm = t.size, np.abs(t).max()
+    away = np.abs(c - t)
+    corridor = np.mean(
+        [1.0 if d <= 0.05 * norm else 0.0 if d >= 0.5 * norm else ((0.5 * norm - d) / (0.45 * norm)) ** 2 for d in away]
+    )
+    best, best_rho, best_pair = 0, -np.inf, (t, c)
+    for m in [0, *(side * m for m in range(1, int(0.2 * n) + 1) for side in (1, -1))]:  # 1 moves the comparison left
+        pair = (t[: n - m], c[m:]) if m >= 0 else (t[-m:], c[: n + m])
+        rho = -np.inf if 0 in (np.ptp(pair[0]), np.ptp(pair[1])) else np.corrcoef(*pair)[0, 1]
+        if rho > best_rho:
+            best, best_rho, best_pair = m, rho, pair
+    phase = max(0.0, (0.2 * n - abs(best)) / (0.2 * n))
+    t, c = best_pair
+    overlap, reach = t.size, int(np.ceil(0.1 * t.size)) - 1
+    cost = np.full((overlap + 1, overlap + 1), np.inf)
+    cost[0, 0] = 0.0
+    for i in range(overlap):
+        for j in range(max(0, i - reach), min(overlap, i + reach + 1)):
+            cost[i + 1, j + 1] = (c[i] - t[j]) ** 2 + min(cost[i, j + 1], cost[i + 1, j], cost[i, j])
+    i = j = overlap
+    difference, size = 0.0, 0.0
+    while i and j:
+        difference, size = difference + abs(c[i - 1] - t[j - 1]), size + abs(t[j - 1])
+        steps = [(i - 1, j), (i, j - 1), (i - 1, j - 1)]
+        i, j = steps[int(np.argmin([cost[step] for step in steps]))]
+    magnitude = max(0.0, (0.5 - difference / size) / 0.5)
+    slopes = []
+    for curve in (t, c):
+        raw = [curve[1] - curve[0], *((curve[k + 1] - curve[k - 1]) / 2 for k in range(1, overlap - 1))]
+        raw.append(curve[-1] - curve[-2])
+        wide = [min(k, overlap - 1 - k, 4) for k in range(overlap)]
+        slopes.append(np.array([np.mean(raw[k - w : k + w + 1]) for k, w in enumerate(wide)]))
+    slope = max(0.0, (2 - np.abs(slopes[1] - slopes[0]).sum() / np.abs(slopes[0]).sum()) / 2)
+    return np.array([0.4 * corridor + 0.2 * (phase + magnitude + slope), corridor, phase, magnitude, slope])
+
+
+def test_the_standard_written_out_step_by_step_agrees() -> None:
+    """Random pairs, rich in ties or not, score as by plain loops over its formulas."""
+    for name, t, c in random_pairs(np.random.default_rng(2024), rounds=2, longest=160):
+        found = scores(rate_iso18571(t, c, dt_s=DT_S))
+        np.testing.assert_allclose(found, written_out(t, c), rtol=0, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.slow  # to import and compile the other one takes most of it
 def test_independent_implementation_agrees() -> None:
     """Random pairs, rich in ties or not, score as the public package objective-rating-metrics scores them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its own, and those of what it imports
         from objective_rating_metrics.rating import ISO18571
 
-        for name, t, c in random_pairs(np.random.default_rng(18571)):
+        for name, t, c in random_pairs(np.random.default_rng(18571), rounds=6, longest=500):
             time_s = np.arange(t.size) * DT_S
             oracle = ISO18571(np.column_stack([time_s, t]), np.column_stack([time_s, c]), dt=DT_S)
             found = rate_iso18571(t, c, dt_s=DT_S)
@@ -244,6 +296,7 @@ def test_many_curves_rate_as_one_by_one() -> None:
     assert rate_many(reference, comparisons[:0], dt_s=DT_S) == []
 
 
+@pytest.mark.slow
 def test_memory_of_a_batch_is_bounded() -> None:
     """250 curves that share one shift would take 140 MB to warp at once; blocks keep it under 100 MB."""
     comparisons = bell(250) * np.linspace(0.8, 1.2, 250)[:, None]
@@ -313,6 +366,7 @@ def windows(window_ms: float, begin_s: float = 0.0) -> object:
     return rate_windows(Pulse(GRID_S, np.sin(60 * GRID_S)), Pulse(GRID_S + begin_s, np.sin(60 * GRID_S)), [window_ms])
 
 
+@pytest.mark.slow
 def test_first_rating_comes_within_three_seconds() -> None:
     """A fresh interpreter imports and rates in under 3 s, the best of three tries, without torch or a compiler."""
     code = (

@@ -17,7 +17,7 @@ from crashfuse.signals.pulse import DT_S, kinematics
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimate_at, estimates_at
 
-pytestmark = pytest.mark.usefixtures("quick_networks")
+pytestmark = pytest.mark.usefixtures("quick_networks", "one_cache")
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,35 @@ def test_drawn_pulses_are_rated_as_any_pulse_is(campaign: Campaign) -> None:
     assert expected < lower < upper < 1.0
 
 
+def test_the_interval_of_ratings_leaves_a_fortieth_out_at_either_end(campaign: Campaign) -> None:
+    """Of 100 ever softer draws its ends lie between the third and the fourth, from below and from above."""
+    test = campaign.tests[1]
+    draws = np.linspace(1.0, 0.6, 100)[:, None] * test.pulse.accel_mps2
+    fold = Fold.of(test, [Estimate("fused", Prediction(test.condition, draws[40], draws), {}, 0.0)], [60.0])
+    lower, upper = fold.rating_interval("fused", 60.0)
+
+    def rating(number: int) -> float:
+        return rate_windows(test.pulse, Pulse(test.pulse.time_s, draws[number]), [60.0])[60.0].overall
+
+    assert rating(97) < lower < rating(96) < rating(3) < upper < rating(2)
+
+
+@pytest.mark.parametrize(("n_draws", "n_rated", "second"), [(100, 100, 1), (101, 51, 2), (400, 100, 4)])
+def test_at_most_a_hundred_draws_are_rated_evenly_over_all(
+    campaign: Campaign, n_draws: int, n_rated: int, second: int
+) -> None:
+    """Each as it would be alone."""
+    test = campaign.tests[1]
+    draws = np.linspace(0.5, 1.0, n_draws)[:, None] * test.pulse.accel_mps2
+    fold = Fold.of(test, [Estimate("fused", Prediction(test.condition, draws[0], draws), {}, 0.0)], [20.0])
+    found = fold.rating_draws("fused", 20.0)
+    assert found.shape == (n_rated,)
+    alone = rate_windows(test.pulse, Pulse(test.pulse.time_s, draws[second]), [20.0])[20.0].overall
+    assert found[1] == pytest.approx(alone, abs=1e-3)
+    assert fold.estimate("fused").prediction.draws_mps2 is draws
+    assert fold.with_band == ("fused",)
+
+
 def test_an_approach_without_a_band_has_no_spread(campaign: Campaign) -> None:
     """There is one pulse and one rating; who asks for a spread is told that there is none."""
     test = campaign.tests[1]

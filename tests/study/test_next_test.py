@@ -141,6 +141,7 @@ def test_table_4_and_an_unfitted_approach_are_refused(clustered: Campaign) -> No
         rank_next_tests(paper.fit(clustered), RANGE)
 
 
+@pytest.mark.slow
 def test_a_factor_that_tells_tests_apart_must_be_given(campaign: Campaign) -> None:
     """Of two powertrains the range says which; a range made of tests takes the kind that was tested most."""
     speeds = (12.0, 18.0, 24.0, 30.0, 35.0)

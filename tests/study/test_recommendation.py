@@ -1,18 +1,25 @@
 """Recommendations follow from left-out tests, and say so."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.calibration import Coverage
 from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.rating import grade
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.expected_rating import expected_rating
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
+from crashfuse.units import MPH, G
 
 
 def estimate(approach: str, campaign: Campaign, test: CrashTest, scale: float, spread: float = 0.0) -> Estimate:
@@ -116,3 +123,162 @@ def test_of_a_single_test_no_rating_is_expected(campaign: Campaign) -> None:
     assert "only one test, which cannot be left out" in " ".join(found.sentences)
     beside = recommend_for(estimates, single, single.tests[0].condition)
     assert beside.approach == "time_domain"
+
+
+def off_by(approach: str, test: CrashTest, offset_g: float) -> Estimate:
+    """A pulse without a band that is everywhere this far from the test, so its CRPS is just that."""
+    return Estimate(approach, Prediction(test.condition, test.pulse.accel_mps2 + offset_g * G), {}, 0.0)
+
+
+def offsets_study(campaign: Campaign, offsets_g: dict[str, list[float]]) -> Study:
+    """A study in which each approach is off by known amounts, one a test."""
+    config = StudyConfig(approaches=tuple(offsets_g))
+    folds = [
+        Fold.of(test, [off_by(name, test, own[i]) for name, own in offsets_g.items()], config.windows_ms)
+        for i, test in enumerate(campaign.tests)
+    ]
+    return Study(campaign, config, tuple(folds))
+
+
+@pytest.mark.parametrize(("excess_g", "chosen"), [(0.56, "displacement_domain"), (0.6, "time_domain")])
+def test_what_lies_within_a_standard_error_of_the_best_is_equal_to_it(
+    campaign: Campaign, excess_g: float, chosen: str
+) -> None:
+    """Of four tests that are 1 g above and below a mean excess, the standard error is √(4/3)/√4 = 0.577 g."""
+    worse = [4 + excess_g + side for side in (-1.0, 1.0, -1.0, 1.0)]
+    found = recommend(offsets_study(campaign, {"time_domain": [4.0] * 4, "displacement_domain": worse}))
+    assert found.approach == chosen
+    mean = {"time_domain": 4.0, "displacement_domain": 4 + excess_g}
+    (other,) = mean.keys() - {chosen}
+    assert re.search(rf"{mean[chosen]:.2f} g; .* {mean[other]:.2f} g", found.sentences[0])
+    assert "_" not in "".join(found.sentences), "approaches are named in words"
+    assert any("can't tell" in sentence for sentence in found.sentences) == (chosen == "displacement_domain")
+
+
+def test_the_distance_is_that_over_the_longest_window(campaign: Campaign) -> None:
+    """What comes after 60 ms does not count, nor is any of it before left out; a steady offset has its mean."""
+    study = offsets_study(campaign, {"time_domain": [1.0, 2.0, 3.0, 6.0], "displacement_domain": [9.0] * 4})
+    folds = []
+    for fold in study.folds:
+        late = fold.estimates[1].prediction
+        accel = np.where(late.time_s < 0.06, late.accel_mps2 - 6.5 * G, 0.0)
+        folds.append(
+            replace(
+                fold,
+                estimates=(fold.estimates[0], replace(fold.estimates[1], prediction=replace(late, accel_mps2=accel))),
+            )
+        )
+    found = recommend(replace(study, folds=tuple(folds)))
+    assert found.approach == "displacement_domain"
+    assert re.search(r"0–60 ms, .*\b4 tests.* 2\.50 g; .* 3\.00 g", found.sentences[0])
+
+
+def test_of_a_single_left_out_test_only_the_best_is_the_best(campaign: Campaign) -> None:
+    """One test has no spread: less is less, and equal is equal."""
+    for excess_g, chosen in ((0.01, "time_domain"), (0.0, "displacement_domain")):
+        study = offsets_study(campaign, {"time_domain": [4.0] * 4, "displacement_domain": [4.0 + excess_g] * 4})
+        found = recommend(replace(study, folds=study.folds[:1]))
+        assert found.approach == chosen
+        assert "1 test that was" in found.sentences[0]
+
+
+def test_among_equals_there_is_an_order_of_preference(campaign: Campaign) -> None:
+    """The mixture, the displacement domain, the time domain, the network alone, the raw model."""
+    order = ["fused", "displacement_domain", "time_domain", "lf_tcn", "cae"]
+    for first in range(len(order) - 1):
+        names = order[first:]
+        assert recommend(offsets_study(campaign, {name: [2.0] * 4 for name in reversed(names)})).approach == names[0]
+
+
+def test_the_ratings_that_are_told_are_those_of_the_study(campaign: Campaign) -> None:
+    """Mean, grade and the worst test with its speed, and the raw model's mean beside it."""
+    study = offsets_study(campaign, {"cae": [9.0] * 4, "displacement_domain": [1.0, 2.0, 5.0, 3.0]})
+    mean, raw = study.mean_rating("displacement_domain", 60.0), study.mean_rating("cae", 60.0)
+    overall = {fold.held_out: fold.ratings["displacement_domain"][60.0].overall for fold in study.folds}
+    worst = min(overall, key=lambda test: overall[test])
+    speed = dict(zip(("T1", "T2", "T3", "T4"), (15.0, 25.0, 26.0, 35.0), strict=True))[worst]
+    told = rf"{mean:.3f} \({grade(mean)}\).*{overall[worst]:.3f} \({worst}, {speed:.1f} mph\).*{raw:.3f}, better in no"
+    assert re.search(told, recommend(study).sentences[1])
+    alone = recommend(offsets_study(campaign, {"cae": [9.0] * 4}))
+    assert alone.sentences[1].count(f"{raw:.3f}") == 1, "not compared with itself"
+
+
+def test_coverage_and_speed_groups_are_told_in_numbers(campaign: Campaign) -> None:
+    """Of a band that holds three of four tests: shares in percent, and tests counted."""
+    bands = study(campaign, {"displacement_domain": 0.97})
+    far = campaign.tests[0]
+    missed = Fold.of(far, [estimate("displacement_domain", campaign, far, 0.7, 0.05)], bands.config.windows_ms)
+    bands = replace(bands, folds=(missed, *bands.folds[1:]))
+    groups = replace(bands, folds=bands.folds[:2])
+    found = recommend(replace(bands, speed_groups=groups))
+    drawn = [(fold.test, fold.estimates[0].prediction.draws_mps2) for fold in bands.folds]
+    shares = [Coverage.of(test, draws) for test, draws in drawn if draws is not None]
+    inside = 100 * np.mean([share.accel for share in shares])
+    assert [share.crush for share in shares] == [share.peak for share in shares] == [False, True, True, True]
+    assert re.search(rf"95 % .*: {inside:.0f} % .*crush in 3 of 4 .*peak in 3 of 4", found.sentences[2])
+    mean = np.mean([fold.ratings["displacement_domain"][60.0].overall for fold in groups.folds])
+    assert f"mean rating {mean:.3f}" in found.sentences[3]
+
+
+def scaled_to(rating: float, campaign: Campaign, condition: Condition) -> float:
+    """The factor on the tests' own pulses that is expected to rate this much at a condition."""
+
+    def excess(scale: float) -> float:
+        pulses = {test.id: scale * test.pulse.accel_mps2 for test in campaign.tests}
+        found = expected_rating(pulses, campaign, condition)
+        assert found is not None
+        return found.mean - rating
+
+    return float(brentq(excess, 0.5, 0.99, xtol=1e-6))
+
+
+@pytest.mark.parametrize(("rating", "told"), [(0.795, True), (0.805, False)])
+def test_less_than_good_is_said_of_less_than_0_80(campaign: Campaign, rating: float, told: bool) -> None:
+    """To either side of the grade's limit (ISO/TS 18571)."""
+    rest, test = campaign.without(["T2"]), campaign.test("T2")
+    scale = scaled_to(rating, rest, test.condition)
+    found = recommend_for([estimate("displacement_domain", rest, test, scale)], rest, test.condition)
+    assert found.expected is not None
+    assert found.expected.mean == pytest.approx(rating, abs=1e-3)
+    assert any("ess than Good" in sentence for sentence in found.sentences) == told
+
+
+@pytest.mark.parametrize(("behind", "chosen"), [(0.019, "displacement_domain"), (0.021, "time_domain")])
+def test_two_hundredths_of_the_rating_are_a_difference(campaign: Campaign, behind: float, chosen: str) -> None:
+    """Less is none, and then the preferred one is taken."""
+    rest, test = campaign.without(["T2"]), campaign.test("T2")
+    both = [
+        estimate(name, rest, test, scaled_to(rating, rest, test.condition))
+        for name, rating in (("time_domain", 0.85), ("displacement_domain", 0.85 - behind))
+    ]
+    found = recommend_for(both, rest, test.condition)
+    assert found.approach == chosen
+    assert found.expected is not None
+    assert found.expected.mean == pytest.approx(0.85 if chosen == "time_domain" else 0.85 - behind, abs=1e-3)
+
+
+def test_that_nothing_beats_the_raw_model_is_said_where_nothing_does(campaign: Campaign) -> None:
+    """A little behind it the preferred one is taken all the same, and the reader warned; ahead of it, not."""
+    rest, test = campaign.without(["T2"]), campaign.test("T2")
+    for ahead in (-0.01, 0.01):
+        both = [
+            estimate(name, rest, test, scaled_to(rating, rest, test.condition))
+            for name, rating in (("cae", 0.85), ("displacement_domain", 0.85 + ahead))
+        ]
+        found = recommend_for(both, rest, test.condition)
+        assert found.approach == "displacement_domain"
+        assert "0.85" in found.sentences[1]
+        assert ("No better" in found.sentences[1]) == (ahead < 0)
+
+
+@pytest.mark.parametrize(("away_mph", "approach"), [(2.9, "time_domain"), (3.1, "displacement_domain")])
+def test_the_papers_advice_turns_at_3_mph(campaign: Campaign, away_mph: float, approach: str) -> None:
+    """Faster than the fastest test by a little less, and by a little more."""
+    condition = replace(campaign.tests[-1].condition, speed_mps=(35 + away_mph) * MPH)
+    both = [
+        replace(estimate(name, campaign, campaign.tests[-1], 1.0), left_out_mps2={})
+        for name in ("time_domain", "displacement_domain")
+    ]
+    found = recommend_for(both, campaign, condition)
+    assert found.approach == approach
+    assert f"{away_mph:.1f} mph away" in found.sentences[0]

@@ -84,6 +84,7 @@ def test_the_held_out_pulse_does_not_reach_its_own_prediction(
     assert study.fold("T2").ratings[approach][60.0] != finished.fold("T2").ratings[approach][60.0]
 
 
+@pytest.mark.slow
 def test_another_training_pulse_does_reach_the_prediction(campaign: Campaign, finished: Study) -> None:
     """The no-leak test above means something: what may be learnt from is learnt from."""
     test = campaign.test("T3")
@@ -113,6 +114,7 @@ def test_one_speed_group_cannot_be_left_out(campaign: Campaign) -> None:
         run_study(alike, StudyConfig(hold_out="speed group"))
 
 
+@pytest.mark.slow
 def test_workers_do_not_change_the_numbers(campaign: Campaign) -> None:
     """Two processes give what one gives, to the bit, in the same order."""
     config = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
@@ -174,6 +176,7 @@ def test_a_damaged_cache_is_computed_again(campaign: Campaign, tmp_path: Path) -
         assert hashlib.sha256(payload).hexdigest().encode() == checksum
 
 
+@pytest.mark.slow
 def test_two_studies_on_one_cache_learn_once(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """At the same time, with the same tests left out: who comes second takes what the first has learned."""
     fits = _count_fits(monkeypatch)
@@ -228,6 +231,7 @@ def test_a_test_that_is_flat_over_a_window_is_named_before_anything_is_computed(
         run_study(replace(campaign, tests=tests), CONFIG)
 
 
+@pytest.mark.slow
 def test_cancelling_a_parallel_study_is_quiet(campaign: Campaign) -> None:
     """It ends with Cancelled, and without a warning."""
     cancel = threading.Event()
@@ -265,6 +269,7 @@ def test_tests_of_one_speed_group_are_left_out_one_by_one_only(campaign: Campaig
     assert study.speed_groups is None
 
 
+@pytest.mark.slow
 def test_a_recommendation_for_a_test_does_not_know_its_pulse(campaign: Campaign, finished: Study) -> None:
     """With another held-out pulse approach and sentences stay the same."""
     test = campaign.test("T2")

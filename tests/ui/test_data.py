@@ -61,6 +61,7 @@ def test_a_newcomer_sees_what_this_is_and_one_button(visit: Visit) -> None:
     assert len(session.app.file_uploader) == 1
 
 
+@pytest.mark.slow
 def test_the_sample_is_made_where_it_was_not_shipped(
     visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, campaign_folder: Path
 ) -> None:
@@ -105,6 +106,7 @@ def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, c
     assert table["0–40 ms"][0] == f"{rating.overall:.3f} {rating.grade}"
 
 
+@pytest.mark.slow
 def test_a_bad_folder_shows_every_problem_and_no_traceback(visit: Visit, campaign_folder: Path) -> None:
     """Two things are wrong; both are said, with the place and what to do, and can be taken away."""
     (campaign_folder / "tests" / "T2.csv").unlink()

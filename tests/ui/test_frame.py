@@ -28,6 +28,7 @@ def test_without_a_campaign_a_page_says_what_to_do(visit: Visit, page: str) -> N
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_choices_hold_on_every_page(visit: Visit) -> None:
     """Chosen once, seen everywhere."""
     session = visit()
@@ -56,11 +57,13 @@ def test_an_address_reproduces_the_view(visit: Visit, campaign_folder: Path) -> 
     assert "not open on this server" not in session.words
 
 
+@pytest.mark.slow
 def test_the_sample_has_a_name_that_a_link_can_give(visit: Visit) -> None:
     """``?campaign=sample`` opens it."""
     assert "lumped-parameter simulation" in visit(campaign="sample").words
 
 
+@pytest.mark.slow
 def test_a_link_opens_nothing_that_nobody_has_opened_here(visit: Visit, campaign_folder: Path) -> None:
     """A path in the address is a name that nobody knows; the page says what to do, as text."""
     for asked in (str(campaign_folder), f"../{campaign_folder.name}", "[x](https://example.org)"):
@@ -72,6 +75,7 @@ def test_a_link_opens_nothing_that_nobody_has_opened_here(visit: Visit, campaign
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_another_campaign_is_not_shown_as_that_of_the_link_without_a_word(visit: Visit) -> None:
     """The server's own is open instead, so the page says so, until something is chosen."""
     session = visit(campaign="elsewhere")
@@ -85,6 +89,7 @@ def test_another_campaign_is_not_shown_as_that_of_the_link_without_a_word(visit:
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_a_choice_that_another_campaign_lacks_is_not_laid_to_the_link(visit: Visit) -> None:
     """Turning to another campaign is the user's own step: no warning about tests."""
     session = visit()
@@ -136,6 +141,7 @@ def test_the_notice_of_a_synthetic_campaign_stands_on_every_page(visit: Visit, o
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_figures_are_drawn_for_the_theme_that_the_browser_has(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """White paper in the light theme, the page's own ground in the dark; where it is unknown, light."""
     assert all(f'"paper_bgcolor":"{PAPER}"' in chart.proto.spec for chart in visit().app.get("plotly_chart"))

@@ -254,6 +254,7 @@ def test_what_follows_from_a_number_is_found(visit: Visit) -> None:
     assert "front 1020 kg, rear 680 kg" in session.words
 
 
+@pytest.mark.slow
 def test_a_new_session_goes_on_with_an_import(visit: Visit) -> None:
     """The browser loads the page anew: files and what was filled in are still there, until it is left."""
     session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
@@ -280,6 +281,7 @@ def test_choices_outlive_a_visit_to_another_page(visit: Visit) -> None:
 # --- several records -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(visit: Visit, tmp_path: Path) -> None:
     """Three CSVs of one form and one with a word amid its numbers: three are added, of the fourth it is said why."""
     files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(4)}
@@ -314,6 +316,7 @@ def test_two_lists_of_problems_stand_on_one_page(visit: Visit, tmp_path: Path) -
     assert [button.label for button in session.app.download_button] == ["problems.csv"] * 2
 
 
+@pytest.mark.slow
 def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_path: Path) -> None:
     """CAE runs from a wide table with a table of conditions, then tests into the same folder: then it is open."""
     parts = {path.stem + "_csv": path.read_bytes() for path in library(tmp_path / "cae").iterdir()}
@@ -379,6 +382,7 @@ def test_a_campaign_that_filters_gets_the_record_raw(visit: Visit, open_campaign
     assert time_s[0] == pytest.approx(-0.05)
 
 
+@pytest.mark.slow
 def test_nothing_is_added_to_the_sample_or_among_other_things(visit: Visit, tmp_path: Path) -> None:
     """Nor to a path that is none; the import stays as it is."""
     session = visit().press("Load the sample campaign")
@@ -403,6 +407,7 @@ def test_nothing_is_added_to_the_sample_or_among_other_things(visit: Visit, tmp_
     assert session.numbers["Tests"] == "11"
 
 
+@pytest.mark.slow
 def test_an_id_that_is_there_is_refused(visit: Visit, tmp_path: Path) -> None:
     """The campaign stays as it was."""
     out = tmp_path / "c"

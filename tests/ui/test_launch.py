@@ -33,6 +33,7 @@ def _answers(port: int) -> bool:
         return False
 
 
+@pytest.mark.slow
 def test_the_command_serves_until_it_is_ended(campaign_folder: Path, tmp_path: Path) -> None:
     """Started anywhere, with a relative folder: it answers, and nothing is left running behind it."""
     with socket.socket() as probe:
@@ -77,11 +78,13 @@ def _settings(command: str, folder: Path, environment: dict[str, str]) -> dict[s
 
 
 @pytest.mark.parametrize(("command", "folder"), [(OWN_COMMAND, Path("/")), (STREAMLITS_COMMAND, ROOT)])
+@pytest.mark.slow
 def test_nothing_leaves_the_machine_by_default(command: str, folder: Path) -> None:
     """One machine, no telemetry, no strangers' requests, no tracebacks for them; uploads of up to 200 MB."""
     assert _settings(command, folder, dict(os.environ)) == {**SAFE, "server.maxUploadSize": 200}
 
 
+@pytest.mark.slow
 def test_the_command_is_safe_whatever_the_environment_says() -> None:
     """Settings for other dashboards of the same user do not open this one."""
     open_wide = {

@@ -287,6 +287,7 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+@pytest.mark.slow
 def test_compare_follows_the_window() -> None:
     """The parts of the rating are those of the window in the sidebar."""
     app = finish(press(start("compare"), "Predict test T1"))
@@ -295,6 +296,7 @@ def test_compare_follows_the_window() -> None:
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+@pytest.mark.slow
 def test_compare_shows_five_figures_over_displacement() -> None:
     """One at a time, each with a word on what it tells; the choice holds when another test is chosen."""
     app = finish(press(start("compare"), "Predict test T1"))
@@ -344,6 +346,7 @@ BY_ADAM = {"tuning_curve": {"epoch": [1, 2], "train_loss": [1.0, 0.1]}}
     ("state", "n_charts"),
     [({**NETWORK, **BY_STRENGTH}, 4), ({**NETWORK, **BY_ADAM}, 4), ({**NETWORK, "members": 1}, 3)],
 )
+@pytest.mark.slow
 def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_learned(
     state: dict[str, object], n_charts: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -363,6 +366,7 @@ def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_lear
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+@pytest.mark.slow
 def test_a_single_network_is_shown_with_what_is_true_of_it_alone() -> None:
     """Without the LF TCN there is no figure of before, nor a word on it."""
     app = start("train")
@@ -375,6 +379,7 @@ def test_a_single_network_is_shown_with_what_is_true_of_it_alone() -> None:
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+@pytest.mark.slow
 def test_the_papers_bias_is_said_to_be_of_one_piece() -> None:
     """Table 4 has no parts to show, and fitting it would take minutes."""
     app = start("train")
@@ -391,6 +396,7 @@ def test_the_papers_bias_is_said_to_be_of_one_piece() -> None:
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+@pytest.mark.slow
 def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     """Alone and by speed group: means, heat maps, the paper's tables, spread, calibration, and files."""
     app = start("study")
@@ -477,6 +483,7 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_a_real_prediction_appears_and_a_new_server_finds_it_in_the_cache() -> None:
     """The raw CAE, end to end, with nothing replaced; a restart costs nothing."""
     app = start("train")
@@ -493,6 +500,7 @@ def test_a_real_prediction_appears_and_a_new_server_finds_it_in_the_cache() -> N
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+@pytest.mark.slow
 def test_without_an_approach_the_other_pages_take_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Train says that one is missing; no page dies of it."""
     monkeypatch.setattr("crashfuse.study.config.create", lambda *_, **__: Quick())
@@ -521,6 +529,7 @@ def test_what_cannot_be_computed_is_told_by_its_job(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_what_was_learned_answers_a_new_condition_after_a_restart(fitting_is_an_error: Callable[[], None]) -> None:
     """A new server finds the models in the cache: nothing is pressed and nothing learned again."""
     app = start("train")

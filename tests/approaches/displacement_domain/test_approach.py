@@ -51,6 +51,7 @@ def made_up(extra: FloatArray, speeds: tuple[float, ...] = SPEEDS) -> Campaign:
     return Campaign("Made up", CaeLibrary(tuple(f"C{i}" for i in range(len(speeds))), tuple(conditions), cae), tests)
 
 
+@pytest.mark.slow
 def test_a_perfect_cae_model_is_left_as_it_is() -> None:
     """Tests identical to the CAE runs have no bias, so the prediction is the CAE pulse."""
     campaign = made_up(0 * S)
@@ -82,6 +83,7 @@ def test_a_known_bias_is_recovered(held_out: str) -> None:
     assert corrected > rate_windows(test.pulse, cae, [60.0])[60.0].overall + 0.1
 
 
+@pytest.mark.slow
 def test_the_band_covers_velocity_and_crush() -> None:
     """Tests that differ as the model says: the 95 % band holds the left-out test's v(t) and crush as often as it says.
 
@@ -124,6 +126,7 @@ def test_a_held_out_pulse_changes_nothing(campaign: Campaign) -> None:
     np.testing.assert_array_equal(first.draws_mps2, second.draws_mps2)
 
 
+@pytest.mark.slow
 def test_the_seed_decides_the_draws(campaign: Campaign) -> None:
     """Same seed, same draws; another seed, other draws about the same mean."""
     condition = campaign.tests[0].condition
@@ -199,6 +202,7 @@ def test_vehicles_that_never_stop_within_the_record_are_predicted() -> None:
     np.testing.assert_allclose(prediction.accel_mps2[200:1000], -6 * 14.0, rtol=0.1)
 
 
+@pytest.mark.slow
 def test_more_tests_have_fewer_points_each() -> None:
     """The exact process stays small, whatever the number of tests."""
     campaign = made_up(bias())
@@ -249,6 +253,7 @@ def test_the_parts_of_the_bias_foresee_a_test_that_was_left_out(campaign: Campai
         DisplacementDomain().bias_parts(held_out.condition, grid)
 
 
+@pytest.mark.slow
 def test_the_emulators_own_error_is_in_the_band() -> None:
     """Tests with paired runs say nothing of it, so where no run was made the band is wider by it."""
     campaign = made_up(bias())
@@ -266,6 +271,7 @@ def test_the_emulators_own_error_is_in_the_band() -> None:
     assert with_error > 1.02 * width()
 
 
+@pytest.mark.slow
 def test_the_band_after_the_stop_holds_tests_that_rebound_in_their_own_way() -> None:
     """Tests that let go otherwise than the CAE model, each in its own way, lie inside when left out."""
     rng = np.random.default_rng(5)

@@ -74,6 +74,7 @@ def unloading(extra: FloatArray, speed_mps: float) -> Unloading:
 EXTRA = -80 * (GRID_S / 0.01) * np.exp(1 - GRID_S / 0.01)  # lets go later than the CAE model
 
 
+@pytest.mark.slow
 def test_what_tests_add_to_the_unloading_is_learned() -> None:
     """In proportion to the braking at t0, at a speed that no test had; the mean is near the truth."""
     model = Rebound().fit([unloading(EXTRA, speed) for speed in (9.0, 11.0, 13.0, 15.0)])

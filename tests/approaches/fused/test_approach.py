@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import softmax
 
 from crashfuse.approaches.calibration import Coverage
 from crashfuse.approaches.fused.approach import Fused
+from crashfuse.approaches.fused.weights import Pool, Scores
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.errors import NotFittedError, UsageError
@@ -75,6 +77,7 @@ def test_it_is_better_than_the_raw_cae(campaign: Campaign, fused: Fused) -> None
     assert errors[0] < 0.25 * errors[1]
 
 
+@pytest.mark.slow
 def test_a_cae_model_that_is_right_keeps_its_voice(campaign: Campaign) -> None:
     """Tests that are just as the CAE says: the raw CAE is what is predicted, whoever says it."""
     runs = [campaign.cae.paired_run(test.condition) for test in campaign.tests]
@@ -92,12 +95,56 @@ def test_a_cae_model_that_is_right_keeps_its_voice(campaign: Campaign) -> None:
 
 def test_a_single_test_is_enough(campaign: Campaign) -> None:
     """Then nothing is learned about the weights, and the sentence says so."""
-    prediction = Fused().fit(campaign.without(["T1", "T3", "T4"])).predict(campaign.test("T3").condition)
+    fused = Fused().fit(campaign.without(["T1", "T3", "T4"]))
+    test, condition = campaign.test("T2"), campaign.test("T4").condition  # at 25 and 35 mph
+    prediction = fused.predict(condition)
     assert np.isfinite(prediction.accel_mps2).all()
-    assert prediction.draws_mps2 is not None
     assert "weights not learned" in prediction.notes[0]
+    for away_mph, found in ((0.0, fused.predict(test.condition)), (10.0, prediction)):
+        far, beside = np.array([-0.5, 0.0, -3.0]), np.array([-0.5, 0.0, -5.0])  # what is thought before
+        near = np.exp(-away_mph / 3)
+        told = [float(share) for share in re.findall(r"(?:domain|CAE) (\d\.\d\d)", found.notes[0])]
+        np.testing.assert_allclose(told, softmax((1 - near) * far + near * beside), atol=0.01)
+    # the last draws are the CAE's, with the error that it had in T2, scaled with the speed, of either sign
+    model = fused.displacement_domain_.model_
+    error = (test.pulse.accel_mps2 - model.pulse(test.condition).accel_mps2) * 35 / 25
+    cae, drawn = model.pulse(condition).accel_mps2, prediction.draws_mps2
+    assert drawn is not None
+    assert min(np.abs(drawn[-1] - (cae + sign * error)).max() for sign in (-1, 1)) < 1e-6
 
 
+def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign: Campaign, fused: Fused) -> None:
+    """By what each voice said of them, unseen, on every tenth sample; and so mixed they are what it expects of them."""
+    rest = campaign.without(["T3"])
+    speeds_mph, cae = np.array([15.0, 25.0, 35.0]), fused.displacement_domain_.model_
+    wrong = {test.id: test.pulse.accel_mps2 - cae.pulse(test.condition).accel_mps2 for test in rest.tests}
+    scores, nearness, means = [], [], []
+    for i, test in enumerate(rest.tests):
+        learned = [part.left_out_ for part in (fused.time_domain_, fused.displacement_domain_)]
+        rows = [(left, left.numbers.tolist().index(i)) for left in learned]
+        others = [(rest.tests[j].id, speeds_mph[i] / speeds_mph[j]) for j in range(3) if j != i]
+        errors = np.array([wrong[other] * ratio for other, ratio in others])
+        pulse = cae.pulse(test.condition).accel_mps2
+        drawn = [*(left.draws_mps2[row] for left, row in rows), (pulse + np.concatenate([errors, -errors]))[:, ::10]]
+        scores.append(Scores.of(test.pulse.accel_mps2[:750:10], [draws[:, :75] for draws in drawn]))
+        nearness.append(np.exp(-10 / 3))
+        means.append([*(left.mean_mps2[row] for left, row in rows), pulse[::10]])
+    prior = np.array([[-0.5, -0.5], [0.0, 0.0], [-3.0, -5.0]])
+    again = Pool(prior, spread=1.0, strength=10.0).fit(scores, np.array(nearness))
+    np.testing.assert_allclose(fused.pool_.logits_, again.logits_, atol=1e-3)
+    expected = fused.left_out(rest)
+    assert tuple(expected) == rest.test_ids
+    for test, near, said in zip(rest.tests, nearness, means, strict=True):
+        np.testing.assert_allclose(expected[test.id][::10], fused.pool_.weights(near) @ np.array(said), atol=1e-6)
+    state = fused.state
+    for key, near in (("weights_far_from_tests", 0.0), ("weights_beside_a_test", 1.0)):
+        told = state[key]
+        assert isinstance(told, dict)
+        assert list(told) == ["time domain", "displacement domain", "raw CAE"]
+        np.testing.assert_allclose(list(told.values()), fused.pool_.weights(near), atol=1e-4)
+
+
+@pytest.mark.slow
 def test_what_its_voices_learned_is_taken_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """A study has fitted both already."""
     from crashfuse.study.estimate import Fit

@@ -100,6 +100,7 @@ def test_the_state_says_what_was_chosen(mf: TimeDomain) -> None:
     assert mf.state["members"] == 2
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits(campaign: Campaign, mf: TimeDomain) -> None:
     """Mean and draws, whatever the caller's random state."""
     torch.manual_seed(77)
@@ -111,6 +112,7 @@ def test_the_same_seed_gives_the_same_bits(campaign: Campaign, mf: TimeDomain) -
     assert first.draws_mps2.tobytes() == again.draws_mps2.tobytes()
 
 
+@pytest.mark.slow
 def test_learning_again_forgets_what_was_learned_before(campaign: Campaign, mf: TimeDomain) -> None:
     """Fitted to all tests and then without T3, it predicts T3 to the same bits as one that never saw it."""
     condition = campaign.test("T3").condition
@@ -129,6 +131,7 @@ def test_one_test_is_enough_to_predict_from(campaign: Campaign) -> None:
     assert np.isfinite(prediction.draws_mps2).all()
 
 
+@pytest.mark.slow
 def test_what_the_lf_tcn_prepared_is_all_that_is_trained_on_cae_runs(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,6 +146,7 @@ def test_what_the_lf_tcn_prepared_is_all_that_is_trained_on_cae_runs(
     TimeDomain(quick, cache=Cache()).fit(campaign)
 
 
+@pytest.mark.slow
 def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -> None:
     """A test that was trained on is met far better than by the LF network."""
     mf = TimeDomain(BY_ADAM).fit(campaign)
@@ -151,6 +155,7 @@ def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -
         assert _error(mf.predict(test.condition).accel_mps2, test.pulse.accel_mps2) < 0.4 * before
 
 
+@pytest.mark.slow
 def test_an_infinite_penalty_keeps_the_lf_network(campaign: Campaign) -> None:
     """λ → ∞ leaves no increments: at the same rate, where λ = 0 moves the pulse by far, θ_MF = θ_LF to rounding."""
     condition = campaign.tests[0].condition
@@ -192,6 +197,7 @@ def test_progress_carries_the_losses(campaign: Campaign) -> None:
     assert reports[-1].fraction == 1.0
 
 
+@pytest.mark.slow
 def test_a_held_out_pulse_does_not_reach_its_prediction(campaign: Campaign) -> None:
     """Whatever the held-out test measured, what is trained without it is the same to the bit."""
     changed = tuple(
@@ -210,6 +216,7 @@ def test_a_held_out_pulse_does_not_reach_its_prediction(campaign: Campaign) -> N
     assert one.draws_mps2.tobytes() == two.draws_mps2.tobytes()
 
 
+@pytest.mark.slow
 def test_the_papers_network_takes_a_few_steps(campaign: Campaign) -> None:
     """Table 2 trains and fine-tunes on a small campaign, on a GPU where there is one, and gives 1250 finite samples."""
     paper = replace(TcnConfig.paper(), epochs=1, batch=2, tuning_steps=3, tuning_rate=3e-6)

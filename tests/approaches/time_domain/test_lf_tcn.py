@@ -40,6 +40,7 @@ def test_the_lf_network_learns_the_cae_runs(campaign: Campaign, lf: LfTcn) -> No
     assert max(errors) < 0.15
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: Campaign, lf: LfTcn) -> None:
     """Deterministic on a CPU, whatever the caller's random state."""
     torch.manual_seed(77)
@@ -50,6 +51,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: C
     assert np.abs(other.predict(condition).accel_mps2 - lf.predict(condition).accel_mps2).max() > 0
 
 
+@pytest.mark.slow
 def test_the_tests_do_not_reach_the_lf_network(campaign: Campaign, lf: LfTcn) -> None:
     """Training on the CAE runs alone gives the same bits."""
     bare = LfTcn(SMALL).fit(campaign.without(campaign.test_ids))
@@ -57,6 +59,7 @@ def test_the_tests_do_not_reach_the_lf_network(campaign: Campaign, lf: LfTcn) ->
     assert bare.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()
 
 
+@pytest.mark.slow
 def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monkeypatch: pytest.MonkeyPatch) -> None:
     """The second fit takes network, scaling and learning curve from the cache, however it is fine-tuned later."""
     LfTcn(SMALL, cache=Cache()).fit(campaign)

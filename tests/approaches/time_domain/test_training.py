@@ -59,6 +59,7 @@ def every_step(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("every_step")
+@pytest.mark.slow
 def test_a_training_that_was_killed_goes_on_from_its_last_checkpoint(campaign: Campaign) -> None:
     """In mid-epoch, with dropout: no step is done twice, weights and curve are those of an undisturbed run."""
     undisturbed = LfTcn(SMALL).fit(campaign)

@@ -248,6 +248,7 @@ def test_a_unit_is_of_its_quantity() -> None:
     assert number_and_unit("fast") is None
 
 
+@pytest.mark.slow
 def test_damaged_tables_give_a_sentence_or_a_record(tmp_path: Path) -> None:
     """Whatever is cut off, flipped or doubled in a text or a workbook, nothing but our own errors comes out."""
     dice = random.Random(13)  # noqa: S311  (no secret)

@@ -1,0 +1,237 @@
+"""Whether the tests would notice: ``python benchmarks/deliberate_faults.py [ROOM …] [--seed 0]``.
+
+One small fault at a time is made in a copy of the project (a constant, a comparison, an index, two arguments swapped),
+and the room's own tests are run on it, as far as they are fast. The sample is seeded, a number of faults a room, 100 in
+all. What survives is listed at the end: for someone to write a test that fails, or to say why nobody could. Not made
+are faults in texts, types and tolerances, nor those of ``HARMLESS``. It takes about ten minutes on one core, where
+processes can fork.
+"""
+
+import argparse
+import ast
+import multiprocessing
+import os
+import random
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from importlib.util import cache_from_source
+from pathlib import Path
+from typing import Any, NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+SHARED = os.environ.get("CRASHFUSE_SHARED", str(ROOT.parent / "shared"))
+MOST_S = 120  # for the tests of one fault: one that hangs them is noticed, too
+PRELOADED = ["pandas", "pyarrow.parquet", "pytest", "scipy.interpolate", "scipy.optimize", "scipy.stats", "torch"]
+
+
+class Room(NamedTuple):
+    """Number of faults, the modules they are made in, and the tests that should notice."""
+
+    faults: int
+    modules: str
+    tests: str
+
+
+ROOMS = {
+    "rating": Room(16, "signals/rating.py signals/warping.py", "signals/test_rating.py"),
+    "metrics": Room(16, "signals/metrics.py signals/occupant.py", "signals/test_metrics.py signals/test_occupant.py"),
+    "calibration": Room(10, "approaches/calibration.py", "approaches/test_calibration.py"),
+    "dynamics": Room(
+        8, "approaches/displacement_domain/dynamics.py", "approaches/displacement_domain/test_dynamics.py"
+    ),
+    "weights": Room(12, "approaches/fused/weights.py approaches/fused/approach.py", "approaches/fused"),
+    "recommendation": Room(
+        14, "study/recommendation.py study/fold.py", "study/test_recommendation.py study/test_fold.py"
+    ),
+    "tables": Room(6, "reporting/result_tables.py", "reporting/test_result_tables.py"),
+    "writer": Room(
+        12,
+        "campaign_folder/writer.py campaign_folder/tidy_tables.py",
+        "campaign_folder/test_writer.py campaign_folder/test_tidy_tables.py",
+    ),
+    "cache": Room(6, "execution/cache.py", "execution/test_cache.py"),
+}
+HARMLESS = ("_BAND_BYTES", "_RUNS_A_BATCH", "_GLANCE_S", "_LINE", "np.errstate", "getLogger")
+"""Statements that decide memory, pace or looks, but no number."""
+
+OTHER: dict[type[ast.AST], Any] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult,
+    ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
+    ast.And: ast.Or, ast.Or: ast.And, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt,
+    ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
+}  # fmt: skip
+TURNED: dict[type[ast.AST], Any] = {ast.Lt: ast.Gt, ast.LtE: ast.GtE, ast.Gt: ast.Lt, ast.GtE: ast.LtE}
+PAIRS = ("min max", "minimum maximum", "argmin argmax", "floor ceil", "any all", "mean sum", "lower upper")
+NAMES = {a: b for pair in PAIRS for a, b in (pair.split(), reversed(pair.split()))}
+CASTS = {"array", "asarray", "ascontiguousarray", "bool", "dict", "float", "int", "list", "set", "str", "tuple"}
+TEXTS = {"Problem", "DataError", "UsageError", "cast", "report", "warning"}
+FORM = {"strict", "encoding", "newline", "compression", "parents", "exist_ok", "missing_ok", "ignore_errors"}
+
+
+class Fault(NamedTuple):
+    """One variant of one node of a module, by their numbers."""
+
+    module: str
+    node: int
+    variant: int
+    text: str
+
+
+def main() -> None:
+    """Make the faults and print what became of each."""
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("rooms", nargs="*", choices=[*ROOMS, []], default=[])
+    arguments.add_argument("--seed", type=int, default=0)
+    given = arguments.parse_args()
+    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "CRASHFUSE_SHARED": SHARED}
+    survived, made, seconds = [], 0, 0.0
+    with tempfile.TemporaryDirectory() as scratch:
+        project = Path(scratch) / "project"
+        skipped = shutil.ignore_patterns(".*", "__pycache__", "docs", "benchmarks")
+        shutil.copytree(ROOT, project, ignore=skipped)
+        for name in given.rooms or ROOMS:
+            room = ROOMS[name]
+            sound, took = run(project, room)
+            if not sound:
+                sys.exit(f"The tests of {name} fail as they are.")
+            seconds += took
+            faults = [fault for module in room.modules.split() for fault in faults_of(module)]
+            print(f"{name}: {room.faults} of {len(faults)} faults, tests of {took:.0f} s", flush=True)
+            for fault in random.Random(given.seed).sample(faults, room.faults):  # noqa: S311
+                caught, took = caught_by(project, fault, room)
+                made += 1
+                survived += [] if caught else [fault]
+                print(f"  {'caught  ' if caught else 'SURVIVED'} {took:4.0f} s  {fault.text}", flush=True)
+    print(f"\n{made - len(survived)} of {made} faults caught by tests that together take {seconds:.0f} s. Survived:")
+    print("\n".join(f"  {fault.text}" for fault in survived) or "  none")
+
+
+def faults_of(module: str) -> list[Fault]:
+    """All faults that can be made in a module."""
+    tree = ast.parse((ROOT / "crashfuse" / module).read_text(encoding="utf-8"))
+    numbers = {node: number for number, node in enumerate(ast.walk(tree))}
+    return [
+        Fault(module, numbers[node], i, f"{module}:{node.lineno}  {ast.unparse(node)}  ->  {ast.unparse(variant)}")
+        for node in _expressions(tree)
+        for i, variant in enumerate(_variants(node))
+    ]
+
+
+def _expressions(node: ast.AST) -> Iterator[ast.expr]:
+    """Expressions that decide numbers: none of texts, types and decorators."""
+    match node:
+        case ast.Raise() | ast.FunctionDef(name="__repr__"):
+            return
+        case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)) if name in TEXTS:
+            return
+        case ast.keyword(arg=name) if name in FORM:
+            return
+        case ast.Assign() | ast.AnnAssign() | ast.Return() if any(name in ast.unparse(node) for name in HARMLESS):
+            return
+        case ast.expr():
+            yield node
+    for field, value in ast.iter_fields(node):
+        if field not in ("annotation", "returns", "decorator_list", "format_spec"):
+            for child in value if isinstance(value, list) else [value]:
+                if isinstance(child, ast.AST):
+                    yield from _expressions(child)
+
+
+def _variants(node: ast.AST) -> Iterator[ast.expr]:
+    """The faults that can be made at a node."""
+    match node:
+        case ast.Constant(value=bool(value)):
+            yield ast.Constant(not value)
+        case ast.Constant(value=int(value)):
+            yield ast.Constant(value + 1)
+        case ast.Constant(value=float(value)) if value == 0 or abs(value) > 1e-5:  # less is a tolerance
+            yield ast.Constant(round(value * 1.2, 9) or 0.1)
+        case ast.BinOp(left, op, right) if type(op) in OTHER:
+            yield ast.BinOp(left, OTHER[type(op)](), right)
+        case ast.BoolOp(op, values):
+            yield ast.BoolOp(OTHER[type(op)](), values)
+        case ast.UnaryOp(_, operand):
+            yield operand
+        case ast.Compare(left, [op, *others], values):
+            for kind in (OTHER, TURNED):
+                if type(op) in kind:
+                    yield ast.Compare(left, [kind[type(op)](), *others], values)
+        case ast.IfExp(test, body, orelse):
+            yield ast.IfExp(test, orelse, body)
+        case ast.Slice(lower, upper, step):
+            if lower is not None:
+                yield ast.Slice(ast.BinOp(lower, ast.Add(), ast.Constant(1)), upper, step)
+            if upper is not None:
+                yield ast.Slice(lower, ast.BinOp(upper, ast.Add(), ast.Constant(1)), step)
+        case ast.Name(name, ast.Load()) if name in NAMES:
+            yield ast.Name(NAMES[name], ast.Load())
+        case ast.Attribute(value, name, ast.Load()) if name in NAMES:
+            yield ast.Attribute(value, NAMES[name], ast.Load())
+        case ast.Call(function, [first, *others], keywords) if not isinstance(first, ast.Starred):
+            if others and not isinstance(others[0], ast.Starred):
+                yield ast.Call(function, [others[0], first, *others[1:]], keywords)
+            if ast.unparse(function).rpartition(".")[2] not in CASTS:
+                yield first
+        case ast.Tuple([first, second, *others], context) if isinstance(context, ast.Load):
+            yield ast.Tuple([second, first, *others], context)
+
+
+def caught_by(project: Path, fault: Fault, room: Room) -> tuple[bool, float]:
+    """Make a fault in the copy, run the tests, and mend it."""
+    path = project / "crashfuse" / fault.module
+    sound = path.read_text(encoding="utf-8")
+    tree = ast.parse(sound)
+    nodes = list(ast.walk(tree))
+    variant = list(_variants(nodes[fault.node]))[fault.variant]
+    for parent in nodes:
+        for field, value in ast.iter_fields(parent):
+            if value is nodes[fault.node]:
+                setattr(parent, field, variant)
+            elif isinstance(value, list):
+                value[:] = [variant if child is nodes[fault.node] else child for child in value]
+    try:
+        _write(path, ast.unparse(ast.fix_missing_locations(tree)))
+        passed, took = run(project, room)
+    finally:
+        _write(path, sound)
+    return not passed, took
+
+
+def _write(path: Path, source: str) -> None:
+    path.write_text(source, encoding="utf-8")
+    Path(cache_from_source(str(path))).unlink(missing_ok=True)  # its time has not changed by a second, nor its size
+
+
+def run(project: Path, room: Room) -> tuple[bool, float]:
+    """Whether the room's tests pass on the copy, and the seconds that took."""
+    context = multiprocessing.get_context("forkserver")  # what takes long to import is imported once
+    context.set_forkserver_preload(PRELOADED)
+    start = time.perf_counter()
+    process = context.Process(target=_run, args=(project, room.tests.split()))
+    process.start()
+    process.join(MOST_S)
+    process.kill()
+    process.join()
+    return process.exitcode == 0, time.perf_counter() - start
+
+
+def _run(project: Path, tests: list[str]) -> None:
+    os.chdir(project)
+    os.environ["PYTHONPATH"] = str(project)
+    sys.path.insert(0, str(project))
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    import pytest
+
+    sys.exit(
+        pytest.main(["-x", "-q", "-m", "not slow", "-p", "no:cacheprovider", *(f"tests/{test}" for test in tests)])
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,117 @@
+"""Tables of results hold the numbers that they say, row by row, against pulses whose every number is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, studies_table, study_metrics
+from crashfuse.signals.metrics import Metric
+from crashfuse.signals.pulse import GRID_S
+from crashfuse.signals.rating import rate_windows
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.fold import Fold
+from crashfuse.study.study import Study
+from crashfuse.units import G
+
+SCALES = {"cae": 0.7, "displacement_domain": 0.9}
+SCORES = ["overall", "corridor", "phase", "magnitude", "slope"]
+
+
+def study(campaign: Campaign, held_out: tuple[str, ...], scale: float = 1.0) -> Study:
+    """A study in which each approach is off by its own factor, and by a common one."""
+    config = StudyConfig(approaches=tuple(SCALES), seed=7, windows_ms=(20.0, 60.0))
+
+    def fold(test: CrashTest) -> Fold:
+        pulses = {name: scale * factor * test.pulse.accel_mps2 for name, factor in SCALES.items()}
+        own = [Estimate(name, Prediction(test.condition, accel), {}, 0.0) for name, accel in pulses.items()]
+        return Fold.of(test, own, config.windows_ms)
+
+    return Study(campaign, config, tuple(fold(campaign.test(test_id)) for test_id in held_out))
+
+
+def test_the_band_of_normal_draws_lies_1_96_standard_deviations_around_them(campaign: Campaign) -> None:
+    """At each time the ends are the 2.5 % and 97.5 % quantiles in g, below and above; time counts up in ms."""
+    centre, sd = -300 * np.sin(40 * GRID_S), 10 + 200 * GRID_S
+    draws = centre + sd * norm.ppf(np.linspace(0, 1, 41).clip(1e-3, 1 - 1e-3))[:, None]  # every 2.5 % a draw
+    shown = centre + 1.0  # the expected pulse need not be in the middle
+    estimate = Estimate("fused", Prediction(campaign.tests[0].condition, shown, draws), {}, 0.0)
+    table = pulses_table([("T1", estimate)])
+    assert table.columns.tolist() == ["held_out", "approach", "time_ms", "acceleration_g", "lower_g", "upper_g"]
+    assert table[["held_out", "approach"]].drop_duplicates().to_numpy().tolist() == [["T1", "fused"]]
+    np.testing.assert_allclose(table["time_ms"], np.arange(1250) * 0.08, atol=1e-9)
+    np.testing.assert_allclose(table["acceleration_g"], shown / 9.80665)
+    np.testing.assert_allclose(table["lower_g"], (centre - 1.959964 * sd) / 9.80665, atol=1e-6)
+    np.testing.assert_allclose(table["upper_g"], (centre + 1.959964 * sd) / 9.80665, atol=1e-6)
+
+
+def test_a_pulse_without_draws_has_empty_ends(campaign: Campaign) -> None:
+    """Each estimate has its own 1250 rows, in the order given; no band is no number."""
+    test = campaign.tests[0]
+    bare = Estimate("cae", Prediction(test.condition, test.pulse.accel_mps2), {}, 0.0)
+    banded = replace(bare, approach="fused", prediction=replace(bare.prediction, draws_mps2=np.zeros((2, 1250))))
+    table = pulses_table([("", bare), ("", banded)])
+    assert table["approach"].tolist() == ["cae"] * 1250 + ["fused"] * 1250
+    assert table.groupby("approach")[["lower_g", "upper_g"]].count().to_numpy().tolist() == [[0, 0], [1250, 1250]]
+
+
+def test_each_score_stands_in_the_row_of_its_test_approach_and_window(campaign: Campaign) -> None:
+    """All five scores and the grade are those of ISO/TS 18571 for that pair of pulses."""
+    table = scores_table(study(campaign, ("T2", "T4")))
+    keys = table[["held_out", "approach", "window_ms"]].to_numpy().tolist()
+    assert keys == [[test, name, window] for test in ("T2", "T4") for name in SCALES for window in (20.0, 60.0)]
+    for row in table.to_dict("records"):
+        pulse = campaign.test(row["held_out"]).pulse
+        predicted = replace(pulse, accel_mps2=SCALES[row["approach"]] * pulse.accel_mps2)
+        rating = rate_windows(pulse, predicted, [row["window_ms"]])[row["window_ms"]]
+        assert [row[name] for name in (*SCORES, "grade")] == [getattr(rating, name) for name in (*SCORES, "grade")]
+
+
+def test_a_row_for_each_study_holds_the_mean_and_the_least_of_its_tests(campaign: Campaign) -> None:
+    """For single tests and for speed groups, with what was left out."""
+    alone, groups = study(campaign, ("T2", "T3", "T4")), study(campaign, ("T2", "T4"), scale=0.8)
+    groups = replace(groups, config=replace(groups.config, hold_out="speed group"))
+    both = replace(alone, config=replace(alone.config, hold_out="both"), speed_groups=groups)
+    table = studies_table([("Tiny", both), ("Other", groups)])
+    assert table.columns.tolist() == [
+        *("campaign", "preset", "seed", "left_out", "held_out", "approach", "window_ms", "tests", "mean", "least")
+    ]
+    about = table[["campaign", "left_out", "held_out", "tests"]].drop_duplicates().to_numpy().tolist()
+    assert about == [
+        ["Tiny", "test", "T2 T3 T4", 3],
+        ["Tiny", "speed group", "T2 T4", 2],
+        ["Other", "speed group", "T2 T4", 2],
+    ]
+    assert len(table) == 3 * 4
+    assert set(table["seed"]) == {7}
+    for one, part in ((alone, table[:4]), (groups, table[4:8]), (groups, table[8:])):
+        for row in part.to_dict("records"):
+            overall = [fold.ratings[row["approach"]][row["window_ms"]].overall for fold in one.folds]
+            assert row["mean"] == pytest.approx(sum(overall) / len(overall))
+            assert row["least"] == min(overall)
+
+
+def test_a_metric_stands_with_both_its_ends() -> None:
+    """Each in the column of its name; what is not known is empty."""
+    table = metrics_table([("T1", "fused", (Metric("peak", 2.0, 1.0, 3.0, "g"), Metric("t0", 70.0, 65.0, None, "ms")))])
+    assert table.columns.tolist() == ["held_out", "approach", "metric", "value", "lower", "upper", "unit"]
+    assert table.iloc[0].tolist() == ["T1", "fused", "peak", 2.0, 1.0, 3.0, "g"]
+    assert table.iloc[1, :5].tolist() == ["T1", "fused", "t0", 70.0, 65.0]
+    assert np.isnan(table.loc[1, "upper"])
+
+
+def test_metrics_of_a_study_begin_with_those_measured(campaign: Campaign) -> None:
+    """The peak of each test as it was, then of each approach, in g: half sines of π/2 of their mean deceleration."""
+    table = study_metrics(study(campaign, ("T2", "T4")))
+    peaks = table[table["metric"] == "peak"]
+    assert peaks["held_out"].tolist() == ["T2"] * 3 + ["T4"] * 3
+    assert peaks["approach"].tolist() == ["test", *SCALES] * 2
+    tests = [campaign.test(test_id) for test_id in ("T2", "T4")]
+    measured = [1.1 * np.pi / 2 * t.condition.speed_mps / (0.07 * t.condition.mass_kg / 1700) / G for t in tests]
+    expected = [scale * peak for peak in measured for scale in (1.0, *SCALES.values())]
+    np.testing.assert_allclose(peaks["value"], expected, rtol=1e-3)
+    assert set(peaks["unit"]) == {"g"}
