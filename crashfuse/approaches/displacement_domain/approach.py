@@ -22,8 +22,9 @@ from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
 from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.left_out import LeftOut
+from crashfuse.approaches.settings import Settings
 from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
@@ -113,6 +114,14 @@ class DisplacementDomain(Approach):
 
     name = "displacement_domain"
     label = "Displacement domain"
+    in_words = "the displacement domain"
+    description = (
+        "a Gaussian process on what the CAE model gets wrong over displacement (Eqs. 7–28), and the vehicle's motion "
+        "integrated with it (Eq. 29); whole functions are drawn for the band, which is widened until it holds on "
+        "left-out tests."
+    )
+    colour = "#D55E00"
+    preference = 20
 
     def __init__(
         self, config: DisplacementConfig = DisplacementConfig(), *, seed: int = 0, cache: Cache | None = None
@@ -120,6 +129,16 @@ class DisplacementDomain(Approach):
         self.config = config
         self.seed = seed
         self.cache = cache
+
+    @classmethod
+    def create(cls, settings: Settings) -> Self:
+        """Table 4 under the paper's preset, else the hierarchical bias."""
+        config = DisplacementConfig.paper() if settings.preset == "paper" else DisplacementConfig.fast()
+        return cls(config, seed=settings.seed, cache=settings.cache)
+
+    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+        """Train the emulator of the CAE model."""
+        CaeModel(cache=self.cache).fit(campaign.cae, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Learn the bias from the campaign's tests.
@@ -167,14 +186,14 @@ class DisplacementDomain(Approach):
         self.points_ = tuple(self._points(test, view.curve) for test, view in both)
         return [] if by_table_4 else [view.beside(test) for test, view in both]
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """Hyperparameters of bias and rebound, and the check of the band."""
         self._require("calibration_")
         values = {"seconds": self._seconds, "widening": self.calibration_.widening}
         parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned(), "left_out": self.left_out_.learned()}
-        return Learned.of(values, {"inside": self.calibration_.inside}, **parts)
+        return FittedState.of(values, {"inside": self.calibration_.inside}, **parts)
 
-    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Take up hyperparameters, and condition on the tests again."""
         unloadings = self._begin(self._seen(campaign))
         with threadpool_limits(1):

@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 
 from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
 from crashfuse.approaches.draws import draw
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.errors import NotFittedError
 from crashfuse.signals.pulse import FloatArray
 
@@ -76,15 +76,15 @@ class GaussianProcess:
             best = min(best, self._climb(start), key=lambda theta: self._loss(theta)[0])
         return self._settle(best)
 
-    def restore(self, x: FloatArray, y: FloatArray, learned: Learned) -> Self:
+    def restore(self, x: FloatArray, y: FloatArray, learned: FittedState) -> Self:
         """Condition on the data that hyperparameters were learned from, as :meth:`fit` does at its end."""
         self._take(x, y)
         self.retries_ = learned.values["retries"]
         return self._settle(learned.arrays["theta"])
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """The hyperparameters."""
-        return Learned({"retries": self.retries_}, {"theta": self.theta_})
+        return FittedState({"retries": self.retries_}, {"theta": self.theta_})
 
     def _take(self, x: FloatArray, y: FloatArray) -> None:
         self.x_ = np.asarray(x, dtype=np.float64)

@@ -12,7 +12,7 @@ from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPart, B
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.draws import student_draws
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
@@ -109,12 +109,12 @@ class HierarchicalBias:
         watch.report("Bias model", len(choices), len(choices))
         return self
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """Hyperparameters, and the factors with what was compared to choose them."""
         values = {"factors": list(self.factors_), "densities": self.densities_}
-        return Learned.of(values, {}, process=self.process_.learned())
+        return FittedState.of(values, {}, process=self.process_.learned())
 
-    def restore(self, tests: Sequence[BiasPoints], learned: Learned) -> Self:
+    def restore(self, tests: Sequence[BiasPoints], learned: FittedState) -> Self:
         """Take up what was learned from the bias of these tests."""
         rows, y = self._take(tests)
         self.factors_, self.densities_ = tuple(learned.values["factors"]), dict(learned.values["densities"])

@@ -10,7 +10,7 @@ import numpy as np
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.draws import student_draws
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.signals.loading import LoadingPhase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import G
@@ -105,11 +105,11 @@ class Rebound:
         self.process_ = GaussianProcess(_PARTS, _NOISE).fit(x, y) if len(x) else None
         return self
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """The hyperparameters."""
-        return Learned({}, {}) if self.process_ is None else self.process_.learned()
+        return FittedState({}, {}) if self.process_ is None else self.process_.learned()
 
-    def restore(self, tests: Sequence[Unloading], learned: Learned) -> Self:
+    def restore(self, tests: Sequence[Unloading], learned: FittedState) -> Self:
         """Take up hyperparameters that were learned from these tests."""
         x, y = self._rows_of(tests)
         self.process_ = GaussianProcess(_PARTS, _NOISE).restore(x, y, learned) if len(x) else None

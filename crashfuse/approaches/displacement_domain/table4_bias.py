@@ -12,7 +12,7 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPoints
 from crashfuse.approaches.draws import draw
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
@@ -88,12 +88,12 @@ class Table4Bias:
         watch.report("Bias model", self.restarts + 1, self.restarts + 1)
         return self
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """The kernel's variance and length scales."""
         kernel = self.process_.kernel_
-        return Learned({"variance": float(kernel.k1.constant_value)}, {"lengths": np.array(kernel.k2.length_scale)})
+        return FittedState({"variance": float(kernel.k1.constant_value)}, {"lengths": np.array(kernel.k2.length_scale)})
 
-    def restore(self, tests: Sequence[BiasPoints], learned: Learned) -> Self:
+    def restore(self, tests: Sequence[BiasPoints], learned: FittedState) -> Self:
         """Take up hyperparameters that were learned from the bias of these tests."""
         variance, lengths = learned.values["variance"], learned.arrays["lengths"]
         kernel = ConstantKernel(variance, _BOUNDS) * Matern(lengths, _BOUNDS, nu=1.5)

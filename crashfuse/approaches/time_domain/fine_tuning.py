@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.draws import draw
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.signals.pulse import FloatArray
 
 PENALTIES = (0.02, 0.06, 0.2, 0.6)
@@ -131,7 +131,7 @@ class Increments:
         covariance = (1 + self.band_penalty_) * own - across.T @ self._inverse @ across
         return Outlook(mean, self._size * covariance)
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """All that :meth:`outlook` needs, and how the choice was made."""
         values = {
             "penalty": self.penalty_,
@@ -141,9 +141,9 @@ class Increments:
             "unit": self._unit,
             "size": self._size,
         }
-        return Learned(values, {"inverse": self._inverse, "weights": self._weights})
+        return FittedState(values, {"inverse": self._inverse, "weights": self._weights})
 
-    def restore(self, learned: Learned) -> Self:
+    def restore(self, learned: FittedState) -> Self:
         """Take up what was learned before, but for the outlooks on tests left out."""
         values, arrays = learned.values, learned.arrays
         self.penalty_, self.band_penalty_ = values["penalty"], values["band_penalty"]

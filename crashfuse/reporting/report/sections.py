@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import pandas as pd
 
 from crashfuse.approaches.displacement_domain.approach import measured_bias
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
@@ -27,19 +27,6 @@ _CHECKS = (
     "units taken from the columns' names; braking negative; the change of velocity about that of the impact speed",
     "every table complete: no cell empty or not a number, no id twice, a pulse for each row",
 )
-
-_METHODS = {
-    "cae": "the CAE model as it is: the run made at the very condition, else an emulator trained on the library (modes "
-    "of its pulses with a Gaussian process on each). The baseline.",
-    "lf_tcn": "temporal convolutional networks that learned the CAE runs and no test (Eq. 5).",
-    "time_domain": "those networks with increments of their weights learned from the tests (Eq. 6). Under the fast "
-    "preset in closed form, their strength chosen by leaving tests out; the band is the posterior, widened until it "
-    "holds on left-out tests.",
-    "displacement_domain": "a Gaussian process on what the CAE model gets wrong over displacement (Eqs. 7–28), and the "
-    "vehicle's motion integrated with it (Eq. 29); whole functions are drawn for the band, widened likewise.",
-    "fused": "time domain, displacement domain and raw CAE averaged with weights that left-out tests decide (by CRPS), "
-    "the more alike the nearer a test is; the band is the mixture's.",
-}
 
 _LIMITS = (
     "Full-frontal rigid-barrier pulses of one vehicle: nothing is said of other crash modes or vehicles.",
@@ -84,7 +71,8 @@ def data(campaign: Campaign) -> str:
 
 def method(config: StudyConfig) -> str:
     """What each approach does, in a sentence, and the settings."""
-    own = "".join(f"<li><b>{text(LABELS[name])}</b>: {text(_METHODS[name])}</li>" for name in config.approaches)
+    chosen = [CLASSES[name] for name in config.approaches]
+    own = "".join(f"<li><b>{text(each.label)}</b>: {text(each.description)}</li>" for each in chosen)
     preset = {"fast": "fast (ours)", "paper": "paper (Tables 2 and 4 as published)"}[config.preset]
     settings = f"Preset {preset}, seed {config.seed}, device {config.device}."
     return section(
