@@ -104,7 +104,7 @@ class Approach(ABC):
         """An unfitted approach with these settings; those that do not concern it are passed over."""
         return cls()
 
-    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:  # noqa: B027 - there may be nothing
         """Do what depends on the CAE runs alone and keep it in the cache: all fits to this campaign share it.
 
         Raises

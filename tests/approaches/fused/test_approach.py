@@ -10,7 +10,6 @@ from crashfuse.approaches.calibration import Coverage
 from crashfuse.approaches.fused.approach import Fused
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
-from crashfuse.errors import NotFittedError, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import LB, MPH
@@ -114,11 +113,3 @@ def test_what_its_components_learned_is_taken_from_the_cache(
     monkeypatch.setattr("crashfuse.approaches.time_domain.approach.TimeDomain.fit", forbidden)
     monkeypatch.setattr("crashfuse.approaches.displacement_domain.approach.DisplacementDomain.fit", forbidden)
     assert Fused(cache=Cache()).fit(rest).calibration_.tests
-
-
-def test_without_tests_or_before_fitting_it_is_an_error(campaign: Campaign) -> None:
-    """One sentence either way."""
-    with pytest.raises(UsageError, match="learns from tests"):
-        Fused().fit(campaign.without(campaign.test_ids))
-    with pytest.raises(NotFittedError):
-        Fused().predict(campaign.tests[0].condition)
