@@ -1,4 +1,4 @@
-"""Which approach to trust, for one prediction and for a whole campaign, in sentences that an engineer can argue with.
+"""Which approach to trust, for one prediction and for a whole campaign, with reasons that an engineer can check.
 
 What is recommended for a test rests on the other tests alone; only the verdict on a campaign looks at how tests were
 predicted that had been left out. It is reached by a proper score of the whole band (CRPS), and told in ratings.
@@ -125,8 +125,8 @@ def recommend(study: Study) -> Recommendation:
         found = study.coverage[chosen]
         n = len(found.tests)
         sentences.append(
-            f"95 % model band: {100 * found.share('accel'):.0f} % of a(t) up to t0 inside, maximum crush in "
-            f"{found.count('crush')} of {n} left-out tests, peak in {found.count('peak')} of {n}."
+            f"95 % model band: {100 * found.share('accel'):.0f} % of a(t) up to the time of zero velocity inside, "
+            f"maximum crush in {found.count('crush')} of {n} left-out tests, peak in {found.count('peak')} of {n}."
         )
     if study.speed_groups is not None:
         apart = _Verdict(study.speed_groups)
@@ -136,7 +136,7 @@ def recommend(study: Study) -> Recommendation:
 
 
 class _Verdict:
-    """What the left-out tests of a study say of each approach."""
+    """Each approach judged by the left-out tests of a study."""
 
     def __init__(self, study: Study) -> None:
         self.study = study

@@ -2,8 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -18,6 +17,7 @@ from crashfuse.approaches.displacement_domain.bias import (
     uniform_points,
 )
 from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
+from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
@@ -41,48 +41,8 @@ _MOST_CHECKED = 20  # tests: more tell the widening no better
 _LEAST_CHECKED = 3  # tests: with fewer there is nothing left to learn from
 
 
-@dataclass(frozen=True, slots=True)
-class DisplacementConfig:
-    """Hyperparameters of the displacement-domain approach.
-
-    Parameters
-    ----------
-    bias : {"hierarchical", "table 4"}
-        The bias model.
-    n_draws : int
-        Whole pulses drawn for the band.
-    step_s : float
-        Spacing of the bias points of a test: the way the vehicle goes at impact speed in this time. A CFC 60 pulse
-        holds little more; closer points would repeat each other, and the fit would count them as evidence.
-    max_points : int
-        About the most bias points of all tests together; more tests have fewer each. The fit's time grows with the
-        cube of their number.
-    projected_points : int
-        For Table 4: points for each of a test's two projections.
-    restarts : int
-        For Table 4: starts beside the first.
-    """
-
-    bias: Literal["hierarchical", "table 4"] = "hierarchical"
-    n_draws: int = 500
-    step_s: float = 0.002
-    max_points: int = 400
-    projected_points: int = 75
-    restarts: int = 10
-
-    @classmethod
-    def fast(cls) -> Self:
-        """The default: a hierarchical Gaussian process, a second a fit."""
-        return cls()
-
-    @classmethod
-    def paper(cls) -> Self:
-        """Table 4 as it stands: minutes a fit."""
-        return cls(bias="table 4")
-
-
 def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
-    """What the CAE model got wrong in a test, over displacement, as the hierarchical model is told but finer."""
+    """The CAE model's error in a test over displacement, as the hierarchical model learns it but finer."""
     condition = test.condition
     phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
     return uniform_points(condition, phase, model.loading_curve(condition), step_m, HierarchicalBias.end_share)
@@ -93,7 +53,8 @@ class DisplacementDomain(Approach):
 
     Parameters
     ----------
-    config : DisplacementConfig
+    config : DisplacementConfig, optional
+        Default: :meth:`DisplacementConfig.fast`.
     seed : int
         For the draws and the optimiser's starts.
     cache : Cache, optional
@@ -123,10 +84,8 @@ class DisplacementDomain(Approach):
     colour = "#D55E00"
     preference = 20
 
-    def __init__(
-        self, config: DisplacementConfig = DisplacementConfig(), *, seed: int = 0, cache: Cache | None = None
-    ) -> None:
-        self.config = config
+    def __init__(self, config: DisplacementConfig | None = None, *, seed: int = 0, cache: Cache | None = None) -> None:
+        self.config = DisplacementConfig.fast() if config is None else config
         self.seed = seed
         self.cache = cache
 
@@ -165,7 +124,7 @@ class DisplacementDomain(Approach):
         return self
 
     def _seen(self, campaign: Campaign) -> Campaign:
-        """What is learned from: more tests than that only where Table 4 asks for all."""
+        """The tests to learn from: at most 30, or all where Table 4 asks for them."""
         if self.config.bias == "table 4":
             self._thinning: tuple[str, ...] = ()
             return campaign
@@ -173,7 +132,7 @@ class DisplacementDomain(Approach):
         return campaign.evenly_over_speed(MOST_TESTS)
 
     def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> list[Unloading]:
-        """Lay the tests beside the CAE model, as both ways to learn need it; returns how they bounced back."""
+        """Compare the tests with the CAE model, as fit and restore need it; returns their rebounds."""
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
         self._paired = float(np.mean([view.paired for view in self._views]))
@@ -212,8 +171,8 @@ class DisplacementDomain(Approach):
         step = max(self.config.step_s * condition.speed_mps, phase.crush_m / self._most_points)
         return uniform_points(condition, phase, curve, step, self.bias_.end_share)
 
-    def foreseen(self, condition: Condition) -> BiasPoints:
-        """Where a test at this condition would tell the bias, if it crushed as the CAE model does; the bias left zero.
+    def expected_points(self, condition: Condition) -> BiasPoints:
+        """Where a test here would show the bias, if it crushed as the CAE model does; the bias itself is left at zero.
 
         Raises
         ------
@@ -241,11 +200,11 @@ class DisplacementDomain(Approach):
             pulses = self._simulate(view, bias, self.rebound_, rng, self.calibration_.widening)
         notes = (*self.model_.notes(condition), *self._thinning, *self.bias_.notes)
         if isinstance(self.bias_, HierarchicalBias) and (unknown := self.bias_.unknown_factors(condition)):
-            notes += (f"Of no known {' and '.join(unknown)}: the band allows for any, so it is wide.",)
+            notes += (f"{' and '.join(unknown).capitalize()} not given: the band covers every value.",)
         if len(self.points_) == 1:
             notes += ("Only one test: how much tests differ from each other is assumed, not learned.",)
         if self.calibration_.tests and not self.calibration_.holds:
-            notes += ("The band holds less than it should on left-out tests, although it was widened.",)
+            notes += ("The band holds less of the left-out tests than it should, although it was widened.",)
         return Prediction(condition, pulses[0], pulses[1:], notes)
 
     def _sample(

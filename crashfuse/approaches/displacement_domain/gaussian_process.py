@@ -1,8 +1,8 @@
 """A hierarchical Gaussian process: a sum of parts with priors, fitted by maximum a posteriori.
 
 All hyperparameters, the noise too, have log-normal priors, and the most probable ones are taken: with ten tests the
-likelihood alone has many optima, and some of them are dead. The likelihood is exact and costs O(n³) time and O(n²)
-memory; its gradient is analytic.
+likelihood alone has many optima, and some of them explain no more than noise. The likelihood is exact and costs O(n³)
+time and O(n²) memory; its gradient is analytic.
 """
 
 import copy

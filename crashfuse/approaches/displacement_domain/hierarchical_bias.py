@@ -1,4 +1,4 @@
-"""Our model of the bias: a hierarchy of what all tests share, what like tests share, and what each has alone."""
+"""Our model of the bias: a sum of what all tests share, what similar tests share, and what is each test's own."""
 
 import copy
 from collections import Counter
@@ -67,7 +67,7 @@ class HierarchicalBias:
     Parameters
     ----------
     seed : int
-        For further starts of the optimiser, should the first be dead.
+        For further starts of the optimiser, should the first explain nothing.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ _BOUNDS = (1e-5, 2e3)
 _START = 2.0
 _ALPHA = 1e-5
 _INPUTS = ("s", "v0", "front weight", "rear weight")
-_DEAD = 0.05  # nats a point over noise alone, below which an optimum explains nothing
+_DEAD = 0.05  # nats a point over noise alone, below which a fit explains nothing
 
 
 class Table4Bias:
@@ -31,8 +31,7 @@ class Table4Bias:
 
     The bias is in m/s², unscaled, as scikit-learn's default leaves it: alpha and the bounds of Table 4 act on (m/s²)².
     The paper leaves this unit open, and the Matérn's order and the scaling of the inputs. From most starts the fit ends
-    in a dead optimum, where every point is its own; what comes out is kept as the settings give it, and is said to be
-    dead.
+    in an optimum that explains no more than noise; the result is kept as the settings give it, and a note says so.
 
     Parameters
     ----------
@@ -152,7 +151,7 @@ class Table4Bias:
     @property
     def notes(self) -> tuple[str, ...]:
         """A warning if the optimum is dead."""
-        return ("The fit at Table 4 ended in a dead optimum: it explains no more than noise would.",) * self.dead_
+        return ("The fit with the settings of Table 4 failed: it explains no more than noise.",) * self.dead_
 
 
 def _columns(condition: Condition, displacement_m: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The time-domain approach: TCNs trained on the CAE runs, then fine-tuned on the tests (MF TCN, Sect. 3.1)."""
+"""The time-domain approach: networks trained on the CAE runs, then fine-tuned on the tests (Sect. 3.1)."""
 
 import copy
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from crashfuse.approaches.base import MOST_TESTS, Prediction, thinning_notes
 from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
 from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.left_out import LeftOut
-from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Outlook
+from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
 from crashfuse.approaches.time_domain.stopping import SMOOTH_S, Stopping, stopping_notes
 from crashfuse.approaches.time_domain.tangent_kernel import Tangent, tangent_kernel, tangents
@@ -31,7 +31,9 @@ _HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
 class TimeDomain(TcnApproach):
-    """The MF TCN: the LF networks with increments learned from the tests (Eq. 6). Parameters as :class:`LfTcn`.
+    """The multi-fidelity (MF) TCN: the LF networks with increments learned from the tests (Eq. 6).
+
+    Parameters as :class:`LfTcn`.
 
     Attributes
     ----------
@@ -168,12 +170,12 @@ class TimeDomain(TcnApproach):
 
         def check(widening: float, late: float) -> list[Coverage]:
             watch.report("Checking the band on left-out tests", 0, 1)
-            for number, (test, outlook) in enumerate(zip(tests, left_out, strict=True)):
-                pulses[number] = self._pulses(test.condition, outlook, widening, late)
+            for number, (test, posterior) in enumerate(zip(tests, left_out, strict=True)):
+                pulses[number] = self._pulses(test.condition, posterior, widening, late)
             return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
 
         # Wider draws have higher peaks: a measured peak below its interval must not widen the band, only be reported.
-        # What comes after t0 is less certain, and has a factor of its own.
+        # The rebound is less certain, and has a factor of its own.
         first = calibrate(lambda w: [replace(c, rebound=np.nan, peak=True) for c in check(w, w)]).widening
         late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
         self.calibration_ = Calibration(first, tuple(check(first, late)), late)
@@ -197,10 +199,12 @@ class TimeDomain(TcnApproach):
     def _stopping(self, condition: Condition) -> Stopping:
         return Stopping.of(condition, self.scaling_, self.config)
 
-    def _stopped(self, condition: Condition, lf: FloatArray, outlook: Outlook, end_shares: FloatArray) -> Outlook:
+    def _stopped(self, condition: Condition, lf: FloatArray, posterior: Posterior, end_shares: FloatArray) -> Posterior:
         """LF networks and increments together, no rougher than cars are, of a vehicle that stops."""
-        outlook = Outlook(lf + outlook.mean, outlook.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
-        return self._stopping(condition).imposed(outlook, end_shares)
+        posterior = Posterior(lf + posterior.mean, posterior.covariance).smoothed(
+            SMOOTH_S / (DT_S * self.config.stride)
+        )
+        return self._stopping(condition).imposed(posterior, end_shares)
 
     def _alike(self, vectors: FloatArray) -> FloatArray:
         """How alike increments at the tests and at other conditions are, shape (n_tests, n): they drift with speed."""
@@ -208,17 +212,17 @@ class TimeDomain(TcnApproach):
         correlation: FloatArray = np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2)
         return correlation
 
-    def _pulses(self, condition: Condition, outlook: Outlook, widening: float, late: float) -> FloatArray:
+    def _pulses(self, condition: Condition, posterior: Posterior, widening: float, late: float) -> FloatArray:
         """The mean pulse, then drawn ones with wider deviations: shape (1 + n_draws, 1250), m/s²."""
-        n_draws, n_times = self.config.n_draws, outlook.mean.size
+        n_draws, n_times = self.config.n_draws, posterior.mean.size
         dof = max(len(self._vectors), _LEAST_FREEDOM)
         rng = np.random.default_rng(self.seed)
-        normal = outlook.draw(n_draws, rng)
+        normal = posterior.draw(n_draws, rng)
         # the variance itself is learned from a handful of tests: Student's t
         factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
-        wide = widening + (late - widening) * self._stopping(condition).after_t0(outlook.mean)
+        wide = widening + (late - widening) * self._stopping(condition).after_t0(posterior.mean)
         deviations = factors[:, None] * normal * wide
-        outputs = outlook.mean + np.vstack([np.zeros(n_times), deviations])
+        outputs = posterior.mean + np.vstack([np.zeros(n_times), deviations])
         return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
 
     def predict(self, condition: Condition) -> Prediction:
@@ -238,8 +242,8 @@ class TimeDomain(TcnApproach):
         own = tangent_kernel(self.network_, here, here)[0, :, 0]
         expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
         with threadpool_limits(1):  # small matrices, and the same numbers whatever the machine has
-            outlook = self._stopped(condition, expected, self.increments_.outlook(across, own), self._end_shares)
-            pulses = self._pulses(condition, outlook, check.widening, check.late_widening or check.widening)
+            posterior = self._stopped(condition, expected, self.increments_.posterior(across, own), self._end_shares)
+            pulses = self._pulses(condition, posterior, check.widening, check.late_widening or check.widening)
         notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 

@@ -1,4 +1,4 @@
-"""The TCN before it has seen a test: an emulator of the CAE model in time (LF TCN, Eq. 5)."""
+"""The low-fidelity (LF) networks: an emulator of the CAE model in time that has seen no test (Eq. 5)."""
 
 from collections.abc import Mapping, Sequence
 from typing import Self
@@ -9,7 +9,8 @@ import torch
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.settings import Device, Settings
-from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.config import TcnConfig
+from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.scaling import Scaling
 from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
 from crashfuse.approaches.time_domain.training_data import predict, train
@@ -25,7 +26,7 @@ _MOST_POINTS = 200  # of a learning curve that is shown
 
 
 class TcnApproach(Approach):
-    """What both approaches share: hyperparameters, and a prediction once there is a network."""
+    """Common base of the LF TCN and the time domain: hyperparameters, and the prediction of a network."""
 
     network_: Tcn
     scaling_: Scaling
@@ -67,7 +68,7 @@ class TcnApproach(Approach):
 
 
 class LfTcn(TcnApproach):
-    """The networks before they have seen a test: an emulator of the CAE model in time (Eq. 5).
+    """The low-fidelity (LF) networks: an emulator of the CAE model in time that has seen no test (Eq. 5).
 
     Parameters
     ----------

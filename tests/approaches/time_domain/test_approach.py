@@ -9,8 +9,8 @@ import torch
 
 from crashfuse.approaches.calibration import Coverage
 from crashfuse.approaches.time_domain.approach import TimeDomain
+from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-from crashfuse.approaches.time_domain.network import TcnConfig
 from crashfuse.approaches.time_domain.stopping import stopping_notes
 from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.errors import Cancelled

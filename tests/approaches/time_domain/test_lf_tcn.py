@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.training import load_weights, weights_of
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
