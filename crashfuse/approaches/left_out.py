@@ -53,7 +53,7 @@ class LeftOut:
 
     @classmethod
     def restored(cls, learned: FittedState) -> "LeftOut":
-        """What :meth:`learned` told."""
+        """Restored from what :meth:`learned` gave."""
         return cls(learned.arrays["numbers"], learned.arrays["mean"], learned.arrays["draws"])
 
 

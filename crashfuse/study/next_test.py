@@ -30,7 +30,7 @@ _N_TARGETS = 48
 
 @dataclass(frozen=True, slots=True)
 class ConditionRange:
-    """Speeds and weights that the engineer cares about, all equally.
+    """The range of speeds and weights of interest, each of equal weight.
 
     Parameters
     ----------

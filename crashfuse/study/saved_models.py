@@ -1,4 +1,4 @@
-"""A fitted approach as a file: arrays as safetensors, all else as JSON in its header, nothing that could run.
+"""A fitted approach as a file: arrays as safetensors, all else as JSON in its header, no code.
 
 A model belongs to the data that it learned from: it names their fingerprint, and is loaded beside them. It predicts to
 the same bits as on the day it was saved, so whoever holds campaign and model can check what was shown.

@@ -37,7 +37,7 @@ from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 _SHARES = np.linspace(0.0, 1.0, 101)  # of the impact speed, at which what depends on velocity is drawn
 _LEAST_POINTS = 8  # of a test, however many there are
 _CHECK_DRAWS = 200  # for each test that the band is checked on
-_MOST_CHECKED = 20  # tests: more tell the widening no better
+_MOST_CHECKED = 20  # tests: more would not change the widening
 _LEAST_CHECKED = 3  # tests: with fewer there is nothing left to learn from
 
 

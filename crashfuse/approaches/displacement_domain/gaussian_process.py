@@ -116,7 +116,7 @@ class GaussianProcess:
         return other
 
     def also_at(self, x: FloatArray) -> Self:
-        """The same process with the same hyperparameters, had it found at these rows what it expects there.
+        """The same process with the same hyperparameters, as if these rows had been measured with the expected output.
 
         The mean stays as it is. The variance, which depends on where was measured and not on what, is that after any
         outcome.

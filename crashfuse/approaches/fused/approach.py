@@ -1,4 +1,4 @@
-"""Both approaches and the raw CAE in one prediction, each trusted as far as left-out tests say (beyond the paper)."""
+"""Both approaches and the raw CAE in one prediction, weighted as left-out tests decide (beyond the paper)."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Self
@@ -150,7 +150,7 @@ class Fused(Approach):
         return float(np.exp(-np.abs(others - speed_mps).min() / _REACH_MPS)) if others.size else 0.0
 
     def _left_out_components(self, number: int, one: LeftOut, other: LeftOut) -> list[Component]:
-        """What each component says of a test that it has not seen, thinned out."""
+        """Each component's prediction of a test that it has not seen, thinned out."""
         cae = self._cae_draws(self._cae[number], self._speeds[number], without=number)[:, ::STRIDE]
         said = [(left, left.numbers == number) for left in (one, other)]
         drawn = [Component(left.mean_mps2[own][0], left.draws_mps2[own][0].astype(np.float64)) for left, own in said]

@@ -1,7 +1,7 @@
-"""How much to trust each of several predictions: weights that left-out tests decide, by how near their neighbours are.
+"""Weights of several predictions, learned from left-out tests and how near their neighbours are.
 
 Each component gives draws. A mixture takes a share of its draws from each, and is judged by the continuous ranked
-probability score over time, E|X - y| - E|X - X'|/2 (Gneiting & Raftery 2007, Eq. 21): zero for whoever knows the pulse,
+probability score over time, E|X - y| - E|X - X'|/2 (Gneiting & Raftery 2007, Eq. 21): zero for a perfect prediction,
 and in the unit of the acceleration. In the weights it is a quadratic function, so nothing has to be drawn twice.
 """
 
@@ -18,7 +18,7 @@ _PAIRS = 100  # draws of either component that are compared
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Scores:
-    """What the score of any mixture of components is made of, for one left-out test.
+    """Terms of the score of any mixture of components, for one left-out test.
 
     Attributes
     ----------

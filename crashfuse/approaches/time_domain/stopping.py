@@ -11,7 +11,7 @@ from crashfuse.approaches.time_domain.scaling import Scaling
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 
-SMOOTH_S = 0.0032  # increments deviate faster than cars do, and draws that wiggle too fast have too high a peak
+SMOOTH_S = 0.0032  # increments vary faster than real pulses, and draws that oscillate too fast peak too high
 _LEAST_SPREAD = 0.02  # of the share of v0 that is left at the end of the record, however alike the tests
 _UNKNOWN_SPREAD = 0.1  # with a single test
 

@@ -17,7 +17,7 @@ from crashfuse.execution.progress import Watch
 from crashfuse.signals.pulse import FloatArray
 
 _VALIDATED = 0.1  # share of the CAE runs (Sect. 4.1: 90 % for training, 10 % for validation)
-_MOST_VALIDATED = 1000  # more tell the loss no better
+_MOST_VALIDATED = 1000  # more would not make the loss more accurate
 _WARM_UP = 0.1  # share of the steps
 _SIDE_BY_SIDE = 2  # members a thread: more would leave a core idle, fewer share no products
 

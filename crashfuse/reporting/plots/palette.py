@@ -1,4 +1,4 @@
-"""What has which colour: approaches, grades, tests by their speed; and each colour's counterpart on a dark page."""
+"""Colours of approaches, grades and tests by their speed, and their counterparts on a dark page."""
 
 from collections.abc import Mapping, Sequence
 
@@ -45,7 +45,7 @@ IN_THE_DARK: Mapping[str, str] = {
     **{approach.colour: approach.dark_colour for approach in CLASSES.values() if approach.dark_colour},
     **dict(zip(_SLOW_TO_FAST, _SLOW_TO_FAST_IN_THE_DARK, strict=True)),
 }
-"""What a colour becomes on a dark page; those not named stay, for they read on both."""
+"""Counterparts on a dark page; colours that are not listed can be read on both."""
 
 
 def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:
