@@ -1,8 +1,9 @@
 """What the CAE model would give at a condition where no run was made: an emulator trained on all runs.
 
 The pulses, divided by their speeds so that slow crashes count as much as fast ones, are decomposed into principal modes
-in time. The score of each mode is a Gaussian process over (v0, front weight, rear weight): the modes share one Matérn-5/2 correlation, and each has its own variance and its own noise, so that a mode that does not vary
-smoothly with the condition is averaged, not interpolated.
+in time. The score of each mode is a Gaussian process over (v0, front weight, rear weight): the modes share one
+Matérn-5/2 correlation, and each has its own variance and its own noise, so that a mode that does not vary smoothly with
+the condition is averaged, not interpolated.
 """
 
 from dataclasses import dataclass
