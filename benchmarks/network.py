@@ -19,9 +19,10 @@ from unittest.mock import patch
 import numpy as np
 import numpy.typing as npt
 
+from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
-from crashfuse.approaches.time_domain.training import Checkpoint, Problem, descend
+from crashfuse.approaches.time_domain.network import Tcn
+from crashfuse.approaches.time_domain.training import Checkpoint, TrainingObjective, minimise
 from crashfuse.approaches.time_domain.training_data import predict
 from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.campaign_folder.folder import load_campaign
@@ -55,14 +56,19 @@ class _Training:
         self._unseen, self._cpu_s, self._next_cpu_s = unseen, cpu_s, 0.0
         self._approach = LfTcn(config, device="cpu")
         self._start = _clocks()
-        with patch("crashfuse.approaches.time_domain.training_data.descend", self._descend), suppress(Cancelled):
+        with patch("crashfuse.approaches.time_domain.training_data.minimise", self._descend), suppress(Cancelled):
             self._approach.fit(Campaign("nine tenths", known, ()))
 
     def _descend(
-        self, networks: Sequence[Tcn], problems: Sequence[Problem], checkpoint: Checkpoint, _: Watch, name: str
+        self,
+        networks: Sequence[Tcn],
+        objectives: Sequence[TrainingObjective],
+        checkpoint: Checkpoint,
+        _: Watch,
+        name: str,
     ) -> FloatArray:
         self._networks = networks
-        return descend(networks, problems, checkpoint, Watch(self._report), name)
+        return minimise(networks, objectives, checkpoint, Watch(self._report), name)
 
     def _report(self, progress: Progress) -> None:
         begin = _clocks()

@@ -18,7 +18,8 @@ from joblib import Parallel, delayed
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache

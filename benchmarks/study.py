@@ -17,10 +17,11 @@ from pathlib import Path
 import psutil
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-from crashfuse.approaches.time_domain.network import TcnConfig
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.execution.cache import Cache

@@ -5,7 +5,7 @@ from typing import Any
 import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.reporting.plots.corridors import add_corridors
 from crashfuse.reporting.plots.pulses import motion
 from crashfuse.reporting.plots.residuals import residuals
@@ -47,13 +47,13 @@ study = result_of(
 fold = study.fold(test.id)
 predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
 
-raw = fold.ratings["cae"][view.window_ms].overall if "cae" in fold.ratings else None
+raw = fold.ratings[BASELINE][view.window_ms].overall if BASELINE in fold.ratings else None
 beside = "" if raw is None else ", and its change against the CAE"
 st.markdown(f"ISO/TS 18571 rating over {page_tables.window_label(view.window_ms)}{beside}")
 cards = st.container(horizontal=True, gap="small")
 for name, by_window in fold.ratings.items():
     rating = by_window[view.window_ms]
-    gain = None if raw is None or name == "cae" else rating.overall - raw
+    gain = None if raw is None or name == BASELINE else rating.overall - raw
     with cards.container(border=True, width=CARD_PX):
         st.metric(
             LABELS[name], f"{rating.overall:.3f}", None if gain is None else f"{gain:+.3f}",

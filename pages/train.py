@@ -4,7 +4,7 @@ import streamlit as st
 import torch
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
-from crashfuse.approaches.time_domain.lf_tcn import DEVICES
+from crashfuse.approaches.settings import DEVICES
 from crashfuse.ui import frame
 from crashfuse.ui.computation import StudyRequest, chosen_config, jobs
 from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test

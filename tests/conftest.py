@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import torch
 
-from crashfuse.approaches.time_domain.network import TcnConfig
+from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse

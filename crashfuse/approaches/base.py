@@ -1,12 +1,14 @@
-"""The contract that all approaches share: fit on a campaign without the held-out test, predict at a condition."""
+"""What an approach is: it says what it is called and how it is drawn, fits a campaign and predicts at a condition."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
 
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
+from crashfuse.approaches.settings import Settings
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import NotFittedError
@@ -59,7 +61,10 @@ def thinning_notes(campaign: Campaign) -> tuple[str, ...]:
 
 
 class Approach(ABC):
-    """One way to predict a pulse. Learned attributes end in an underscore; hyperparameters are a frozen config.
+    """One way to predict a pulse, and all that the rest of the program has to know about it.
+
+    A new approach is a subclass in a module of its own, entered in :mod:`crashfuse.approaches.registry`. FittedState
+    attributes end in an underscore; hyperparameters are a frozen config.
 
     Attributes
     ----------
@@ -67,14 +72,58 @@ class Approach(ABC):
         The name in every file and call.
     label : str
         The name in figures and tables.
+    in_words : str
+        The name in a sentence, with its article.
+    description : str
+        What it does, in a sentence that follows its label and a colon.
+    colour, dark_colour : str
+        ``#RRGGBB`` of its curves on a white page and on a dark one; no ``dark_colour`` where one reads on both.
+    dash : str
+        Plotly's dash of its curves; solid is for what has learned from tests.
+    preference : int
+        Of approaches that tests cannot tell apart, the one with the lowest number is recommended.
+    learns_from_tests : bool
+        Whether :meth:`fit` looks at tests at all.
+    made_of : tuple of Approach classes
+        The approaches that it mixes, if any; the first of a prediction's notes then says how.
     """
 
     name: ClassVar[str]
     label: ClassVar[str]
+    in_words: ClassVar[str]
+    description: ClassVar[str]
+    colour: ClassVar[str]
+    dark_colour: ClassVar[str | None] = None
+    dash: ClassVar[str] = "solid"
+    preference: ClassVar[int]
+    learns_from_tests: ClassVar[bool] = True
+    made_of: ClassVar[tuple[type["Approach"], ...]] = ()
+
+    @classmethod
+    def create(cls, settings: Settings) -> Self:  # noqa: ARG003 - most others need it
+        """An unfitted approach with these settings; those that do not concern it are passed over."""
+        return cls()
+
+    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:  # noqa: B027 - there may be nothing
+        """Do what depends on the CAE runs alone and keep it in the cache: all fits to this campaign share it.
+
+        Raises
+        ------
+        Cancelled
+            If the watch was told to stop.
+        """
 
     @abstractmethod
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Learn from the campaign as it is handed over: held-out tests have been taken out of it already."""
+        """Learn from the campaign as it is handed over: held-out tests have been taken out of it already.
+
+        Raises
+        ------
+        UsageError, DataError
+            If there is not enough to learn from.
+        Cancelled
+            If the watch was told to stop.
+        """
 
     @abstractmethod
     def predict(self, condition: Condition) -> Prediction:
@@ -85,6 +134,21 @@ class Approach(ABC):
         NotFittedError
             If called before :meth:`fit`.
         """
+
+    @property
+    def parts(self) -> tuple["Approach", ...]:
+        """The fitted approaches that it mixes, one of each class in ``made_of``.
+
+        Raises
+        ------
+        NotFittedError
+            If there are some, and they are asked for before :meth:`fit`.
+        """
+        return ()
+
+    def predict_from(self, condition: Condition, parts: Sequence[Prediction]) -> Prediction:  # noqa: ARG002 - see above
+        """As :meth:`predict`, where what its :attr:`parts` predict there is known already."""
+        return self.predict(condition)
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:  # noqa: ARG002 - others need it
         """What it expects of each test that it learned from, as if that test had not been run.
@@ -102,7 +166,7 @@ class Approach(ABC):
         return {}
 
     @abstractmethod
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """What :meth:`fit` found.
 
         Raises
@@ -112,7 +176,7 @@ class Approach(ABC):
         """
 
     @abstractmethod
-    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Take up what an approach with these hyperparameters learned from this campaign, instead of :meth:`fit`.
 
         Raises
@@ -127,8 +191,14 @@ class Approach(ABC):
             raise NotFittedError(f"The approach {self.name} has not been fitted; call fit(campaign) first.")
 
     @property
-    def hardware(self) -> str:
-        """Kind of device that decides the last bits of its numbers, where there is a choice."""
+    def device(self) -> str:
+        """Kind of device that it trains on, ``cpu`` or ``cuda``, if that decides the last bits; else empty.
+
+        Raises
+        ------
+        UsageError
+            If the device that was asked for is not there.
+        """
         return ""
 
     @property

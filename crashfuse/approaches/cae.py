@@ -3,7 +3,8 @@
 from typing import Self
 
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
+from crashfuse.approaches.settings import Settings
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -27,9 +28,26 @@ class Cae(Approach):
 
     name = "cae"
     label = "CAE"
+    in_words = "the raw CAE model"
+    description = (
+        "the CAE model as it is: the run made at the very condition, else an emulator trained on the library "
+        "(principal modes of its pulses, with a Gaussian process on each); the baseline."
+    )
+    colour, dark_colour, dash = "#7F7F7F", "#9A9FA6", "dash"
+    preference = 50
+    learns_from_tests = False
 
     def __init__(self, *, cache: Cache | None = None) -> None:
         self.cache = cache
+
+    @classmethod
+    def create(cls, settings: Settings) -> Self:
+        """The raw CAE model needs the cache alone."""
+        return cls(cache=settings.cache)
+
+    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+        """Train the emulator."""
+        self.fit(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Train the emulator on the campaign's CAE runs; tests are not looked at.
@@ -49,12 +67,12 @@ class Cae(Approach):
         self._require("model_")
         return {test.id: self.model_.pulse(test.condition).accel_mps2 for test in campaign.tests}
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """Nothing but the emulator, which is trained in a second."""
         self._require("model_")
-        return Learned({}, {})
+        return FittedState({}, {})
 
-    def restore(self, campaign: Campaign, learned: Learned) -> Self:  # noqa: ARG002 - there is nothing in it
+    def restore(self, campaign: Campaign, learned: FittedState) -> Self:  # noqa: ARG002 - there is nothing in it
         """As :meth:`fit`."""
         return self.fit(campaign)
 

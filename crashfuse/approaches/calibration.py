@@ -1,4 +1,4 @@
-"""Whether a band holds what it promises: how much of left-out tests lies inside, and how much wider it has to be."""
+"""Calibration of bands: how much of left-out tests lies inside, and how far a band has to be widened for it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
@@ -11,7 +11,7 @@ from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 
 LEVEL = 0.95
 LEVELS: FloatArray = np.linspace(0.05, 0.95, 19)
-"""At which bands are compared with what they hold."""
+"""Levels at which the coverage of bands is compared with what they promise."""
 
 WIDENINGS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
 
@@ -23,9 +23,9 @@ class Coverage:
     Attributes
     ----------
     accel, velocity : float
-        Shares of the time up to t0 at which the measured a(t) and v(t) lie inside.
+        Shares of the time up to zero velocity at which the measured a(t) and v(t) lie inside.
     rebound : float
-        Share of the time after t0 at which a(t) does; NaN for a test that does not stop within the record.
+        Share of the time after zero velocity at which a(t) does; NaN for a test that does not stop within the record.
     crush, peak : bool
         Whether the measured maximum dynamic crush and peak deceleration lie inside their intervals.
     """
@@ -61,7 +61,7 @@ class Coverage:
 
 
 def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = LEVELS) -> FloatArray:
-    """Share of the time up to t0 at which a left-out test's a(t) lies inside the central band of each level.
+    """Share of the time up to zero velocity at which a left-out test's a(t) lies inside the central band of each level.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class Calibration:
     tests : tuple of Coverage
         One for each left-out test, with the widened band.
     late_widening : float, optional
-        The factor after t0, where it is not the same.
+        The factor after the time of zero velocity, if it differs.
     """
 
     widening: float
@@ -136,12 +136,12 @@ class Calibration:
 
     @property
     def inside(self) -> FloatArray:
-        """What is known of each test, as rows of numbers, shape (n_tests, 5)."""
+        """The coverages as rows of numbers, shape (n_tests, 5)."""
         return np.array([astuple(test) for test in self.tests], dtype=np.float64).reshape(-1, 5)
 
     @classmethod
     def of(cls, widening: float, inside: FloatArray, late_widening: float | None = None) -> Self:
-        """The calibration of which :attr:`inside` told this."""
+        """The calibration with these rows of :attr:`inside`."""
         tests = tuple(Coverage(a, v, after, bool(crush), bool(peak)) for a, v, after, crush, peak in inside.tolist())
         return cls(widening, tests, late_widening)
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from crashfuse.approaches.base import Approach
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
@@ -80,7 +80,7 @@ def _restore(approach: Approach, campaign: Campaign, cache: Cache, key: Mapping[
     if entry is None:
         return None
     text = json.loads(str(entry.pop("text")))
-    approach.restore(campaign, Learned(text["values"], entry))
+    approach.restore(campaign, FittedState(text["values"], entry))
     return float(text["seconds"])
 
 
@@ -90,5 +90,5 @@ def settings(approach: Approach) -> dict[str, object]:
         "approach": approach.name,
         "config": getattr(approach, "config", None),
         "seed": getattr(approach, "seed", 0),
-        "hardware": approach.hardware,
+        "device": approach.device,
     }

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.campaign import Campaign
 from crashfuse.signals.pulse import GRID_S, FloatArray
 
@@ -47,13 +47,13 @@ class LeftOut:
             campaign.tests[number].id: in_full(mean) for number, mean in zip(self.numbers, self.mean_mps2, strict=True)
         }
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """All of it."""
-        return Learned({}, {"numbers": self.numbers, "mean": self.mean_mps2, "draws": self.draws_mps2})
+        return FittedState({}, {"numbers": self.numbers, "mean": self.mean_mps2, "draws": self.draws_mps2})
 
     @classmethod
-    def restored(cls, learned: Learned) -> "LeftOut":
-        """What :meth:`learned` told."""
+    def restored(cls, learned: FittedState) -> "LeftOut":
+        """Restored from what :meth:`learned` gave."""
         return cls(learned.arrays["numbers"], learned.arrays["mean"], learned.arrays["draws"])
 
 

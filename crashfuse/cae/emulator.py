@@ -1,9 +1,9 @@
 """What the CAE model would give at a condition where no run was made: an emulator trained on all runs.
 
-It takes the pulses, divided by their speeds so that slow crashes count as much as fast ones, apart into principal modes
-in time. How much of a mode a condition asks for is a Gaussian process over (v0, front weight, rear weight): the modes
-share one Matérn-5/2 correlation, and each has its own variance and its own noise, so that a mode that does not vary
-smoothly with the condition is averaged, not interpolated.
+The pulses, divided by their speeds so that slow crashes count as much as fast ones, are decomposed into principal modes
+in time. The score of each mode is a Gaussian process over (v0, front weight, rear weight): the modes share one
+Matérn-5/2 correlation, and each has its own variance and its own noise, so that a mode that does not vary smoothly with
+the condition is averaged, not interpolated.
 """
 
 from dataclasses import dataclass
@@ -65,7 +65,7 @@ class Emulator:
     noise_ : ndarray, shape (n_modes,)
         Noise variance of each mode over its signal variance.
     residuals_ : ndarray, shape (n_runs, n_modes)
-        What each run is more than what all others predict for it, length scales and noise kept.
+        Leave-one-out residual of each run, with length scales and noise kept.
     """
 
     def __init__(self, config: EmulatorConfig = EmulatorConfig()) -> None:
@@ -122,7 +122,7 @@ class Emulator:
     def predict(self, condition: Condition) -> FloatArray:
         """Predict the CAE pulse at a condition.
 
-        Beyond the library the pulse at its border is taken: a Gaussian process forgets what it has learned out there.
+        Beyond the library the pulse at its border is taken: a Gaussian process falls back to its mean out there.
         Beyond its speeds that pulse is scaled with the speed, as the change of velocity is.
 
         Parameters
@@ -141,7 +141,7 @@ class Emulator:
         return np.asarray(pulse[0] * max(condition.speed_mps, _LEAST_MPS))
 
     def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
-        """Draw what a run at a condition might be more than :meth:`predict`: what like runs were, left out in turn.
+        """Draw errors of :meth:`predict` at a condition: leave-one-out residuals of similar runs.
 
         Parameters
         ----------
@@ -161,11 +161,11 @@ class Emulator:
         return np.asarray(max(condition.speed_mps, _LEAST_MPS) * signs * (self.residuals_[chosen] @ self.modes_))
 
     def arrays(self) -> Entry:
-        """What was learned, for the cache."""
+        """The fitted state, for the cache."""
         return {name: getattr(self, name) for name in _LEARNED}
 
     def restore(self, learned: Entry) -> None:
-        """Take up what was learned before."""
+        """Restore a fitted state."""
         for name in _LEARNED:
             setattr(self, name, learned[name])
 

@@ -35,7 +35,7 @@ class LoadingCurve:
     own : LoadingPhase
         Of the CAE pulse at this condition.
     faster : sequence of LoadingPhase
-        Of ever faster crashes at these weights: they tell how the curve goes on where a vehicle crushes further.
+        Of successively faster crashes at these weights: they continue the curve where a vehicle crushes further.
     """
 
     own: LoadingPhase
@@ -71,7 +71,7 @@ class LoadingCurve:
         return curve
 
     def stopping_accel(self, speed_share: FloatArray, end_share: float) -> FloatArray:
-        """What the CAE vehicle does in addition while it comes to its stop, at shares v/v0 of its impact speed.
+        """Additional acceleration of the CAE vehicle while it comes to a stop, over shares v/v0 of its impact speed.
 
         Force falls or rises there with the rate of crushing, over hardly any displacement; a vehicle that crushes
         further or less stops elsewhere, but it stops. Added to ``accel_at(s, end_share)`` this gives the CAE pulse.
@@ -150,7 +150,7 @@ class CaeModel:
         return LoadingCurve(own, tuple(faster))
 
     def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
-        """Draw what the CAE model might be more than :meth:`pulse`, shape (n, 1250); nothing where a run was made."""
+        """Draw errors of :meth:`pulse`, shape (n, 1250); zero where a run was made."""
         if self.cae_.paired_run(condition) is not None:
             return np.zeros((n, self.cae_.accel_mps2.shape[1]))
         return self.emulator_.errors(condition, n, rng)

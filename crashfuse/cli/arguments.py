@@ -1,7 +1,7 @@
 """What the command line takes."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -121,7 +121,8 @@ def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False
         "--approach",
         nargs="+",
         metavar="NAME",
-        help="cae, lf_tcn, time_domain, displacement_domain, fused (default: all)",
+        choices=_Approaches(),
+        help="%(choices)s (default: all)",
     )
     parser.add_argument(
         "--preset",
@@ -135,6 +136,18 @@ def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False
     parser.add_argument(
         "--device", choices=("auto", "cpu", "cuda"), help="where networks are trained (default: auto, CUDA if any)"
     )
+
+
+class _Approaches:
+    """Names of all approaches, looked up only where they are needed: torch comes with them."""
+
+    def __iter__(self) -> Iterator[str]:
+        from crashfuse.approaches.registry import APPROACHES
+
+        return iter(APPROACHES)
+
+    def __contains__(self, name: object) -> bool:
+        return name in tuple(self)
 
 
 def _listed(parse: Callable[[str], T]) -> Callable[[str], list[T]]:

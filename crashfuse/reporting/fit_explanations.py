@@ -46,10 +46,11 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     """What a bias model's fit found, a sentence each."""
     sentences = []
     if "hyperparameters" in state:
-        dead = "It explains nothing: treat the result as uncorrected." if state["dead"] else "It is not a dead optimum."
+        explains = "nothing: treat the result as uncorrected" if state["dead"] else "more than noise"
         sentences.append(
             f"Fitted to {state['points']} points of a bias of {state['bias_rms_g']:.1f} g (root mean square); "
-            f"log marginal likelihood {state['log_marginal_likelihood']:.0f}, further starts {state['retries']}. {dead}"
+            f"log marginal likelihood {state['log_marginal_likelihood']:.0f}, further starts {state['retries']}. "
+            f"The fit explains {explains}."
         )
     if len(densities := state.get("left_out_log_density", {})) > 1:
         compared = ", ".join(f"{name} {value:.0f}" for name, value in densities.items())

@@ -1,1 +1,1 @@
-"""What a crash pulse is, and what it says: kinematics, filters, metrics, energy, occupant, rating."""
+"""The crash pulse and what is computed from it: kinematics, filters, metrics, energy, occupant, rating."""

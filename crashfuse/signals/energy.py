@@ -1,4 +1,4 @@
-"""Where the crash energy goes: what the vehicle has absorbed by the time it is crushed so far."""
+"""Energy that the vehicle absorbs over crush."""
 
 from dataclasses import dataclass
 

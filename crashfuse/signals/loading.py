@@ -9,14 +9,17 @@ from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LoadingPhase:
-    """A pulse up to t0, as functions of time; displacement is strictly increasing, so acceleration is one of it too.
+    """A pulse up to the time of zero velocity, as functions of time.
+
+    Displacement is strictly increasing, so acceleration is a function of it, too.
 
     Attributes
     ----------
     time_s, displacement_m, velocity_mps, accel_mps2 : ndarray, shape (n,)
-        The last sample is t0 itself, or the end of the record where the vehicle never stops.
+        The last sample is the time of zero velocity, or the end of the record where the vehicle never stops.
     t0_s : float
-        NaN where the vehicle does not stop within the record.
+        Time of zero velocity (t0 in the paper, TTZV in crash laboratories); NaN where the vehicle does not stop within
+        the record.
     """
 
     time_s: FloatArray
@@ -37,7 +40,7 @@ class LoadingPhase:
 
     @property
     def end_s(self) -> float:
-        """Time at the end of the phase: t0, if the vehicle stops."""
+        """Time at the end of the phase: the time of zero velocity, if the vehicle stops."""
         return float(self.time_s[-1])
 
     def accel_at(self, displacement_m: FloatArray) -> FloatArray:
@@ -51,7 +54,7 @@ class LoadingPhase:
 
 
 def loading_phase(accel_mps2: FloatArray, speed_mps: float) -> LoadingPhase:
-    """Cut a pulse on the study grid at its t0 (Eqs. 11 to 14).
+    """Cut a pulse on the study grid at its time of zero velocity (Eqs. 11 to 14).
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""What engineers read off a crash pulse: positive numbers in the units of their tables, with intervals.
+"""Metrics of a crash pulse: positive numbers in the units of their tables, with intervals.
 
-A metric is one small function of a :class:`Motion`, in SI, and one line of ``_READINGS``.
+A metric is one small function of a :class:`~crashfuse.signals.pulse.Kinematics`, in SI, and one line of ``_READINGS``.
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.signals.occupant import occupant_load_criterion, vehicle_pulse_index
-from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
+from crashfuse.signals.pulse import DT_S, FloatArray, Kinematics, kinematics
 from crashfuse.units import KPH, MS, G
 
 TAIL = 0.025  # on either side of the central 95 %
@@ -50,55 +50,37 @@ class Metric:
         return f"{value} [{lower}, {upper}]"
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Motion:
-    """A pulse, or many, with what follows from them; arrays of shape (..., n) in SI, ``t0_s`` of shape (...)."""
-
-    accel_mps2: FloatArray
-    velocity_mps: FloatArray
-    displacement_m: FloatArray
-    t0_s: FloatArray
-    dt_s: float
-
-    @classmethod
-    def of(cls, accel_mps2: FloatArray, speed_mps: float, dt_s: float) -> "Motion":
-        """Integrate acceleration from an impact speed."""
-        accel_mps2 = np.asarray(accel_mps2, dtype=np.float64)
-        motion = kinematics(accel_mps2, speed_mps, dt_s)
-        return cls(accel_mps2, motion.velocity_mps, motion.displacement_m, motion.t0_s, dt_s)
-
-
-def _peak(motion: Motion) -> FloatArray:
+def _peak(motion: Kinematics) -> FloatArray:
     """Largest deceleration."""
     return np.asarray(-motion.accel_mps2.min(axis=-1))
 
 
-def _peak_time(motion: Motion) -> FloatArray:
+def _peak_time(motion: Kinematics) -> FloatArray:
     """Time of the largest deceleration."""
     return np.asarray(motion.accel_mps2.argmin(axis=-1) * motion.dt_s)
 
 
-def _delta_v(motion: Motion) -> FloatArray:
+def _delta_v(motion: Kinematics) -> FloatArray:
     """Largest change of velocity over the record, rebound included."""
     return np.asarray((motion.velocity_mps[..., :1] - motion.velocity_mps).max(axis=-1))
 
 
-def _t0(motion: Motion) -> FloatArray:
+def _t0(motion: Kinematics) -> FloatArray:
     """Time of zero velocity; infinite, that is beyond the record, if there is none."""
     return np.where(np.isnan(motion.t0_s), np.inf, motion.t0_s)
 
 
-def _max_crush(motion: Motion) -> FloatArray:
+def _max_crush(motion: Kinematics) -> FloatArray:
     """Maximum dynamic crush, the largest displacement; infinite if the vehicle does not stop."""
     return np.where(np.isnan(motion.t0_s), np.inf, motion.displacement_m.max(axis=-1))
 
 
-def _mean(motion: Motion) -> FloatArray:
-    """Mean deceleration from contact to t0, v0/t0; the later the vehicle stops, the smaller."""
+def _mean(motion: Kinematics) -> FloatArray:
+    """Mean deceleration from contact to zero velocity, v0/t0; the later the vehicle stops, the smaller."""
     return np.where(np.isnan(motion.t0_s), -np.inf, motion.velocity_mps[..., 0] / motion.t0_s)
 
 
-def _sm25(motion: Motion) -> FloatArray:
+def _sm25(motion: Kinematics) -> FloatArray:
     """Sliding mean over 25 ms: the largest loss of velocity within 25 ms of the record, over 25 ms."""
     steps = round(_WINDOW_S / motion.dt_s, 6)
     whole, share = int(steps), steps % 1
@@ -111,13 +93,13 @@ def _sm25(motion: Motion) -> FloatArray:
     return np.asarray((velocity[..., : after.shape[-1]] - after).max(axis=-1) / _WINDOW_S)
 
 
-def _olc(motion: Motion) -> FloatArray:
+def _olc(motion: Kinematics) -> FloatArray:
     """Occupant load criterion; one that takes longer than the record counts as smaller."""
     olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s)
     return np.where(np.isnan(olc), -np.inf, olc)
 
 
-def _vpi(motion: Motion) -> FloatArray:
+def _vpi(motion: Kinematics) -> FloatArray:
     """Vehicle pulse index; NaN, neither smaller nor larger, where its peak is to come."""
     return vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, motion.dt_s)
 
@@ -126,7 +108,7 @@ class _Reading(NamedTuple):
     """How a metric is read and shown; ``needs`` is what has to happen within the record."""
 
     label: str
-    function: Callable[[Motion], FloatArray]
+    function: Callable[[Kinematics], FloatArray]
     unit: str
     in_si: float
     needs: str = ""
@@ -137,9 +119,9 @@ _READINGS: Mapping[str, _Reading] = {
     "peak": _Reading("Peak deceleration", _peak, "g", G),
     "peak_time": _Reading("Time of peak", _peak_time, "ms", MS),
     "delta_v": _Reading("ΔV, rebound included", _delta_v, "km/h", KPH),
-    "t0": _Reading("Time of zero velocity t0", _t0, "ms", MS, _STOP),
+    "t0": _Reading("Time of zero velocity", _t0, "ms", MS, _STOP),
     "max_crush": _Reading("Maximum dynamic crush", _max_crush, "mm", 1e-3, _STOP),
-    "mean": _Reading("Mean deceleration until t0", _mean, "g", G, _STOP),
+    "mean": _Reading("Mean deceleration until zero velocity", _mean, "g", G, _STOP),
     "sm25": _Reading("SM25, largest mean over 25 ms", _sm25, "g", G, "25 ms are over"),
     "olc": _Reading("OLC, occupant load criterion", _olc, "g", G, "the occupant has moved 300 mm within the vehicle"),
     "vpi": _Reading("VPI, vehicle pulse index", _vpi, "g", G, "the occupant's deceleration has peaked"),
@@ -193,8 +175,8 @@ def pulse_metrics(
     One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None as
     soon as more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """
-    pulse = Motion.of(accel_mps2, speed_mps, dt_s)
-    draws = None if draws_mps2 is None else Motion.of(draws_mps2, speed_mps, dt_s)
+    pulse = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
+    draws = None if draws_mps2 is None else kinematics(np.asarray(draws_mps2, dtype=np.float64), speed_mps, dt_s)
     metrics = []
     for name, reading in _READINGS.items():
         value = _finite(reading.function(pulse) / reading.in_si)

@@ -1,4 +1,4 @@
-"""What a crash pulse means for an occupant, by two models with one degree of freedom and no data of the restraints.
+"""Occupant criteria of a crash pulse: two models with one degree of freedom that need no data of the restraints.
 
 Both see the vehicle from contact on. The occupant keeps the impact speed v0 until the restraint takes hold; how far it
 has then moved within the vehicle is the difference of the two displacements.

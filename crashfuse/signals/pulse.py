@@ -60,7 +60,7 @@ class Pulse:
         return Pulse(time_s, np.interp(time_s, self.time_s, self.accel_mps2, left=0.0, right=0.0))
 
     def kinematics(self, speed_mps: float) -> "Kinematics":
-        """Velocity, displacement and t0 for an impact speed; the pulse's first sample is taken as contact."""
+        """Velocity, displacement and time of zero velocity; the pulse's first sample is taken as contact."""
         return kinematics(self.accel_mps2, speed_mps, self.dt_s)
 
 
@@ -78,18 +78,22 @@ def _trouble(time: FloatArray, accel: FloatArray) -> str | None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Kinematics:
-    """What follows from acceleration and impact speed; leading axes (draws) are kept.
+    """Acceleration and what follows from it and the impact speed; leading axes (draws) are kept.
 
     Attributes
     ----------
-    velocity_mps, displacement_m : ndarray, shape (..., n)
+    accel_mps2, velocity_mps, displacement_m : ndarray, shape (..., n)
     t0_s : ndarray, shape (...)
         Time of zero velocity, linearly interpolated; NaN where the vehicle does not stop within the record.
+    dt_s : float
+        Time step in s.
     """
 
+    accel_mps2: FloatArray
     velocity_mps: FloatArray
     displacement_m: FloatArray
     t0_s: FloatArray
+    dt_s: float
 
 
 def kinematics(accel_mps2: FloatArray, speed_mps: float, dt_s: float) -> Kinematics:
@@ -109,7 +113,7 @@ def kinematics(accel_mps2: FloatArray, speed_mps: float, dt_s: float) -> Kinemat
     """
     velocity = speed_mps + _integral(accel_mps2, dt_s)
     displacement = _integral(velocity, dt_s)
-    return Kinematics(velocity, displacement, _zero_velocity_time(velocity, dt_s))
+    return Kinematics(accel_mps2, velocity, displacement, _zero_velocity_time(velocity, dt_s), dt_s)
 
 
 def _integral(values: FloatArray, dt_s: float) -> FloatArray:

@@ -19,23 +19,24 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.signals.pulse import FloatArray, Pulse
-from crashfuse.signals.warping import warping_paths
+from crashfuse.signals.rating_scores import (
+    MAX_SHIFT,
+    WARP_BAND,
+    best_shifts,
+    corridor_score,
+    magnitude_score,
+    overlap,
+    slope_score,
+)
 
 RATING_DT_S = 1e-4
 SHORTEST_WINDOW_S = 0.01
 GRADES = ((0.94, "Excellent"), (0.80, "Good"), (0.58, "Fair"))
 """Each grade with the overall rating that has to be exceeded to earn it; all else is Poor."""
 
-INNER_CORRIDOR, OUTER_CORRIDOR = 0.05, 0.5
-"""Half widths of the corridors, as shares of the largest |T|."""
-
-_MAX_SHIFT = 0.2  # share of the samples
-_WARP_BAND = 0.1  # share of the overlap
-_MAGNITUDE_LIMIT, _SLOPE_LIMIT = 0.5, 2.0  # relative errors from which the score is 0
 _LARGEST = 1e100  # squares of more may overflow; a diverged simulation gets there
 _BAND_BYTES = 64 * 2**20  # memory for the warping of one block of curves
 
@@ -187,116 +188,18 @@ def _at_10_khz(curves: FloatArray, dt_s: float) -> FloatArray:
 
 
 def _rate(reference: FloatArray, comparisons: FloatArray) -> list[Rating]:
-    corridor = _corridor(reference, comparisons)
-    shifts = _best_shifts(reference, comparisons)
-    limit = _MAX_SHIFT * reference.size
+    corridor = corridor_score(reference, comparisons)
+    shifts = best_shifts(reference, comparisons)
+    limit = MAX_SHIFT * reference.size
     phase = np.maximum((limit - np.abs(shifts)) / limit, 0.0)
     magnitude, slope = np.empty_like(corridor), np.empty_like(corridor)
-    block = max(1, int(_BAND_BYTES / (8 * 2 * _WARP_BAND * reference.size**2)))
+    block = max(1, int(_BAND_BYTES / (8 * 2 * WARP_BAND * reference.size**2)))
     for shift in np.unique(shifts):
         alike = np.flatnonzero(shifts == shift)
         for curves in np.array_split(alike, math.ceil(alike.size / block)):
-            t, c = _overlap(reference, comparisons[curves], shift)
-            magnitude[curves] = _magnitude(t, c)
-            slope[curves] = _slope(t, c)
+            t, c = overlap(reference, comparisons[curves], shift)
+            magnitude[curves] = magnitude_score(t, c)
+            slope[curves] = slope_score(t, c)
     overall = 0.4 * corridor + 0.2 * phase + 0.2 * magnitude + 0.2 * slope
     scores = np.column_stack([overall, corridor, phase, magnitude, slope]).tolist()
     return [Rating(o, c, p, m, s, grade(o)) for o, c, p, m, s in scores]
-
-
-def _corridor(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
-    """1 inside the inner corridor, 0 outside the outer one, a parabola between; the mean over time."""
-    norm = np.abs(reference).max()
-    inner, outer = INNER_CORRIDOR * norm, OUTER_CORRIDOR * norm
-    distance = np.abs(comparisons - reference)
-    mean: FloatArray = (np.clip((outer - distance) / (outer - inner), 0.0, 1.0) ** 2).mean(axis=-1)
-    return mean
-
-
-def _overlap(reference: FloatArray, comparisons: FloatArray, shift: int) -> tuple[FloatArray, FloatArray]:
-    """What is left of both when the comparison moves left by ``shift`` samples (right if negative)."""
-    if shift >= 0:
-        return reference[: reference.size - shift], comparisons[..., shift:]
-    return reference[-shift:], comparisons[..., :shift]
-
-
-def _best_shifts(reference: FloatArray, comparisons: FloatArray) -> npt.NDArray[np.int_]:
-    """Find each curve's shift of best correlation, the first of equals in the order 0, 1, −1, 2, −2 and so on.
-
-    All correlations come from one Fourier transform, with a bound of their rounding errors; the few shifts that these
-    errors leave undecided are computed again, one by one, as the standard writes it. Shape (n_curves,).
-    """
-    largest = math.floor(_MAX_SHIFT * reference.size)
-    shifts = np.array([0, *(side * m for m in range(1, largest + 1) for side in (1, -1))])
-    rho, error = _correlations(reference, comparisons, shifts)
-    possible = rho + error >= (rho - error).max(axis=1, keepdims=True)
-    best: npt.NDArray[np.int_] = shifts[possible.argmax(axis=1)]
-    for curve in np.flatnonzero(possible.sum(axis=1) > 1):
-        candidates = shifts[possible[curve]]
-        exact = [_correlation(*_overlap(reference, comparisons[curve], shift)) for shift in candidates]
-        best[curve] = candidates[np.argmax(exact)]
-    best[(comparisons == reference).all(axis=1)] = 0  # a correlation of 1, which rounding might hide
-    return best
-
-
-def _correlations(
-    reference: FloatArray, comparisons: FloatArray, shifts: npt.NDArray[np.int_]
-) -> tuple[FloatArray, FloatArray]:
-    """Pearson's correlation on every overlap, and a bound of its rounding error, both shape (n_curves, n_shifts)."""
-    n = reference.size
-    t = reference - reference.mean()
-    c = comparisons - comparisons.mean(axis=1, keepdims=True)
-    n_fft = 2 ** (n + int(shifts.max())).bit_length()
-    cross = np.fft.irfft(np.fft.rfft(t, n_fft).conj() * np.fft.rfft(c, n_fft), n_fft)[:, shifts % n_fft]
-
-    left, right = np.maximum(shifts, 0), np.maximum(-shifts, 0)
-    length = n - left - right
-    sum_t, sum_c = _sums(t, right, n - left), _sums(c, left, n - right)
-    square_t = _sums(t**2, right, n - left) - sum_t**2 / length
-    square_c = _sums(c**2, left, n - right) - sum_c**2 / length
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rho = (cross - sum_t * sum_c / length) / np.sqrt(square_t * square_c)
-        error = 1e-12 * ((t**2).sum() / square_t + (c**2).sum(axis=1, keepdims=True) / square_c)
-    undefined = ~((square_t > 0) & (square_c > 0))
-    rho[undefined], error[undefined] = 0.0, np.inf
-    return rho, error
-
-
-def _sums(values: FloatArray, start: npt.NDArray[np.int_], stop: npt.NDArray[np.int_]) -> FloatArray:
-    """Sum ``values[..., start:stop]`` for all pairs of bounds at once."""
-    running = np.zeros((*values.shape[:-1], values.shape[-1] + 1))
-    np.cumsum(values, axis=-1, out=running[..., 1:])
-    difference: FloatArray = running.take(stop, axis=-1) - running.take(start, axis=-1)
-    return difference
-
-
-def _correlation(t: FloatArray, c: FloatArray) -> float:
-    if np.ptp(t) == 0 or np.ptp(c) == 0:
-        return -math.inf  # undefined: never better than another
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.nan_to_num(np.corrcoef(t, c)[0, 1], nan=-math.inf))
-
-
-def _magnitude(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
-    """Relative difference along the path of dynamic time warping, as a score, shape (n_curves,)."""
-    error = np.empty(len(comparisons))
-    for curve, (i, j) in enumerate(warping_paths(comparisons, reference, band=_WARP_BAND)):
-        comparison = comparisons[curve]
-        error[curve] = np.abs(comparison[i] - reference[j]).sum() / np.abs(reference[j]).sum()
-    return np.maximum((_MAGNITUDE_LIMIT - error) / _MAGNITUDE_LIMIT, 0.0)
-
-
-def _slope(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
-    """Relative difference of the smoothed derivatives, as a score, shape (n_curves,)."""
-    t, c = _smooth_slope(reference), _smooth_slope(comparisons)
-    difference, norm = np.abs(c - t).sum(axis=-1), np.abs(t).sum()
-    error = difference / norm if norm > 0 else np.where(difference > 0, np.inf, 0.0)
-    return np.maximum((_SLOPE_LIMIT - error) / _SLOPE_LIMIT, 0.0)
-
-
-def _smooth_slope(curves: FloatArray) -> FloatArray:
-    """Central differences a sample, then the mean of 9 points; near the ends of as many as fit: 1, 3, 5, 7."""
-    middle = np.arange(curves.shape[-1])
-    reach = np.minimum(np.minimum(middle, middle[::-1]), 4)
-    smooth: FloatArray = _sums(np.gradient(curves, axis=-1), middle - reach, middle + reach + 1) / (2 * reach + 1)
-    return smooth

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from crashfuse.approaches.base import Approach
-from crashfuse.approaches.registry import APPROACHES, Preset, create
-from crashfuse.approaches.time_domain.lf_tcn import Device
+from crashfuse.approaches.registry import APPROACHES, create
+from crashfuse.approaches.settings import Device, Preset, Settings
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 
@@ -56,8 +56,8 @@ class StudyConfig:
         UsageError
         """
         for name in self.approaches:
-            _ = self.create(name).hardware
+            _ = self.create(name).device
 
     def create(self, approach: str, cache: Cache | None = None) -> Approach:
         """The approach of this name with these settings, unfitted."""
-        return create(approach, preset=self.preset, seed=self.seed, device=self.device, cache=cache)
+        return create(approach, settings=Settings(self.preset, self.seed, self.device, cache))

@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.fit_cache import fitted, settings
-from crashfuse.approaches.fused.approach import Fused
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -123,7 +122,7 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     Parameters
     ----------
     fits : sequence of Fit
-        All of one campaign. What ``fused`` is made of are predictions that others of them may need too.
+        All of one campaign. What one of them mixes may be predictions that others give, too.
     condition : Condition
 
     Raises
@@ -141,11 +140,7 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     def predict(approach: Approach) -> Prediction:
         key = tuple(settings(approach).values())
         if key not in known:
-            if isinstance(approach, Fused):
-                one, other = approach.parts
-                known[key] = approach.mixed(predict(one), predict(other))
-            else:
-                known[key] = approach.predict(condition)
+            known[key] = approach.predict_from(condition, [predict(part) for part in approach.parts])
         return known[key]
 
     estimates = []

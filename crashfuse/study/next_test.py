@@ -30,7 +30,7 @@ _N_TARGETS = 48
 
 @dataclass(frozen=True, slots=True)
 class ConditionRange:
-    """Speeds and weights that the engineer cares about, all equally.
+    """The range of speeds and weights of interest, each of equal weight.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def rank_next_tests(
         If its bias is that of Table 4, or the range leaves open a factor by which the bias of tests differs.
     """
     candidates = over.grid(14) if candidates is None else candidates
-    targets = [domain.foreseen(condition) for condition in over.spread(_N_TARGETS)]
+    targets = [domain.expected_points(condition) for condition in over.spread(_N_TARGETS)]
     bias = domain.bias_
     if not isinstance(bias, HierarchicalBias):
         raise UsageError("The next test is chosen by the hierarchical bias (preset fast); Table 4 has no part for it.")
@@ -160,8 +160,8 @@ def rank_next_tests(
             f"Tests differ by {' and '.join(open_factors)}: say of which kind the vehicle is that the range is for."
         )
     with threadpool_limits(1):
-        bias = bias.also([domain.foreseen(condition) for condition in planned])
-        now, then = bias.half_widths(targets, [domain.foreseen(condition) for condition in candidates])
+        bias = bias.also([domain.expected_points(condition) for condition in planned])
+        now, then = bias.half_widths(targets, [domain.expected_points(condition) for condition in candidates])
     weights = np.concatenate([np.full(n := t.displacement_m.size, 1 / (n * len(targets))) for t in targets])
     widening, cae = domain.calibration_.widening, domain.model_.cae_
     before, after = (widening * half_width @ weights for half_width in (now, then))

@@ -1,10 +1,10 @@
-"""Which approach to trust, for one prediction and for a whole campaign, in sentences that an engineer can argue with.
+"""Which approach to trust, for one prediction and for a whole campaign, with reasons that an engineer can check.
 
 What is recommended for a test rests on the other tests alone; only the verdict on a campaign looks at how tests were
 predicted that had been left out. It is reached by a proper score of the whole band (CRPS), and told in ratings.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +12,8 @@ import numpy as np
 
 from crashfuse.approaches.fused.weights import Scores
 from crashfuse.approaches.left_out import STRIDE
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import BASELINE, CLASSES
+from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import DT_S, FloatArray
@@ -23,7 +24,6 @@ from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study
 from crashfuse.units import MPH, G
 
-_PREFERRED = ("fused", "displacement_domain", "time_domain", "lf_tcn", "cae")
 _CLEARLY = 0.02  # of the rating: closer than that, a handful of tests can't tell two approaches apart
 _NEAR_MPS = 3 * MPH
 _GOOD = 0.80
@@ -63,24 +63,24 @@ def recommend_for(
         By the rating over [0, window_ms).
     """
     by_name = {estimate.approach: estimate for estimate in estimates}
-    names = [name for name in _PREFERRED if name in by_name]
+    names = _by_preference(by_name)
     expected = {
         name: found
         for name in names
         if (found := expected_rating(by_name[name].left_out_mps2, campaign, condition, window_ms)) is not None
     }
     if len(campaign.tests) == 1:  # nor could the weights of a mixture be learned
-        return _by_the_paper([name for name in names if name != "fused"] or names, campaign, condition)
-    if set(expected) <= {"cae", "lf_tcn"} and set(names) - set(expected):
+        return _by_the_paper([name for name in names if not CLASSES[name].made_of] or names, campaign, condition)
+    if len(expected) < len(names) and not any(CLASSES[name].learns_from_tests for name in expected):
         return _by_the_paper(names, campaign, condition)
     most = max(expected.values(), key=lambda e: e.mean).mean
     chosen = next(name for name in expected if expected[name].mean > most - _CLEARLY)
     sentences = [f"Use {_in_words(chosen)}. {expected[chosen].sentence}"]
-    if chosen != "cae" and "cae" in expected:
-        raw = expected["cae"].mean
+    if chosen != BASELINE and BASELINE in expected:
+        raw = expected[BASELINE].mean
         worse = " No better than that is to be expected here." * (expected[chosen].mean <= raw)
         sentences.append(f"The raw CAE model rated {raw:.2f} on the same tests.{worse}")
-    if chosen == "fused":
+    if CLASSES[chosen].made_of:
         sentences.append(by_name[chosen].prediction.notes[0])
     if expected[chosen].mean <= _GOOD:
         sentences.append(f"Less than {grade(_GOOD + 1e-9)} is to be expected: a guide, not a proof.")
@@ -90,8 +90,8 @@ def recommend_for(
 def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
     """The paper's own advice (Sect. 4.3), where nothing is known of tests that were left out."""
     away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
-    order = ("time_domain", *_PREFERRED) if away <= _NEAR_MPS else _PREFERRED
-    chosen = next(name for name in order if name in names)
+    beside = TimeDomain.name in names and away <= _NEAR_MPS
+    chosen = TimeDomain.name if beside else names[0]
     reason = (
         f"Use {_in_words(chosen)}: the nearest test is {away / MPH:.1f} mph away, and the paper (Sect. 4.3) trusts the "
         "time domain beside a test of about the same speed, else the displacement domain."
@@ -125,8 +125,8 @@ def recommend(study: Study) -> Recommendation:
         found = study.coverage[chosen]
         n = len(found.tests)
         sentences.append(
-            f"95 % model band: {100 * found.share('accel'):.0f} % of a(t) up to t0 inside, maximum crush in "
-            f"{found.count('crush')} of {n} left-out tests, peak in {found.count('peak')} of {n}."
+            f"95 % model band: {100 * found.share('accel'):.0f} % of a(t) up to the time of zero velocity inside, "
+            f"maximum crush in {found.count('crush')} of {n} left-out tests, peak in {found.count('peak')} of {n}."
         )
     if study.speed_groups is not None:
         apart = _Verdict(study.speed_groups)
@@ -136,12 +136,12 @@ def recommend(study: Study) -> Recommendation:
 
 
 class _Verdict:
-    """What the left-out tests of a study say of each approach."""
+    """Each approach judged by the left-out tests of a study."""
 
     def __init__(self, study: Study) -> None:
         self.study = study
         self.window_ms = max(study.config.windows_ms)
-        self.names = [name for name in _PREFERRED if name in study.config.approaches]
+        self.names = _by_preference(study.config.approaches)
 
     @cached_property
     def crps_g(self) -> Mapping[str, FloatArray]:
@@ -179,9 +179,9 @@ class _Verdict:
         mean, worst = float(np.mean(list(overall.values()))), min(overall, key=lambda test: overall[test])
         speed = self.study.campaign.test(worst).condition.speed_mps / MPH
         sentence = f"mean rating {mean:.3f} ({grade(mean)}), worst {overall[worst]:.3f} ({worst}, {speed:.1f} mph)"
-        if name == "cae" or "cae" not in self.names:
+        if name == BASELINE or BASELINE not in self.names:
             return f"{sentence[0].upper()}{sentence[1:]}."
-        raw = {f.held_out: f.ratings["cae"][self.window_ms].overall for f in self.study.folds}
+        raw = {f.held_out: f.ratings[BASELINE][self.window_ms].overall for f in self.study.folds}
         below = [test for test in overall if overall[test] < raw[test]]
         harm = max((raw[test] - overall[test] for test in below), default=0.0)
         compared = f"better than this in {', '.join(below)} (by up to {harm:.3f})" if below else "better in no test"
@@ -193,6 +193,8 @@ def _tests(n: int) -> str:
 
 
 def _in_words(approach: str) -> str:
-    return {"cae": "the raw CAE model", "lf_tcn": "the LF TCN", "fused": "the fused prediction"}.get(
-        approach, f"the {LABELS[approach].lower()}"
-    )
+    return CLASSES[approach].in_words
+
+
+def _by_preference(approaches: Iterable[str]) -> list[str]:
+    return sorted(approaches, key=lambda name: CLASSES[name].preference)

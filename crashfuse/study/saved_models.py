@@ -1,4 +1,4 @@
-"""A fitted approach as a file: arrays as safetensors, all else as JSON in its header, nothing that could run.
+"""A fitted approach as a file: arrays as safetensors, all else as JSON in its header, no code.
 
 A model belongs to the data that it learned from: it names their fingerprint, and is loaded beside them. It predicts to
 the same bits as on the day it was saved, so whoever holds campaign and model can check what was shown.
@@ -17,7 +17,7 @@ import safetensors
 from safetensors.numpy import save
 
 from crashfuse.approaches.base import Approach
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import Cache, Entry
@@ -57,7 +57,7 @@ def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
         "preset": fit.config.preset,
         "seed": fit.config.seed,
         "settings": _settings(approach),
-        "hardware": approach.hardware,
+        "device": approach.device,
         "campaign": campaign.name,
         "fingerprint": campaign.fingerprint,
         "crashfuse": __version__,
@@ -93,7 +93,7 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
         approach = config.create(record["approach"], cache)
         if json.loads(json.dumps(_settings(approach))) != record["settings"]:
             raise ValueError("settings that are not those of its preset")
-        approach.restore(campaign, Learned(record["learned"], arrays))
+        approach.restore(campaign, FittedState(record["learned"], arrays))
         return Fit(approach, config, float(record["seconds"]), approach.left_out(campaign))
     except (
         KeyError,

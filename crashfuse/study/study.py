@@ -16,8 +16,8 @@ from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.registry import APPROACHES, CAE_ONLY
-from crashfuse.approaches.time_domain.lf_tcn import Device, LfTcn
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.approaches.settings import Device
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import Cache
@@ -163,8 +163,9 @@ def _leave_out(
     prepared = time.perf_counter()
 
     watch.report(step, len(estimates), len(wanted))
-    device = cast(Device, config.create(LfTcn.name).hardware)  # "auto" must not mean something else on another machine
-    work = partial(_hold_out, config=replace(config, device=device))
+    # "auto" must not mean something else on another machine
+    devices = [device for name in config.approaches if (device := config.create(name).device)] or [config.device]
+    work = partial(_hold_out, config=replace(config, device=cast(Device, devices[0])))
     with closing(workers.completed(work, campaign, tasks, shared, watch)) as completed:
         for found in completed:
             estimates |= {(test_id, estimate.approach): estimate for test_id, estimate in found}
@@ -224,10 +225,10 @@ def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cach
     """
     cae_only = campaign.without(campaign.test_ids)
     shared = Cache(cache.folder)
-    for name in sorted({part for approach in approaches for part in CAE_ONLY[approach]}):
+    for name in sorted(approaches):
         approach = config.create(name, shared)
         with shared.alone("prepared", {**settings(approach), "cae": campaign.cae.fingerprint}, watch):
-            approach.fit(cae_only, watch)
+            approach.prepare(cae_only, watch)
     return shared
 
 

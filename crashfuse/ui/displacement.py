@@ -6,8 +6,9 @@ import numpy as np
 import streamlit as st
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain, measured_bias
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain, measured_bias
 from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
+from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign

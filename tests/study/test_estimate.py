@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign

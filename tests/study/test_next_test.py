@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crashfuse.approaches.displacement_domain.approach import DisplacementConfig, DisplacementDomain
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
@@ -86,7 +87,7 @@ def test_the_band_now_is_that_of_the_predictions(domain: DisplacementDomain) -> 
     """Half of what lies between the 2.5 % and 97.5 % quantiles of the bias that predictions draw."""
     low, high = at(20.0), replace(at(20.0), speed_mps=20.001 * MPH)
     now = rank_next_tests(domain, ConditionRange(low, high), [low])[0].before_mps2
-    points = domain.foreseen(low)
+    points = domain.expected_points(low)
     moving = points.speed_share > domain.bias_.end_share
     stopping = np.zeros(1)  # the two are drawn apart; the stop comes on top
     assert domain.calibration_.widening >= 1
@@ -103,8 +104,8 @@ def test_the_band_now_is_that_of_the_predictions(domain: DisplacementDomain) -> 
 def test_what_the_tests_showed_has_no_influence(domain: DisplacementDomain) -> None:
     """With the hyperparameters kept, biases three times as large, or others, give the same shares."""
     assert isinstance(domain.bias_, HierarchicalBias)
-    targets = [domain.foreseen(condition) for condition in RANGE.spread(4)]
-    further = [domain.foreseen(condition) for condition in RANGE.grid(4, 1)]
+    targets = [domain.expected_points(condition) for condition in RANGE.spread(4)]
+    further = [domain.expected_points(condition) for condition in RANGE.grid(4, 1)]
     rng, learned = np.random.default_rng(0), domain.bias_.learned()
     others = [replace(p, bias_mps2=rng.normal(size=p.bias_mps2.size)) for p in domain.points_]
     shares = []
@@ -114,10 +115,10 @@ def test_what_the_tests_showed_has_no_influence(domain: DisplacementDomain) -> N
     np.testing.assert_allclose(shares[0], shares[1], rtol=1e-7)
 
 
-def test_a_foreseen_test_lies_where_a_real_one_would(domain: DisplacementDomain, clustered: Campaign) -> None:
+def test_an_expected_test_lies_where_a_real_one_would(domain: DisplacementDomain, clustered: Campaign) -> None:
     """From contact to the CAE pulse's crush, as far apart as the points of a test at that condition, without bias."""
     test = clustered.tests[0]
-    points, real = domain.foreseen(test.condition), domain.points_[0]
+    points, real = domain.expected_points(test.condition), domain.points_[0]
     run = clustered.cae.paired_run(test.condition)
     crush = Pulse(GRID_S, clustered.cae.accel_mps2[run]).kinematics(test.condition.speed_mps).displacement_m.max()
     assert points.displacement_m[-1] == pytest.approx(crush, rel=1e-3)

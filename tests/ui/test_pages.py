@@ -15,7 +15,7 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
@@ -439,11 +439,11 @@ class Quick(Approach):
         self.campaign_ = campaign
         return self
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """Nothing."""
-        return Learned({}, {})
+        return FittedState({}, {})
 
-    def restore(self, campaign: Campaign, learned: Learned) -> "Quick":  # noqa: ARG002 - there is nothing in it
+    def restore(self, campaign: Campaign, learned: FittedState) -> "Quick":  # noqa: ARG002 - there is nothing in it
         """Remember the campaign."""
         return self.fit(campaign)
 

@@ -2,8 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Self
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -18,12 +17,14 @@ from crashfuse.approaches.displacement_domain.bias import (
     uniform_points,
 )
 from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
+from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
 from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.left_out import LeftOut
+from crashfuse.approaches.settings import Settings
 from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
@@ -36,52 +37,12 @@ from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 _SHARES = np.linspace(0.0, 1.0, 101)  # of the impact speed, at which what depends on velocity is drawn
 _LEAST_POINTS = 8  # of a test, however many there are
 _CHECK_DRAWS = 200  # for each test that the band is checked on
-_MOST_CHECKED = 20  # tests: more tell the widening no better
+_MOST_CHECKED = 20  # tests: more would not change the widening
 _LEAST_CHECKED = 3  # tests: with fewer there is nothing left to learn from
 
 
-@dataclass(frozen=True, slots=True)
-class DisplacementConfig:
-    """Hyperparameters of the displacement-domain approach.
-
-    Parameters
-    ----------
-    bias : {"hierarchical", "table 4"}
-        The bias model.
-    n_draws : int
-        Whole pulses drawn for the band.
-    step_s : float
-        Spacing of the bias points of a test: the way the vehicle goes at impact speed in this time. A CFC 60 pulse
-        holds little more; closer points would repeat each other, and the fit would count them as evidence.
-    max_points : int
-        About the most bias points of all tests together; more tests have fewer each. The fit's time grows with the
-        cube of their number.
-    projected_points : int
-        For Table 4: points for each of a test's two projections.
-    restarts : int
-        For Table 4: starts beside the first.
-    """
-
-    bias: Literal["hierarchical", "table 4"] = "hierarchical"
-    n_draws: int = 500
-    step_s: float = 0.002
-    max_points: int = 400
-    projected_points: int = 75
-    restarts: int = 10
-
-    @classmethod
-    def fast(cls) -> Self:
-        """The default: a hierarchical Gaussian process, a second a fit."""
-        return cls()
-
-    @classmethod
-    def paper(cls) -> Self:
-        """Table 4 as it stands: minutes a fit."""
-        return cls(bias="table 4")
-
-
 def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
-    """What the CAE model got wrong in a test, over displacement, as the hierarchical model is told but finer."""
+    """The CAE model's error in a test over displacement, as the hierarchical model learns it but finer."""
     condition = test.condition
     phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
     return uniform_points(condition, phase, model.loading_curve(condition), step_m, HierarchicalBias.end_share)
@@ -92,7 +53,8 @@ class DisplacementDomain(Approach):
 
     Parameters
     ----------
-    config : DisplacementConfig
+    config : DisplacementConfig, optional
+        Default: :meth:`DisplacementConfig.fast`.
     seed : int
         For the draws and the optimiser's starts.
     cache : Cache, optional
@@ -113,13 +75,29 @@ class DisplacementDomain(Approach):
 
     name = "displacement_domain"
     label = "Displacement domain"
+    in_words = "the displacement domain"
+    description = (
+        "a Gaussian process on what the CAE model gets wrong over displacement (Eqs. 7–28), and the vehicle's motion "
+        "integrated with it (Eq. 29); whole functions are drawn for the band, which is widened until it holds on "
+        "left-out tests."
+    )
+    colour = "#D55E00"
+    preference = 20
 
-    def __init__(
-        self, config: DisplacementConfig = DisplacementConfig(), *, seed: int = 0, cache: Cache | None = None
-    ) -> None:
-        self.config = config
+    def __init__(self, config: DisplacementConfig | None = None, *, seed: int = 0, cache: Cache | None = None) -> None:
+        self.config = DisplacementConfig.fast() if config is None else config
         self.seed = seed
         self.cache = cache
+
+    @classmethod
+    def create(cls, settings: Settings) -> Self:
+        """Table 4 under the paper's preset, else the hierarchical bias."""
+        config = DisplacementConfig.paper() if settings.preset == "paper" else DisplacementConfig.fast()
+        return cls(config, seed=settings.seed, cache=settings.cache)
+
+    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+        """Train the emulator of the CAE model."""
+        CaeModel(cache=self.cache).fit(campaign.cae, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Learn the bias from the campaign's tests.
@@ -146,7 +124,7 @@ class DisplacementDomain(Approach):
         return self
 
     def _seen(self, campaign: Campaign) -> Campaign:
-        """What is learned from: more tests than that only where Table 4 asks for all."""
+        """The tests to learn from: at most 30, or all where Table 4 asks for them."""
         if self.config.bias == "table 4":
             self._thinning: tuple[str, ...] = ()
             return campaign
@@ -154,7 +132,7 @@ class DisplacementDomain(Approach):
         return campaign.evenly_over_speed(MOST_TESTS)
 
     def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> list[Unloading]:
-        """Lay the tests beside the CAE model, as both ways to learn need it; returns how they bounced back."""
+        """Compare the tests with the CAE model, as fit and restore need it; returns their rebounds."""
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
         self._paired = float(np.mean([view.paired for view in self._views]))
@@ -167,14 +145,14 @@ class DisplacementDomain(Approach):
         self.points_ = tuple(self._points(test, view.curve) for test, view in both)
         return [] if by_table_4 else [view.beside(test) for test, view in both]
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """Hyperparameters of bias and rebound, and the check of the band."""
         self._require("calibration_")
         values = {"seconds": self._seconds, "widening": self.calibration_.widening}
         parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned(), "left_out": self.left_out_.learned()}
-        return Learned.of(values, {"inside": self.calibration_.inside}, **parts)
+        return FittedState.of(values, {"inside": self.calibration_.inside}, **parts)
 
-    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Take up hyperparameters, and condition on the tests again."""
         unloadings = self._begin(self._seen(campaign))
         with threadpool_limits(1):
@@ -193,8 +171,8 @@ class DisplacementDomain(Approach):
         step = max(self.config.step_s * condition.speed_mps, phase.crush_m / self._most_points)
         return uniform_points(condition, phase, curve, step, self.bias_.end_share)
 
-    def foreseen(self, condition: Condition) -> BiasPoints:
-        """Where a test at this condition would tell the bias, if it crushed as the CAE model does; the bias left zero.
+    def expected_points(self, condition: Condition) -> BiasPoints:
+        """Where a test here would show the bias, if it crushed as the CAE model does; the bias itself is left at zero.
 
         Raises
         ------
@@ -222,11 +200,11 @@ class DisplacementDomain(Approach):
             pulses = self._simulate(view, bias, self.rebound_, rng, self.calibration_.widening)
         notes = (*self.model_.notes(condition), *self._thinning, *self.bias_.notes)
         if isinstance(self.bias_, HierarchicalBias) and (unknown := self.bias_.unknown_factors(condition)):
-            notes += (f"Of no known {' and '.join(unknown)}: the band allows for any, so it is wide.",)
+            notes += (f"{' and '.join(unknown).capitalize()} not given: the band covers every value.",)
         if len(self.points_) == 1:
             notes += ("Only one test: how much tests differ from each other is assumed, not learned.",)
         if self.calibration_.tests and not self.calibration_.holds:
-            notes += ("The band holds less than it should on left-out tests, although it was widened.",)
+            notes += ("The band holds less of the left-out tests than it should, although it was widened.",)
         return Prediction(condition, pulses[0], pulses[1:], notes)
 
     def _sample(

@@ -1,4 +1,4 @@
-"""What the CAE model gets wrong, over displacement: the points that a bias model learns from, and what it answers."""
+"""The bias of the CAE model over displacement: points that a bias model learns from, and functions drawn from it."""
 
 from dataclasses import dataclass
 

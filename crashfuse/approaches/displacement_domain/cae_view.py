@@ -1,4 +1,4 @@
-"""The CAE model at one condition, as the displacement domain looks at it."""
+"""The CAE model at one condition, as the displacement domain needs it."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -53,5 +53,5 @@ class CaeView:
         return np.array([np.interp(time, GRID_S, curve) for curve in curves])
 
     def beside(self, test: CrashTest) -> Unloading:
-        """A test at this condition beside it, for what comes after t0."""
+        """A test at this condition beside it, for its rebound."""
         return Unloading(self.condition.speed_mps, test.pulse.accel_mps2, self.accel_mps2, self.curve.own)

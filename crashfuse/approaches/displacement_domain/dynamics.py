@@ -11,8 +11,8 @@ _REPLAY_STEPS = 1600  # about as fine as the displacement-domain approach reads 
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Motion:
-    """Motions from contact on; each row is one draw, valid up to its t0.
+class SimulatedMotion:
+    """Motions from contact on; each row is one draw, valid up to its time of zero velocity.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ def integrate(
     *,
     dt_s: float = DT_S,
     n_times: int = N_SAMPLES,
-) -> Motion:
+) -> SimulatedMotion:
     """Move the vehicle through each draw of its acceleration, the sum of a function of s and one of v / v0.
 
     Whole functions are drawn, not fresh noise at every step, so the spread does not depend on the time step. Eq. 29 is
@@ -53,7 +53,7 @@ def integrate(
 
     Returns
     -------
-    Motion
+    SimulatedMotion
     """
     n_draws = len(over_displacement_mps2)
     by_displacement = _Table(over_displacement_mps2, step_m)
@@ -71,13 +71,13 @@ def integrate(
         a_next = accel_at(s, v + a * dt_s)
         v = v + 0.5 * (a + a_next) * dt_s
         a = a_next
-    return Motion(accel.T, velocity.T, displacement.T)
+    return SimulatedMotion(accel.T, velocity.T, displacement.T)
 
 
 def replay(phase: LoadingPhase) -> FloatArray:
     """Displacement over time that Eq. 29 gives back for a pulse that is known over displacement only.
 
-    It should be the pulse's own, integrated over time: what differs is what the way over displacement loses.
+    It should equal the pulse's own displacement, integrated over time; the difference is the error of the detour.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """A hierarchical Gaussian process: a sum of parts with priors, fitted by maximum a posteriori.
 
 All hyperparameters, the noise too, have log-normal priors, and the most probable ones are taken: with ten tests the
-likelihood alone has many optima, and some of them are dead. The likelihood is exact and costs O(n³) time and O(n²)
-memory; its gradient is analytic.
+likelihood alone has many optima, and some of them explain no more than noise. The likelihood is exact and costs O(n³)
+time and O(n²) memory; its gradient is analytic.
 """
 
 import copy
@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 
 from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
 from crashfuse.approaches.draws import draw
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.errors import NotFittedError
 from crashfuse.signals.pulse import FloatArray
 
@@ -76,15 +76,15 @@ class GaussianProcess:
             best = min(best, self._climb(start), key=lambda theta: self._loss(theta)[0])
         return self._settle(best)
 
-    def restore(self, x: FloatArray, y: FloatArray, learned: Learned) -> Self:
+    def restore(self, x: FloatArray, y: FloatArray, learned: FittedState) -> Self:
         """Condition on the data that hyperparameters were learned from, as :meth:`fit` does at its end."""
         self._take(x, y)
         self.retries_ = learned.values["retries"]
         return self._settle(learned.arrays["theta"])
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """The hyperparameters."""
-        return Learned({"retries": self.retries_}, {"theta": self.theta_})
+        return FittedState({"retries": self.retries_}, {"theta": self.theta_})
 
     def _take(self, x: FloatArray, y: FloatArray) -> None:
         self.x_ = np.asarray(x, dtype=np.float64)
@@ -116,7 +116,7 @@ class GaussianProcess:
         return other
 
     def also_at(self, x: FloatArray) -> Self:
-        """The same process with the same hyperparameters, had it found at these rows what it expects there.
+        """The same process with the same hyperparameters, as if these rows had been measured with the expected output.
 
         The mean stays as it is. The variance, which depends on where was measured and not on what, is that after any
         outcome.

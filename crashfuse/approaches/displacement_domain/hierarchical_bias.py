@@ -1,4 +1,4 @@
-"""Our model of the bias: a hierarchy of what all tests share, what like tests share, and what each has alone."""
+"""Our model of the bias: a sum of what all tests share, what similar tests share, and what is each test's own."""
 
 import copy
 from collections import Counter
@@ -9,45 +9,23 @@ import numpy as np
 from scipy.special import stdtrit
 
 from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPart, BiasPoints
-from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
+from crashfuse.approaches.displacement_domain.bias_parts import (
+    FIRST_FACTOR,
+    FORCE_UNIT,
+    LENGTH_UNITS,
+    NOISE,
+    OVER_VELOCITY,
+    TEST,
+    bias_parts,
+)
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.draws import student_draws
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import G
 
-_S, _V0, _FRONT, _REAR, _CAE, _SHARE, _STOPPING, _CRUSHING, _FIRST_FACTOR = range(9)
-_TEST = -1
-_LENGTH_UNITS = {
-    _S: "s in m",
-    _V0: "v0 in m/s",
-    _FRONT: "front weight in kg",
-    _REAR: "rear weight in kg",
-    _SHARE: "v/v0",
-}
-_FORCE_UNIT = 10 * G  # so that the ratio counts with its standard deviation where the CAE model brakes with 10 g
-
-# The medians are orders of magnitude of a car's front end, fitted to none: 0.1 m is what a CFC 60 pulse resolves at
-# 35 mph; 5 m/s tells crashes apart, weights hardly do, for the CAE model knows about mass.
-_REACH = (_S, LogNormal(0.1, 0.3))
-_SPEED = (_V0, LogNormal(5.0, 0.5))
-_WEIGHT = LogNormal(300.0, 0.5)
-_STOP_REACH = (_SHARE, LogNormal(0.15, 0.4))
-_OVER_DISPLACEMENT = (
-    Part("shared", LogNormal(0.7, 0.7), ((_REACH,),), times=_CRUSHING),
-    Part("by speed", LogNormal(0.5, 0.7), ((_REACH,), (_SPEED,)), times=_CRUSHING),
-    Part("by weight", LogNormal(0.3, 0.7), ((_REACH,), ((_FRONT, _WEIGHT), (_REAR, _WEIGHT))), times=_CRUSHING),
-    Part("ratio", LogNormal(0.2, 0.7), (((_S, LogNormal(0.5, 0.3)),),), times=_CAE),
-    Part("own", LogNormal(0.2, 0.7), (((_S, LogNormal(0.07, 0.4)),),), times=_CRUSHING, same=_TEST),
-)
-_OVER_VELOCITY = (
-    Part("stop by speed", LogNormal(0.4, 0.7), ((_STOP_REACH,), (_SPEED,)), times=_STOPPING),
-    Part("own stop", LogNormal(0.5, 0.5), ((_STOP_REACH,),), times=_STOPPING, same=_TEST),
-)
-_FACTOR_SCALE = LogNormal(0.3, 0.7)
-_NOISE = LogNormal(0.07, 0.8)
 _LEAST_FREEDOM = 3
 
 
@@ -67,7 +45,7 @@ class HierarchicalBias:
     Parameters
     ----------
     seed : int
-        For further starts of the optimiser, should the first be dead.
+        For further starts of the optimiser, should the first explain nothing.
 
     Attributes
     ----------
@@ -109,12 +87,12 @@ class HierarchicalBias:
         watch.report("Bias model", len(choices), len(choices))
         return self
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """Hyperparameters, and the factors with what was compared to choose them."""
         values = {"factors": list(self.factors_), "densities": self.densities_}
-        return Learned.of(values, {}, process=self.process_.learned())
+        return FittedState.of(values, {}, process=self.process_.learned())
 
-    def restore(self, tests: Sequence[BiasPoints], learned: Learned) -> Self:
+    def restore(self, tests: Sequence[BiasPoints], learned: FittedState) -> Self:
         """Take up what was learned from the bias of these tests."""
         rows, y = self._take(tests)
         self.factors_, self.densities_ = tuple(learned.values["factors"]), dict(learned.values["densities"])
@@ -122,7 +100,8 @@ class HierarchicalBias:
         return self
 
     def _process(self, factors: Sequence[str]) -> GaussianProcess:
-        return GaussianProcess(self._parts(factors), _NOISE, seed=self.seed)
+        columns = [(name, FIRST_FACTOR + list(self._levels).index(name)) for name in factors]
+        return GaussianProcess(bias_parts(columns), NOISE, seed=self.seed)
 
     def _take(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
         """Rows and output for the process."""
@@ -140,7 +119,7 @@ class HierarchicalBias:
         return other
 
     def also(self, tests: Sequence[BiasPoints]) -> Self:
-        """The same model, hyperparameters and factors kept, had these tests been run and shown what is expected.
+        """The same model, hyperparameters and factors kept, as if these tests had been run with the expected result.
 
         Parameters
         ----------
@@ -179,17 +158,10 @@ class HierarchicalBias:
 
     @property
     def _next_number(self) -> int:
-        return int(self.process_.x_[:, _TEST].max()) + 1
+        return int(self.process_.x_[:, TEST].max()) + 1
 
     def _test_rows(self, test: BiasPoints, number: int) -> FloatArray:
         return self._rows(test.condition, test.displacement_m, test.cae_mps2, test.speed_share, test=number)
-
-    def _parts(self, factors: Sequence[str]) -> tuple[Part, ...]:
-        columns = {name: _FIRST_FACTOR + place for place, name in enumerate(self._levels)}
-        by_factor = (
-            Part(f"by {name}", _FACTOR_SCALE, ((_REACH,),), times=_CRUSHING, same=columns[name]) for name in factors
-        )
-        return (*_OVER_DISPLACEMENT[:-1], *by_factor, _OVER_DISPLACEMENT[-1], *_OVER_VELOCITY)
 
     def _rows(
         self,
@@ -201,13 +173,13 @@ class HierarchicalBias:
         test: int = -1,
         crushing: bool = True,
     ) -> FloatArray:
-        """Columns in the order of their constants above, the factors' values as numbers, then the test's number."""
+        """Columns in the order of bias_parts.py, the factors' values as numbers, then the test's number."""
         n, mass = displacement_m.size, self.mass_kg_ / condition.mass_kg
         values = dict(condition.factors)
         stopping = mass * np.maximum(1 - speed_share / self.end_share, 0.0)
         known = (levels.get(values.get(name, ""), -1) for name, levels in self._levels.items())
         x, alike = np.tile(condition.vector, (n, 1)), np.tile([mass * crushing, *known, test], (n, 1))
-        return np.column_stack([displacement_m, x, cae_mps2 / _FORCE_UNIT, speed_share, stopping, alike])
+        return np.column_stack([displacement_m, x, cae_mps2 / FORCE_UNIT, speed_share, stopping, alike])
 
     def sample(
         self,
@@ -255,7 +227,7 @@ class HierarchicalBias:
             :meth:`sample` gives.
         """
         x = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
-        over_displacement = self.process_.parts[: -len(_OVER_VELOCITY)]
+        over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
         moments = self.process_.predict_parts(x)[: len(over_displacement)]
         moments.append(self.process_.predict(x, return_std=True))
         names = (*(part.name for part in over_displacement), "total")
@@ -272,7 +244,7 @@ class HierarchicalBias:
         for part in process.parts:
             columns = [column for group in part.groups for column, _ in group]
             names.append(f"{part.name}, standard deviation")
-            names += [f"{part.name}, length in {_LENGTH_UNITS[column]}" for column in columns]
+            names += [f"{part.name}, length in {LENGTH_UNITS[column]}" for column in columns]
         names.append("noise, standard deviation")
 
         def by_name(values: FloatArray) -> dict[str, float]:
@@ -298,7 +270,7 @@ class HierarchicalBias:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was decided about factors, and a warning if the fit explains nothing."""
+        """The choice of factors, and a warning if the fit explains nothing."""
         notes = ("The bias model found nothing in the tests that noise would not explain.",) * self.process_.dead_
         if self._levels:
             used = f"{' and '.join(self.factors_)} told them apart" if self.factors_ else "they were not told apart"

@@ -1,4 +1,4 @@
-"""After t0 the vehicle bounces back: along the CAE model's own unloading branch, and what tests add to it."""
+"""The rebound, after the time of zero velocity: the CAE model's own unloading branch, and what tests add to it."""
 
 import copy
 from collections.abc import Sequence
@@ -10,22 +10,22 @@ import numpy as np
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.draws import student_draws
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.signals.loading import LoadingPhase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import G
 
-_JOIN_S = 0.005  # time constant with which a step at t0 fades
-_SCALES = (1 / 3, 3.0)  # how much the branch may be scaled to meet the pulse at t0
+_JOIN_S = 0.005  # time constant with which a step at zero velocity fades
+_SCALES = (1 / 3, 3.0)  # how much the branch may be scaled to meet the pulse at zero velocity
 
 _STEP_S = 0.002  # a CFC 60 pulse holds no more
 _LEAST_S = 0.006  # of rebound that has to be on record
-_LEAST_UNIT = 5 * G  # a rebound is told in units of the braking at t0, but of no less than this
+_LEAST_UNIT = 5 * G  # a rebound is scaled by the deceleration at zero velocity, but by no less than this
 _TIME, _SPEED, _EARLY, _LATE = range(4)
 _RISE_S, _FADE_S = 0.004, 0.012
 _QUICK, _SLOW = (_TIME, LogNormal(0.005, 0.4)), (_TIME, LogNormal(0.01, 0.4))
-# Most of what CAE and test differ by is over when they let go of each other; the little that stays has a part of its
-# own, or the band would stay as wide as it is at its widest.
+# Most of the difference between CAE and test ends with the contact; the little that stays has a part of its own, or
+# the band would stay as wide as it is at its widest.
 _PARTS = (
     Part("shared", LogNormal(0.7, 0.7), ((_QUICK,),), times=_EARLY),
     Part("by speed", LogNormal(0.5, 0.7), ((_QUICK,), ((_SPEED, LogNormal(5.0, 0.5)),)), times=_EARLY),
@@ -40,7 +40,7 @@ _LEAST_FREEDOM = 3
 def follow_unloading(
     accel_mps2: FloatArray, speed_mps: float, cae: FloatArray, cae_loading: LoadingPhase
 ) -> FloatArray:
-    """Replace what comes after t0 by the CAE pulse's unloading, shifted to t0 and scaled to join without a jump.
+    """Replace the rebound by the CAE pulse's unloading, shifted to the time of zero velocity and scaled to join.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def follow_unloading(
     """
     time = np.arange(accel_mps2.shape[-1]) * DT_S
     t0 = kinematics(accel_mps2, speed_mps, DT_S).t0_s[:, None]
-    after = np.maximum(time - t0, 0.0)  # NaN where there is no t0
+    after = np.maximum(time - t0, 0.0)  # NaN where the vehicle does not stop
     at_t0 = np.array([np.interp(t, time, accel) for t, accel in zip(t0[:, 0], accel_mps2, strict=True)])[:, None]
     if np.isnan(cae_loading.t0_s):
         branch, end = np.zeros_like(accel_mps2), 0.0
@@ -71,7 +71,7 @@ def follow_unloading(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Unloading:
-    """A test beside the CAE pulse at its condition, for what comes after t0.
+    """A test beside the CAE pulse at its condition, for its rebound.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class Unloading:
 
 
 class Rebound:
-    """What tests add to the CAE model's unloading branch, over the time since t0: a hierarchy as that of the bias.
+    """What tests add to the CAE model's unloading branch, over the time since zero velocity: a hierarchy as for bias.
 
     Attributes
     ----------
@@ -100,16 +100,16 @@ class Rebound:
     process_: GaussianProcess | None
 
     def fit(self, tests: Sequence[Unloading]) -> Self:
-        """Learn from tests; those whose record ends with their t0 are passed over."""
+        """Learn from tests; those whose record ends at zero velocity are skipped."""
         x, y = self._rows_of(tests)
         self.process_ = GaussianProcess(_PARTS, _NOISE).fit(x, y) if len(x) else None
         return self
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """The hyperparameters."""
-        return Learned({}, {}) if self.process_ is None else self.process_.learned()
+        return FittedState({}, {}) if self.process_ is None else self.process_.learned()
 
-    def restore(self, tests: Sequence[Unloading], learned: Learned) -> Self:
+    def restore(self, tests: Sequence[Unloading], learned: FittedState) -> Self:
         """Take up hyperparameters that were learned from these tests."""
         x, y = self._rows_of(tests)
         self.process_ = GaussianProcess(_PARTS, _NOISE).restore(x, y, learned) if len(x) else None
@@ -147,7 +147,7 @@ class Rebound:
         rng: np.random.Generator,
         widening: float = 1.0,
     ) -> FloatArray:
-        """Replace what comes after t0; the first pulse goes on as expected, the others each in a way of its own.
+        """Replace the rebound; that of the first pulse is the expected one, each other has one drawn for it.
 
         Parameters
         ----------
@@ -170,7 +170,7 @@ class Rebound:
         draws = student_draws(mean, widening**2 * covariance, self.freedom_, len(pulses) - 1, rng)
         t0 = kinematics(pulses, speed_mps, DT_S).t0_s
         for pulse, start, extra in zip(pulses, t0, np.vstack([mean, draws]), strict=True):
-            later = start < GRID_S  # nowhere if there is no t0
+            later = start < GRID_S  # nowhere if it does not stop
             pulse[later] += _unit(np.interp(start, GRID_S, pulse)) * np.interp(GRID_S[later] - start, after, extra)
         return pulses
 
@@ -180,7 +180,7 @@ def _unit(accel_at_t0: float) -> float:
 
 
 def _rows(after_s: FloatArray, speed_mps: float, test: int) -> FloatArray:
-    rise = 1 - np.exp(-after_s / _RISE_S)  # at t0 itself there is no step
+    rise = 1 - np.exp(-after_s / _RISE_S)  # at zero velocity itself there is no step
     n = after_s.size
     return np.column_stack(
         [after_s, np.full(n, speed_mps), rise * np.exp(-after_s / _FADE_S), rise, np.full(n, float(test))]

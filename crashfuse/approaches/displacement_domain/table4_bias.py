@@ -12,7 +12,7 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPoints
 from crashfuse.approaches.draws import draw
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
@@ -23,7 +23,7 @@ _BOUNDS = (1e-5, 2e3)
 _START = 2.0
 _ALPHA = 1e-5
 _INPUTS = ("s", "v0", "front weight", "rear weight")
-_DEAD = 0.05  # nats a point over noise alone, below which an optimum explains nothing
+_DEAD = 0.05  # nats a point over noise alone, below which a fit explains nothing
 
 
 class Table4Bias:
@@ -31,8 +31,7 @@ class Table4Bias:
 
     The bias is in m/s², unscaled, as scikit-learn's default leaves it: alpha and the bounds of Table 4 act on (m/s²)².
     The paper leaves this unit open, and the Matérn's order and the scaling of the inputs. From most starts the fit ends
-    in a dead optimum, where every point is its own; what comes out is kept as the settings give it, and is said to be
-    dead.
+    in an optimum that explains no more than noise; the result is kept as the settings give it, and a note says so.
 
     Parameters
     ----------
@@ -88,12 +87,12 @@ class Table4Bias:
         watch.report("Bias model", self.restarts + 1, self.restarts + 1)
         return self
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """The kernel's variance and length scales."""
         kernel = self.process_.kernel_
-        return Learned({"variance": float(kernel.k1.constant_value)}, {"lengths": np.array(kernel.k2.length_scale)})
+        return FittedState({"variance": float(kernel.k1.constant_value)}, {"lengths": np.array(kernel.k2.length_scale)})
 
-    def restore(self, tests: Sequence[BiasPoints], learned: Learned) -> Self:
+    def restore(self, tests: Sequence[BiasPoints], learned: FittedState) -> Self:
         """Take up hyperparameters that were learned from the bias of these tests."""
         variance, lengths = learned.values["variance"], learned.arrays["lengths"]
         kernel = ConstantKernel(variance, _BOUNDS) * Matern(lengths, _BOUNDS, nu=1.5)
@@ -152,7 +151,7 @@ class Table4Bias:
     @property
     def notes(self) -> tuple[str, ...]:
         """A warning if the optimum is dead."""
-        return ("The fit at Table 4 ended in a dead optimum: it explains no more than noise would.",) * self.dead_
+        return ("The fit with the settings of Table 4 failed: it explains no more than noise.",) * self.dead_
 
 
 def _columns(condition: Condition, displacement_m: FloatArray) -> FloatArray:

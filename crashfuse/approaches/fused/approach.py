@@ -1,4 +1,4 @@
-"""Both approaches and the raw CAE in one prediction, each trusted as far as left-out tests say (beyond the paper)."""
+"""Both approaches and the raw CAE in one prediction, weighted as left-out tests decide (beyond the paper)."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Self
@@ -9,11 +9,11 @@ from crashfuse.approaches.base import MOST_TESTS, Approach, Prediction, thinning
 from crashfuse.approaches.calibration import WIDENINGS, Calibration, Coverage, calibrate
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.fused.weights import Pool, Scores
 from crashfuse.approaches.left_out import STRIDE, LeftOut, in_full
+from crashfuse.approaches.settings import Device, Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
-from crashfuse.approaches.time_domain.lf_tcn import Device
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
@@ -21,7 +21,7 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.units import MPH
 
-VOICES = ("time domain", "displacement domain", "raw CAE")
+COMPONENTS = ("time domain", "displacement domain", "raw CAE")
 _REACH_MPS = 3 * MPH  # a test this far away in speed is neither near nor far
 _JUDGED_S = 0.06  # the time that is rated: what comes later must not decide who is trusted there
 _N_DRAWS = 400
@@ -32,7 +32,7 @@ _PRIOR = np.array([[-0.5, -0.5], [0.0, 0.0], [-3.0, -5.0]])
 _SPREAD, _STRENGTH = 1.0, 10.0
 
 
-class _Voice(NamedTuple):
+class Component(NamedTuple):
     """The pulse that is expected, and whole pulses drawn, shape (n_draws, n_times)."""
 
     mean: FloatArray
@@ -67,22 +67,38 @@ class Fused(Approach):
 
     name = "fused"
     label = "Fused"
+    in_words = "the fused prediction"
+    description = (
+        "time domain, displacement domain and raw CAE averaged with weights that left-out tests decide (by CRPS), the "
+        "more alike the nearer a test is; the band is the mixture's."
+    )
+    colour = "#009E73"
+    preference = 10
+    made_of = (TimeDomain, DisplacementDomain)
 
     def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:
         self.seed = seed
-        self.device = device
+        self._wanted = device
         self.cache = cache
 
-    def _parts(self) -> tuple[TimeDomain, DisplacementDomain]:
-        return (
-            TimeDomain(seed=self.seed, device=self.device, cache=self.cache),
-            DisplacementDomain(seed=self.seed, cache=self.cache),
-        )
+    @classmethod
+    def create(cls, settings: Settings) -> Self:
+        """The same under every preset."""
+        return cls(seed=settings.seed, device=settings.device, cache=settings.cache)
+
+    def _unfitted(self) -> tuple[TimeDomain, DisplacementDomain]:
+        settings = Settings(seed=self.seed, device=self._wanted, cache=self.cache)
+        return TimeDomain.create(settings), DisplacementDomain.create(settings)
 
     @property
-    def hardware(self) -> str:
+    def device(self) -> str:
         """That of the time domain."""
-        return self._parts()[0].hardware
+        return self._unfitted()[0].device
+
+    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+        """What both approaches prepare."""
+        for part in self._unfitted():
+            part.prepare(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Fit both approaches, and learn how far to trust each from how it predicts each test without having seen it.
@@ -95,20 +111,20 @@ class Fused(Approach):
             If the watch was told to stop.
         """
         self._thinning, campaign = thinning_notes(campaign), campaign.evenly_over_speed(MOST_TESTS)
-        time_domain, displacement_domain = self._parts()
+        time_domain, displacement_domain = self._unfitted()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
         self.displacement_domain_, _ = fitted(displacement_domain, campaign, self.cache, watch)
         self._begin(campaign)
         watch.report("Weights of the mixture", 0, 1)
         one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
         judged = self._judged()
-        voices = [self._left_out_voices(number, one, other) for number in judged]
+        components = [self._left_out_components(number, one, other) for number in judged]
         nearness = [self._nearness(self._speeds[number], without=number) for number in judged]
         rated = slice(round(_JUDGED_S / (STRIDE * DT_S)))
         measured = self._measured[judged][:, ::STRIDE][:, rated]
-        scores = [Scores.of(y, [v.draws[:, rated] for v in said]) for y, said in zip(measured, voices, strict=True)]
+        scores = [Scores.of(y, [v.draws[:, rated] for v in said]) for y, said in zip(measured, components, strict=True)]
         self.pool_ = Pool(_PRIOR, spread=_SPREAD, strength=_STRENGTH).fit(scores, np.array(nearness))
-        mixed = [self._mix(said, self.pool_.weights(near)) for said, near in zip(voices, nearness, strict=True)]
+        mixed = [self._mix(said, self.pool_.weights(near)) for said, near in zip(components, nearness, strict=True)]
 
         def check(widening: float) -> list[Coverage]:
             found = []
@@ -117,7 +133,7 @@ class Fused(Approach):
                 found.append(Coverage.of(campaign.tests[number], in_full(draws)))
             return found
 
-        # A mixture of bands that hold is wider than it need be, where the voices agree.
+        # A mixture of bands that hold is wider than it need be, where the components agree.
         self.calibration_ = calibrate(check, _WIDENINGS) if judged else Calibration(1.0, ())
         watch.report("Weights of the mixture", 1, 1)
         return self
@@ -133,22 +149,22 @@ class Fused(Approach):
         others = np.delete(self._speeds, [without] if without >= 0 else [])
         return float(np.exp(-np.abs(others - speed_mps).min() / _REACH_MPS)) if others.size else 0.0
 
-    def _left_out_voices(self, number: int, one: LeftOut, other: LeftOut) -> list["_Voice"]:
-        """What each voice says of a test that it has not seen, thinned out."""
+    def _left_out_components(self, number: int, one: LeftOut, other: LeftOut) -> list[Component]:
+        """Each component's prediction of a test that it has not seen, thinned out."""
         cae = self._cae_draws(self._cae[number], self._speeds[number], without=number)[:, ::STRIDE]
         said = [(left, left.numbers == number) for left in (one, other)]
-        drawn = [_Voice(left.mean_mps2[own][0], left.draws_mps2[own][0].astype(np.float64)) for left, own in said]
-        return [*drawn, _Voice(self._cae[number, ::STRIDE], cae)]
+        drawn = [Component(left.mean_mps2[own][0], left.draws_mps2[own][0].astype(np.float64)) for left, own in said]
+        return [*drawn, Component(self._cae[number, ::STRIDE], cae)]
 
-    def _mix(self, voices: Sequence["_Voice"], weights: FloatArray) -> "_Voice":
-        """The weighted mean, and draws of each voice in proportion to its weight."""
+    def _mix(self, components: Sequence[Component], weights: FloatArray) -> Component:
+        """The weighted mean, and draws of each component in proportion to its weight."""
         rng = np.random.default_rng(self.seed)
         shares = np.diff(np.floor(np.cumsum(weights) * _N_DRAWS + 0.5).astype(int), prepend=0)
         chosen = [
-            voice.draws[rng.choice(len(voice.draws), size=share, replace=bool(share > len(voice.draws)))]
-            for voice, share in zip(voices, shares, strict=True)
+            component.draws[rng.choice(len(component.draws), size=share, replace=bool(share > len(component.draws)))]
+            for component, share in zip(components, shares, strict=True)
         ]
-        return _Voice(weights @ np.array([voice.mean for voice in voices]), np.concatenate(chosen))
+        return Component(weights @ np.array([component.mean for component in components]), np.concatenate(chosen))
 
     def _cae_draws(self, cae_mps2: FloatArray, speed_mps: float, without: int = -1) -> FloatArray:
         """The CAE pulse with the errors that it had in all other tests, scaled with the speed, of either sign."""
@@ -167,12 +183,11 @@ class Fused(Approach):
         NotFittedError
             If called before :meth:`fit`.
         """
-        one, other = self.parts
-        return self.mixed(one.predict(condition), other.predict(condition))
+        return self.predict_from(condition, [part.predict(condition) for part in self.parts])
 
     @property
     def parts(self) -> tuple[Approach, Approach]:
-        """What it is made of, fitted: the time domain, the displacement domain.
+        """The fitted time domain and displacement domain.
 
         Raises
         ------
@@ -182,16 +197,17 @@ class Fused(Approach):
         self._require("pool_")
         return self.time_domain_, self.displacement_domain_
 
-    def mixed(self, one: Prediction, other: Prediction) -> Prediction:
-        """What :meth:`predict` makes of the predictions of its parts at a condition."""
-        condition = one.condition
+    def predict_from(self, condition: Condition, parts: Sequence[Prediction]) -> Prediction:
+        """Mix what both parts predict with the raw CAE."""
         cae = self.displacement_domain_.model_.pulse(condition).accel_mps2
         cae_draws = self._cae_draws(cae, condition.speed_mps)
         weights = self.pool_.weights(self._nearness(condition.speed_mps))
-        voices = [_Voice(said.accel_mps2, said.draws_mps2) for said in (one, other) if said.draws_mps2 is not None]
-        mixture = self._mix([*voices, _Voice(cae, cae_draws)], weights)
+        components = [Component(said.accel_mps2, said.draws_mps2) for said in parts if said.draws_mps2 is not None]
+        mixture = self._mix([*components, Component(cae, cae_draws)], weights)
         draws = mixture.mean + self.calibration_.widening * (mixture.draws - mixture.mean)
-        notes = dict.fromkeys((self._reason(condition, weights), *self._thinning, *one.notes, *other.notes))
+        notes = dict.fromkeys(
+            (self._reason(condition, weights), *self._thinning, *(n for part in parts for n in part.notes))
+        )
         return Prediction(condition, mixture.mean, draws, tuple(notes))
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
@@ -202,8 +218,8 @@ class Fused(Approach):
         expected = {}
         for number in self._judged():
             weights = self.pool_.weights(self._nearness(self._speeds[number], without=number))
-            voices = self._left_out_voices(number, one, other)
-            expected[campaign.tests[number].id] = in_full(self._mix(voices, weights).mean)
+            components = self._left_out_components(number, one, other)
+            expected[campaign.tests[number].id] = in_full(self._mix(components, weights).mean)
         return expected
 
     def _judged(self) -> list[int]:
@@ -216,22 +232,24 @@ class Fused(Approach):
         away = np.abs(self._speeds - condition.speed_mps).min() / MPH
         shown = np.round(weights, 2)
         shown[weights.argmax()] += 1 - shown.sum()  # they add up to what they are shares of
-        parts = ", ".join(f"{name} {weight:.2f}" for name, weight in zip(VOICES, shown, strict=True))
+        parts = ", ".join(f"{name} {weight:.2f}" for name, weight in zip(COMPONENTS, shown, strict=True))
         n = len(self.calibration_.tests)
         source = f"weights learned from {n} tests, each predicted from the others" if n else "weights not learned"
         return f"Nearest test {away:.1f} mph away: {parts} ({source})."
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """What both approaches learned, and the weights."""
         self._require("pool_")
         parts = {"time": self.time_domain_.learned(), "displacement": self.displacement_domain_.learned()}
         check = self.calibration_
-        return Learned.of({"widening": check.widening}, {"logits": self.pool_.logits_, "inside": check.inside}, **parts)
+        return FittedState.of(
+            {"widening": check.widening}, {"logits": self.pool_.logits_, "inside": check.inside}, **parts
+        )
 
-    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Take up both approaches and the weights."""
         self._thinning, campaign = thinning_notes(campaign), campaign.evenly_over_speed(MOST_TESTS)
-        time_domain, displacement_domain = self._parts()
+        time_domain, displacement_domain = self._unfitted()
         self.time_domain_ = time_domain.restore(campaign, learned.part("time"))
         self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"))
         self._begin(campaign)
@@ -249,6 +267,6 @@ class Fused(Approach):
         check = self.calibration_
         return {
             **({"band_check": check.state} if check.tests else {}),
-            "weights_far_from_tests": dict(zip(VOICES, far, strict=True)),
-            "weights_beside_a_test": dict(zip(VOICES, beside, strict=True)),
+            "weights_far_from_tests": dict(zip(COMPONENTS, far, strict=True)),
+            "weights_beside_a_test": dict(zip(COMPONENTS, beside, strict=True)),
         }

@@ -1,7 +1,7 @@
-"""How much to trust each of several predictions: weights that left-out tests decide, by how near their neighbours are.
+"""Weights of several predictions, learned from left-out tests and how near their neighbours are.
 
-Each voice gives draws. A mixture takes a share of its draws from each, and is judged by the continuous ranked
-probability score over time, E|X - y| - E|X - X'|/2 (Gneiting & Raftery 2007, Eq. 21): zero for whoever knows the pulse,
+Each component gives draws. A mixture takes a share of its draws from each, and is judged by the continuous ranked
+probability score over time, E|X - y| - E|X - X'|/2 (Gneiting & Raftery 2007, Eq. 21): zero for a perfect prediction,
 and in the unit of the acceleration. In the weights it is a quadratic function, so nothing has to be drawn twice.
 """
 
@@ -13,28 +13,28 @@ from scipy.special import softmax
 
 from crashfuse.signals.pulse import FloatArray
 
-_PAIRS = 100  # draws of either voice that are compared
+_PAIRS = 100  # draws of either component that are compared
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Scores:
-    """What the score of any mixture of voices is made of, for one left-out test.
+    """Terms of the score of any mixture of components, for one left-out test.
 
     Attributes
     ----------
-    away : ndarray, shape (n_voices,)
-        Mean distance of each voice's draws from the measured pulse, E|X - y|.
-    apart : ndarray, shape (n_voices, n_voices)
-        Mean distance between draws of one voice and another, E|X - X'|.
+    away : ndarray, shape (n_components,)
+        Mean distance of each component's draws from the measured pulse, E|X - y|.
+    apart : ndarray, shape (n_components, n_components)
+        Mean distance between draws of one component and another, E|X - X'|.
     """
 
     away: FloatArray
     apart: FloatArray
 
     @classmethod
-    def of(cls, measured: FloatArray, voices: list[FloatArray]) -> "Scores":
-        """Compare a measured pulse, shape (n_times,), with each voice's draws, shape (n_draws, n_times)."""
-        some = [draws[:_PAIRS].astype(np.float64) for draws in voices]
+    def of(cls, measured: FloatArray, components: list[FloatArray]) -> "Scores":
+        """Compare a measured pulse, shape (n_times,), with each component's draws, shape (n_draws, n_times)."""
+        some = [draws[:_PAIRS].astype(np.float64) for draws in components]
         away = np.array([np.abs(draws - measured).mean() for draws in some])
         apart = np.array([[_apart(a, b) for b in some] for a in some])
         return cls(away, apart)
@@ -45,7 +45,7 @@ class Scores:
 
 
 def _apart(a: FloatArray, b: FloatArray) -> float:
-    """E|X - X'| at each time, averaged over time; draws of one voice with itself without the pairs of the same draw."""
+    """E|X - X'|, averaged over time; of a component with itself without the pairs of a draw with itself."""
     if a is b:
         ordered = np.sort(a, axis=0)
         n = len(a)
@@ -59,11 +59,11 @@ def _apart(a: FloatArray, b: FloatArray) -> float:
 
 
 class Pool:
-    """Weights of voices as a softmax of what is learned for a test far from all others, and for one beside another.
+    """Weights of components as a softmax of what is learned for a test far from all others, and for one beside another.
 
     Parameters
     ----------
-    prior : ndarray, shape (n_voices, 2)
+    prior : ndarray, shape (n_components, 2)
         Where the logits of the weights are expected before anything was left out: far from, and beside, another test.
     spread : float
         Their prior standard deviation.
@@ -72,7 +72,7 @@ class Pool:
 
     Attributes
     ----------
-    logits_ : ndarray, shape (n_voices, 2)
+    logits_ : ndarray, shape (n_components, 2)
     """
 
     def __init__(self, prior: FloatArray, *, spread: float, strength: float) -> None:
@@ -102,5 +102,5 @@ class Pool:
         return self
 
     def weights(self, nearness: float) -> FloatArray:
-        """Weights of the voices for a crash this near to a test; they add up to 1."""
+        """Weights of the components for a crash this near to a test; they add up to 1."""
         return np.asarray(softmax(self.logits_ @ np.array([1 - nearness, nearness])))

@@ -1,4 +1,4 @@
-"""The time-domain approach: TCNs trained on the CAE runs, then fine-tuned on the tests (MF TCN, Sect. 3.1)."""
+"""The time-domain approach: networks trained on the CAE runs, then fine-tuned on the tests (Sect. 3.1)."""
 
 import copy
 from collections.abc import Sequence
@@ -11,9 +11,9 @@ from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import MOST_TESTS, Prediction, thinning_notes
 from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.left_out import LeftOut
-from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Outlook
+from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
 from crashfuse.approaches.time_domain.stopping import SMOOTH_S, Stopping, stopping_notes
 from crashfuse.approaches.time_domain.tangent_kernel import Tangent, tangent_kernel, tangents
@@ -31,7 +31,9 @@ _HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
 class TimeDomain(TcnApproach):
-    """The MF TCN: the LF networks with increments learned from the tests (Eq. 6). Parameters as :class:`LfTcn`.
+    """The multi-fidelity (MF) TCN: the LF networks with increments learned from the tests (Eq. 6).
+
+    Parameters as :class:`LfTcn`.
 
     Attributes
     ----------
@@ -52,6 +54,18 @@ class TimeDomain(TcnApproach):
 
     name = "time_domain"
     label = "Time domain"
+    in_words = "the time domain"
+    description = (
+        "the multi-fidelity (MF) networks: those of the LF TCN with increments of their weights learned from the "
+        "tests (Eq. 6); under the fast preset in closed form, their strength chosen by leaving tests out, with the "
+        "posterior, widened until it holds on left-out tests, as the band."
+    )
+    colour, dark_colour = "#0072B2", "#2E93D6"
+    preference = 30
+
+    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+        """Train the LF networks."""
+        self._lf().prepare(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Fine-tune the LF networks, which are trained before if the cache does not have them, on the tests.
@@ -68,7 +82,7 @@ class TimeDomain(TcnApproach):
         campaign = self._seen(campaign)
         accel = self._begin(campaign, self._lf().fit(campaign, watch))
         if self.config.tuning == "gradient":
-            key = {"campaign": campaign.fingerprint, "config": self.config, "seed": self.seed, "device": self.hardware}
+            key = {"campaign": campaign.fingerprint, "config": self.config, "seed": self.seed, "device": self.device}
             checkpoint = Checkpoint(self.cache, {**key, "training": self.name})
             self.network_, self.losses_ = fine_tune(
                 self.network_, self.scaling_, self._vectors, accel, self.config, checkpoint, watch
@@ -78,7 +92,7 @@ class TimeDomain(TcnApproach):
         return self
 
     def _lf(self) -> LfTcn:
-        return LfTcn(self.config, seed=self.seed, device=self.device, cache=self.cache)
+        return LfTcn(self.config, seed=self.seed, device=self._wanted, cache=self.cache)
 
     def _seen(self, campaign: Campaign) -> Campaign:
         """What is learned from: more tests than that only by steps of Adam."""
@@ -104,12 +118,14 @@ class TimeDomain(TcnApproach):
         """What the network should put out for the tests, shape (n_tests, n_times)."""
         return self.scaling_.targets(self._vectors, accel_mps2, self.config).numpy().T.astype(np.float64)
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """What the LF networks learned, and the increments."""
         self._require("network_")
         lf = self.lf_.learned()
         if self.config.tuning == "gradient":
-            return Learned.of({}, {"losses": self.losses_}, lf=lf, network=Learned({}, weights_of(self.network_)))
+            return FittedState.of(
+                {}, {"losses": self.losses_}, lf=lf, network=FittedState({}, weights_of(self.network_))
+            )
         check = self.calibration_
         values = {
             "widening": check.widening,
@@ -117,9 +133,9 @@ class TimeDomain(TcnApproach):
             "delta_v_misfit": self._delta_v_misfit,
         }
         parts = {"lf": lf, "increments": self.increments_.learned(), "left_out": self.left_out_.learned()}
-        return Learned.of(values, {"inside": check.inside}, **parts)
+        return FittedState.of(values, {"inside": check.inside}, **parts)
 
-    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Take up networks and increments."""
         self._begin(self._seen(campaign), self._lf().restore(campaign, learned.part("lf")))
         if self.config.tuning == "gradient":
@@ -154,12 +170,12 @@ class TimeDomain(TcnApproach):
 
         def check(widening: float, late: float) -> list[Coverage]:
             watch.report("Checking the band on left-out tests", 0, 1)
-            for number, (test, outlook) in enumerate(zip(tests, left_out, strict=True)):
-                pulses[number] = self._pulses(test.condition, outlook, widening, late)
+            for number, (test, posterior) in enumerate(zip(tests, left_out, strict=True)):
+                pulses[number] = self._pulses(test.condition, posterior, widening, late)
             return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
 
         # Wider draws have higher peaks: a measured peak below its interval must not widen the band, only be reported.
-        # What comes after t0 is less certain, and has a factor of its own.
+        # The rebound is less certain, and has a factor of its own.
         first = calibrate(lambda w: [replace(c, rebound=np.nan, peak=True) for c in check(w, w)]).widening
         late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
         self.calibration_ = Calibration(first, tuple(check(first, late)), late)
@@ -183,10 +199,12 @@ class TimeDomain(TcnApproach):
     def _stopping(self, condition: Condition) -> Stopping:
         return Stopping.of(condition, self.scaling_, self.config)
 
-    def _stopped(self, condition: Condition, lf: FloatArray, outlook: Outlook, end_shares: FloatArray) -> Outlook:
+    def _stopped(self, condition: Condition, lf: FloatArray, posterior: Posterior, end_shares: FloatArray) -> Posterior:
         """LF networks and increments together, no rougher than cars are, of a vehicle that stops."""
-        outlook = Outlook(lf + outlook.mean, outlook.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
-        return self._stopping(condition).imposed(outlook, end_shares)
+        posterior = Posterior(lf + posterior.mean, posterior.covariance).smoothed(
+            SMOOTH_S / (DT_S * self.config.stride)
+        )
+        return self._stopping(condition).imposed(posterior, end_shares)
 
     def _alike(self, vectors: FloatArray) -> FloatArray:
         """How alike increments at the tests and at other conditions are, shape (n_tests, n): they drift with speed."""
@@ -194,17 +212,17 @@ class TimeDomain(TcnApproach):
         correlation: FloatArray = np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2)
         return correlation
 
-    def _pulses(self, condition: Condition, outlook: Outlook, widening: float, late: float) -> FloatArray:
+    def _pulses(self, condition: Condition, posterior: Posterior, widening: float, late: float) -> FloatArray:
         """The mean pulse, then drawn ones with wider deviations: shape (1 + n_draws, 1250), m/s²."""
-        n_draws, n_times = self.config.n_draws, outlook.mean.size
+        n_draws, n_times = self.config.n_draws, posterior.mean.size
         dof = max(len(self._vectors), _LEAST_FREEDOM)
         rng = np.random.default_rng(self.seed)
-        normal = outlook.draw(n_draws, rng)
+        normal = posterior.draw(n_draws, rng)
         # the variance itself is learned from a handful of tests: Student's t
         factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
-        wide = widening + (late - widening) * self._stopping(condition).after_t0(outlook.mean)
+        wide = widening + (late - widening) * self._stopping(condition).after_t0(posterior.mean)
         deviations = factors[:, None] * normal * wide
-        outputs = outlook.mean + np.vstack([np.zeros(n_times), deviations])
+        outputs = posterior.mean + np.vstack([np.zeros(n_times), deviations])
         return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
 
     def predict(self, condition: Condition) -> Prediction:
@@ -224,8 +242,8 @@ class TimeDomain(TcnApproach):
         own = tangent_kernel(self.network_, here, here)[0, :, 0]
         expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
         with threadpool_limits(1):  # small matrices, and the same numbers whatever the machine has
-            outlook = self._stopped(condition, expected, self.increments_.outlook(across, own), self._end_shares)
-            pulses = self._pulses(condition, outlook, check.widening, check.late_widening or check.widening)
+            posterior = self._stopped(condition, expected, self.increments_.posterior(across, own), self._end_shares)
+            pulses = self._pulses(condition, posterior, check.widening, check.late_widening or check.widening)
         notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 

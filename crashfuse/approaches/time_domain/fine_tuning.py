@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.draws import draw
-from crashfuse.approaches.fitted_state import Learned
+from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.signals.pulse import FloatArray
 
 PENALTIES = (0.02, 0.06, 0.2, 0.6)
@@ -23,42 +23,42 @@ The weakest comes first and is preferred: the mean square likes a pulse that is 
 does not.
 """
 
-_UNRESOLVED = 0.01  # variance, relative to the kernel's mean: what a network cannot follow
+_UNRESOLVED = 0.01  # variance that a network cannot follow, relative to the kernel's mean
 _FEW = 3  # tests: with fewer, leaving one out says nothing about ρ
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Outlook:
-    """What is expected at one condition before a test there: mean and covariance of the network's output."""
+class Posterior:
+    """Normal distribution of the networks' output at one condition: its mean and covariance."""
 
     mean: FloatArray
     covariance: FloatArray
 
     def given(
         self, functional: FloatArray, value: float, variance: float, where: FloatArray | None = None
-    ) -> "Outlook":
-        """What is left to expect once functional · output is known to be this value, give or take this variance.
+    ) -> "Posterior":
+        """The distribution once functional · output has been measured to be this value, with this variance.
 
         Parameters
         ----------
         functional : ndarray, shape (n_times,)
         value, variance : float
         where : ndarray, shape (n_times,), optional
-            Weights from 0 to 1 of the output's deviations: where they are 0, everything is known already.
+            Weights from 0 to 1 of the output's deviations; where they are 0, the output is taken as known.
         """
         covariance = self.covariance if where is None else self.covariance * where[:, None] * where
         with_all = covariance @ functional
         gain = with_all / (functional @ with_all + variance)
         mean = self.mean + gain * (value - functional @ self.mean)
-        return Outlook(mean, covariance - np.outer(gain, with_all))
+        return Posterior(mean, covariance - np.outer(gain, with_all))
 
-    def smoothed(self, n_steps: float) -> "Outlook":
+    def smoothed(self, n_steps: float) -> "Posterior":
         """The same variance at each time, but deviations averaged over about this many steps (Gaussian, one sigma)."""
         step = np.arange(self.mean.size)
         average = np.exp(-0.5 * ((step[:, None] - step) / n_steps) ** 2)
         smooth = average @ self.covariance @ average.T
         scale = np.sqrt(np.diag(self.covariance) / np.diag(smooth))
-        return Outlook(self.mean, smooth * scale[:, None] * scale)
+        return Posterior(self.mean, smooth * scale[:, None] * scale)
 
     def draw(self, n_draws: int, rng: np.random.Generator) -> FloatArray:
         """Draw whole functions: their deviations from the mean, shape (n_draws, n_times)."""
@@ -76,7 +76,7 @@ class Increments:
     ----------
     penalty_, band_penalty_ : float
         ρ of the mean and of the covariance.
-    left_out_ : tuple of Outlook
+    left_out_ : tuple of Posterior
         For each test, from all the others.
     left_out_error_, error_ : dict of float to float
         Root mean square error for each ρ, in units of the network's output: on each test as predicted from the others,
@@ -112,11 +112,11 @@ class Increments:
         self._unit, self._size, self._inverse = unit, float(sizes[self.band_penalty_]), band.inverse
         self._weights = trials[self.penalty_].inverse @ misfit.ravel()
         resolved = band.covariances - _UNRESOLVED * np.eye(n_times)
-        self.left_out_ = tuple(Outlook(*pair) for pair in zip(misfit - errors, self._size * resolved, strict=True))
+        self.left_out_ = tuple(Posterior(*pair) for pair in zip(misfit - errors, self._size * resolved, strict=True))
         return self
 
-    def outlook(self, across: FloatArray, own: FloatArray) -> Outlook:
-        """What a new test would add to the LF prediction.
+    def posterior(self, across: FloatArray, own: FloatArray) -> Posterior:
+        """Posterior of what a new test would add to the LF prediction.
 
         Parameters
         ----------
@@ -129,10 +129,10 @@ class Increments:
         across, own = across.reshape(-1, n_times) / self._unit, own / self._unit
         mean = across.T @ self._weights
         covariance = (1 + self.band_penalty_) * own - across.T @ self._inverse @ across
-        return Outlook(mean, self._size * covariance)
+        return Posterior(mean, self._size * covariance)
 
-    def learned(self) -> Learned:
-        """All that :meth:`outlook` needs, and how the choice was made."""
+    def learned(self) -> FittedState:
+        """What :meth:`posterior` needs, and the errors that decided the penalty."""
         values = {
             "penalty": self.penalty_,
             "band_penalty": self.band_penalty_,
@@ -141,10 +141,10 @@ class Increments:
             "unit": self._unit,
             "size": self._size,
         }
-        return Learned(values, {"inverse": self._inverse, "weights": self._weights})
+        return FittedState(values, {"inverse": self._inverse, "weights": self._weights})
 
-    def restore(self, learned: Learned) -> Self:
-        """Take up what was learned before, but for the outlooks on tests left out."""
+    def restore(self, learned: FittedState) -> Self:
+        """Take up what was learned before, except the posteriors of left-out tests."""
         values, arrays = learned.values, learned.arrays
         self.penalty_, self.band_penalty_ = values["penalty"], values["band_penalty"]
         self.left_out_error_, self.error_ = dict(values["left_out_error"]), dict(values["error"])

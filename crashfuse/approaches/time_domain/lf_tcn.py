@@ -1,14 +1,16 @@
-"""The TCN before it has seen a test: an emulator of the CAE model in time (LF TCN, Eq. 5)."""
+"""The low-fidelity (LF) networks: an emulator of the CAE model in time that has seen no test (Eq. 5)."""
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, Self, get_args
+from typing import Self
 
 import numpy as np
 import torch
 
 from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.fitted_state import Learned
-from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.fitted_state import FittedState
+from crashfuse.approaches.settings import Device, Settings
+from crashfuse.approaches.time_domain.config import TcnConfig
+from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.scaling import Scaling
 from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
 from crashfuse.approaches.time_domain.training_data import predict, train
@@ -19,15 +21,12 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 
-Device = Literal["auto", "cpu", "cuda"]
-DEVICES: tuple[Device, ...] = get_args(Device)
-
 _KIND = "lf_tcn"
 _MOST_POINTS = 200  # of a learning curve that is shown
 
 
 class TcnApproach(Approach):
-    """What both approaches share: hyperparameters, and a prediction once there is a network."""
+    """Common base of the LF TCN and the time domain: hyperparameters, and the prediction of a network."""
 
     network_: Tcn
     scaling_: Scaling
@@ -38,20 +37,22 @@ class TcnApproach(Approach):
     ) -> None:
         self.config = TcnConfig.fast() if config is None else config
         self.seed = seed
-        self.device = device
+        self._wanted = device
         self.cache = cache
 
-    @property
-    def _device(self) -> torch.device:
-        there_is_cuda = torch.cuda.is_available()
-        if self.device == "cuda" and not there_is_cuda:
-            raise UsageError("There is no CUDA device that this torch can use; leave it to auto, or take cpu.")
-        return torch.device("cuda" if there_is_cuda and self.device != "cpu" else "cpu")
+    @classmethod
+    def create(cls, settings: Settings) -> Self:
+        """Table 2 under the paper's preset, else the small networks."""
+        config = TcnConfig.paper() if settings.preset == "paper" else TcnConfig.fast()
+        return cls(config, seed=settings.seed, device=settings.device, cache=settings.cache)
 
     @property
-    def hardware(self) -> str:
-        """The kind of device it trains on: its numbers differ in the last bits."""
-        return self._device.type
+    def device(self) -> str:
+        """The kind of device it trains on: numbers of the two differ in the last bits."""
+        there_is_cuda = torch.cuda.is_available()
+        if self._wanted == "cuda" and not there_is_cuda:
+            raise UsageError("There is no CUDA device that this torch can use; choose auto or cpu.")
+        return "cuda" if there_is_cuda and self._wanted != "cpu" else "cpu"
 
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition: the mean of the members.
@@ -67,7 +68,7 @@ class TcnApproach(Approach):
 
 
 class LfTcn(TcnApproach):
-    """The networks before they have seen a test: an emulator of the CAE model in time (Eq. 5).
+    """The low-fidelity (LF) networks: an emulator of the CAE model in time that has seen no test (Eq. 5).
 
     Parameters
     ----------
@@ -91,6 +92,18 @@ class LfTcn(TcnApproach):
 
     name = "lf_tcn"
     label = "LF TCN"
+    in_words = "the LF TCN"
+    description = (
+        "the low-fidelity (LF) networks: temporal convolutional networks (TCN) trained on the CAE runs and on no test "
+        "(Eq. 5)."
+    )
+    colour, dash = "#CC79A7", "dot"
+    preference = 40
+    learns_from_tests = False
+
+    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+        """Train the networks."""
+        self.fit(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Train on the CAE runs of the campaign, or take networks from the cache; tests are not looked at.
@@ -105,7 +118,7 @@ class LfTcn(TcnApproach):
         cae, config = campaign.cae, self.config
         if len(cae) < 2:
             raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
-        key = {"cae": cae.fingerprint, "config": config.lf_settings, "seed": self.seed, "device": self._device.type}
+        key = {"cae": cae.fingerprint, "config": config.lf_settings, "seed": self.seed, "device": self.device}
         if self.cache is None:
             return self._train(cae, key, watch)
         if (entry := self.cache.get(_KIND, key)) is None:
@@ -114,13 +127,13 @@ class LfTcn(TcnApproach):
                     self._train(cae, key, watch)
                     self.cache.put(_KIND, key, self.learned().arrays)
                     return self
-        return self.restore(campaign, Learned({}, entry))
+        return self.restore(campaign, FittedState({}, entry))
 
     def _train(self, cae: CaeLibrary, key: Mapping[str, object], watch: Watch) -> Self:
         vectors, accel = self._begin(cae)
         checkpoint = Checkpoint(self.cache, {**key, "training": _KIND})
         self.network_, self.losses_ = train(
-            vectors, accel, self.scaling_, self.config, self.seed, self._device, checkpoint, watch
+            vectors, accel, self.scaling_, self.config, self.seed, torch.device(self.device), checkpoint, watch
         )
         return self
 
@@ -136,17 +149,17 @@ class LfTcn(TcnApproach):
         """Its pulse at every test: it has seen none."""
         return {test.id: self.predict(test.condition).accel_mps2 for test in campaign.tests}
 
-    def learned(self) -> Learned:
+    def learned(self) -> FittedState:
         """Weights and learning curves."""
         self._require("network_")
-        return Learned({}, {**weights_of(self.network_), "losses": self.losses_})
+        return FittedState({}, {**weights_of(self.network_), "losses": self.losses_})
 
-    def restore(self, campaign: Campaign, learned: Learned) -> Self:
+    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Take up weights; the scaling is the library's."""
         self._begin(campaign.cae)
         weights = dict(learned.arrays)
         self.losses_ = weights.pop("losses")
-        self.network_ = Tcn(self.config, torch.Generator()).to(self._device).eval()
+        self.network_ = Tcn(self.config, torch.Generator()).to(self.device).eval()
         load_weights(self.network_, weights)
         return self
 
@@ -162,7 +175,7 @@ class LfTcn(TcnApproach):
             "epochs": self.losses_.shape[1],
             "train_loss": train_loss,
             "validation_loss": validation_loss,
-            "device": self._device.type,
+            "device": self.device,
             "learning_curve": thinned(self.losses_.mean(axis=0), ("train_loss", "validation_loss")),
         }
 

@@ -1,4 +1,4 @@
-"""The temporal convolutional network (Figs. 3 and 4, Eq. 4; after Bai et al. 2018) and what it is fed with.
+"""The temporal convolutional network (TCN; Figs. 3 and 4, Eq. 4; after Bai et al. 2018).
 
 Sequences are time-major, shape (n_members, n_times, n_pulses, n_channels): a short causal convolution is then one
 matrix product a tap, and the members of an ensemble, which know nothing of each other, share each product in a batch,
@@ -8,115 +8,14 @@ There is no weight normalisation: on a CPU it costs 15 %.
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Literal, Self
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-_AFTER_LF = ("tuning", "tuning_steps", "tuning_rate", "penalty", "n_draws")
+from crashfuse.approaches.time_domain.config import TcnConfig
+
 _MOST_PRODUCTS = 8  # taps: each product keeps a copy of its input for the gradient, gigabytes of them for 20 taps
-
-
-@dataclass(frozen=True, slots=True)
-class TcnConfig:
-    """Network, LF training (Eq. 5) and fine-tuning (Eq. 6); the constructors are :meth:`fast` and :meth:`paper`.
-
-    Parameters
-    ----------
-    channels, kernel, dilations, dropout
-        One residual block for each dilation.
-    stride : int
-        Every how manieth sample of the study grid is a step of the sequence; a cubic spline leads back.
-    time_waves, travel_waves, velocity_waves : int
-        How many sines and cosines of time, and of the displacement and velocity that CAE runs at this speed typically
-        have by then, are inputs beside the paper's four. What tests teach then carries over to where a vehicle at
-        another speed is as far crushed, or is about to stop. No travel waves: neither of the two.
-    scale_floor : float
-        An output of 1 means an acceleration that grows with v0, from this share of its highest value at 0; 1 for one
-        acceleration at all speeds.
-    batch, epochs, min_steps : int
-        Pulses a step; epochs, or as many more as make that many steps in a small library.
-    max_runs : int
-        Most CAE runs to learn from, taken evenly from the library: more teach the networks no more; 0 for all.
-    learning_rate, annealing_epochs : float, int
-        Adam's rate and the half period of its cosine; 0 for one warm-up and one cosine over the whole training.
-    members : int
-        LF networks from different seeds, whose mean predicts.
-    tuning : {"posterior", "gradient"}
-        Fine-tuning in closed form with a band, or by Adam without.
-    n_draws : int
-        For the posterior: whole pulses drawn for the band.
-    tuning_steps, tuning_rate, penalty : int, float, float
-        For Adam: steps and rate, and λ of the penalty λ‖θ_HF‖² that keeps θ_MF near θ_LF.
-    """
-
-    channels: int = 48
-    kernel: int = 3
-    dilations: tuple[int, ...] = (1, 2, 4, 8)
-    dropout: float = 0.0
-    stride: int = 20
-    time_waves: int = 2
-    travel_waves: int = 10
-    velocity_waves: int = 1
-    scale_floor: float = 0.3
-    batch: int = 16
-    epochs: int = 20
-    min_steps: int = 1000
-    max_runs: int = 3000
-    learning_rate: float = 4e-3
-    annealing_epochs: int = 0
-    members: int = 4
-    tuning: Literal["posterior", "gradient"] = "posterior"
-    n_draws: int = 200
-    tuning_steps: int = 1000
-    tuning_rate: float = 3e-4
-    penalty: float = 1e-3
-
-    @classmethod
-    def fast(cls) -> Self:
-        """Ours: some ten seconds for the LF training of each member on one core."""
-        return cls()
-
-    @classmethod
-    def paper(cls) -> Self:
-        """Table 2 as it stands, 1000 epochs; one residual block, so one dilation, 1. For a GPU."""
-        return cls(
-            channels=600,
-            kernel=20,
-            dilations=(1,),
-            dropout=0.05,
-            stride=1,
-            time_waves=0,
-            travel_waves=0,
-            velocity_waves=0,
-            scale_floor=1.0,
-            batch=32,
-            epochs=1000,
-            min_steps=0,
-            max_runs=0,
-            learning_rate=3e-4,
-            annealing_epochs=100,
-            members=1,
-            tuning="gradient",
-        )
-
-    @property
-    def lf_settings(self) -> dict[str, object]:
-        """What the LF training depends on."""
-        return {name: value for name, value in asdict(self).items() if name not in _AFTER_LF}
-
-    @property
-    def n_inputs(self) -> int:
-        """Time, v0, front and rear weight; typical displacement and velocity, if they have waves; and the waves."""
-        motion = 2 + 2 * self.travel_waves + 2 * self.velocity_waves if self.travel_waves else 0
-        return 4 + 2 * self.time_waves + motion
-
-    @property
-    def receptive_field(self) -> int:
-        """How many steps of the sequence an output looks at, itself included."""
-        return 1 + 2 * (self.kernel - 1) * sum(self.dilations)
 
 
 class Tcn(nn.Module):

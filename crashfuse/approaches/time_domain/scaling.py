@@ -1,4 +1,4 @@
-"""What a TCN is fed with and what its output means: conditions and accelerations as numbers near 1."""
+"""Inputs and outputs of a TCN: conditions and accelerations scaled to numbers near 1."""
 
 from dataclasses import dataclass, replace
 
@@ -7,15 +7,15 @@ import torch
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
-from crashfuse.approaches.time_domain.network import TcnConfig
+from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 
-_POWERS = np.arange(1, 5)[:, None]  # of the speed, in which the typical motion is told: it is nothing at standstill
-_MOST_RUNS = 2000  # more tell what is typical no better
+_POWERS = np.arange(1, 5)[:, None]  # of the speed, in which the typical motion is expanded: it vanishes at standstill
+_MOST_RUNS = 2000  # more would not change what is typical
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Motion:
+class TypicalMotion:
     """How the vehicles of CAE runs typically move, by their impact speed.
 
     Parameters
@@ -34,7 +34,7 @@ class Motion:
     crush_m: float
 
     @classmethod
-    def of(cls, speed_mps: FloatArray, accel_mps2: FloatArray, stride: int) -> "Motion":
+    def of(cls, speed_mps: FloatArray, accel_mps2: FloatArray, stride: int) -> "TypicalMotion":
         """Learn from runs: speeds of shape (n,), pulses of shape (n, 1250)."""
         top = float(speed_mps.max())
         some = np.linspace(0, len(speed_mps) - 1, min(len(speed_mps), _MOST_RUNS)).astype(int)
@@ -65,7 +65,7 @@ class Scaling:
         Ends of the library: beyond them the network gets what it would get there.
     accel_mps2 : float
         Root mean square of the accelerations, each divided by what its speed makes of it.
-    motion : Motion
+    motion : TypicalMotion
     """
 
     centre: tuple[float, ...]
@@ -73,14 +73,14 @@ class Scaling:
     lowest: tuple[float, ...]
     highest: tuple[float, ...]
     accel_mps2: float
-    motion: Motion
+    motion: TypicalMotion
 
     @classmethod
     def of(cls, vectors: FloatArray, accel_mps2: FloatArray, config: TcnConfig) -> "Scaling":
         """Learn the scaling from conditions, shape (n, 3), and their pulses, shape (n, 1250)."""
         spread = np.maximum(vectors.std(axis=0), 1e-6 * np.abs(vectors).max(axis=0))
         centre, lowest, highest = vectors.mean(axis=0), vectors.min(axis=0), vectors.max(axis=0)
-        motion = Motion.of(vectors[:, 0], accel_mps2, config.stride)
+        motion = TypicalMotion.of(vectors[:, 0], accel_mps2, config.stride)
         ends = tuple(lowest.tolist()), tuple(highest.tolist())
         unit = cls(tuple(centre.tolist()), tuple(spread.tolist()), *ends, accel_mps2=1.0, motion=motion)
         sequences = accel_mps2[:, :: config.stride] / unit.outputs(vectors, config)[:, None]

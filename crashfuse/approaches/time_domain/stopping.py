@@ -5,13 +5,13 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.time_domain.fine_tuning import Outlook
-from crashfuse.approaches.time_domain.network import TcnConfig
+from crashfuse.approaches.time_domain.config import TcnConfig
+from crashfuse.approaches.time_domain.fine_tuning import Posterior
 from crashfuse.approaches.time_domain.scaling import Scaling
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 
-SMOOTH_S = 0.0032  # increments deviate faster than cars do, and draws that wiggle too fast have too high a peak
+SMOOTH_S = 0.0032  # increments vary faster than real pulses, and draws that oscillate too fast peak too high
 _LEAST_SPREAD = 0.02  # of the share of v0 that is left at the end of the record, however alike the tests
 _UNKNOWN_SPREAD = 0.1  # with a single test
 
@@ -50,27 +50,27 @@ class Stopping:
         after: FloatArray = 1 - np.exp(-np.maximum(self.time_s - t0, 0.0) / SMOOTH_S)
         return after
 
-    def imposed(self, outlook: Outlook, end_shares: FloatArray) -> Outlook:
+    def imposed(self, posterior: Posterior, end_shares: FloatArray) -> Posterior:
         """The output that is expected of a vehicle that stops and bounces back about as those in the tests did.
 
         Eq. 11 over the whole record, taken as one more measurement: acceleration must integrate to ΔV.
 
         Parameters
         ----------
-        outlook : Outlook
+        posterior : Posterior
         end_shares : ndarray, shape (n_tests,)
             Shares of v0 that were left at the end of the tests; without any, nothing is imposed.
         """
         if not len(end_shares):
-            return outlook
+            return posterior
         spread = max(float(end_shares.std(ddof=1)), _LEAST_SPREAD) if len(end_shares) > 1 else _UNKNOWN_SPREAD
         known = self.change, float(end_shares.mean()) - 1, spread**2
-        stopped = outlook.given(*known)
-        after = self.after_t0(outlook.mean)
+        stopped = posterior.given(*known)
+        after = self.after_t0(posterior.mean)
         if not after.any():
             return stopped
         # The expected pulse brings the vehicle to its stop, so only what comes after that is put right.
-        return Outlook(outlook.given(*known, where=after).mean, stopped.covariance)
+        return Posterior(posterior.given(*known, where=after).mean, stopped.covariance)
 
 
 def stopping_notes(condition: Condition, pulse_mps2: FloatArray, lf_mps2: FloatArray) -> tuple[str, ...]:

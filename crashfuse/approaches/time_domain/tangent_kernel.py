@@ -16,7 +16,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from crashfuse.approaches.time_domain.network import CausalConv, ResidualBlock, Tcn, TcnConfig
+from crashfuse.approaches.time_domain.config import TcnConfig
+from crashfuse.approaches.time_domain.network import CausalConv, ResidualBlock, Tcn
 from crashfuse.approaches.time_domain.threads import Crew, quick_threads
 from crashfuse.signals.pulse import FloatArray
 

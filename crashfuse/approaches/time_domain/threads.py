@@ -1,4 +1,4 @@
-"""How small networks share the cores: each on a thread of its own, never one product on several threads.
+"""Threads for small networks: one each, never several for one product.
 
 Threads within a product wait for each other at every step: next to any other work on the machine that costs more than
 they give. And one thread gives the same numbers whatever the machine has and does.

@@ -1,4 +1,4 @@
-"""Down a loss by Adam, step after step; stopped at any step, and continued from there to the same bits."""
+"""Adam training with checkpoints: stopped at any step, it continues from there to the same bits."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -23,8 +23,8 @@ _SHARE = 0.05  # of the time, at most, goes into checkpoints
 _KIND = "checkpoints"  # of entries in the cache
 
 
-class Problem(Protocol):
-    """What is to be minimised, and how fast."""
+class TrainingObjective(Protocol):
+    """What a training minimises, for how many steps and at which learning rate."""
 
     columns: ClassVar[tuple[str, ...]]
     """What the learning curve tells of an epoch; the first is the mean loss of its steps."""
@@ -35,7 +35,7 @@ class Problem(Protocol):
         """Adam's learning rate."""
 
     def loss(self, network: Tcn, step: int) -> tuple[Tensor, Tensor]:
-        """What is differentiated, and each member's loss for the curve; random numbers come from the step alone."""
+        """The loss to differentiate, and each member's for the curve; random numbers depend on the step alone."""
 
     def validate(self, network: Tcn) -> tuple[Tensor, ...]:
         """The other columns, after an epoch: shape (n_members,) each."""
@@ -43,40 +43,40 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """Where a training that has not come to its end is kept: everything that its next step depends on."""
+    """Where an unfinished training is stored: everything that its next step depends on."""
 
     cache: Cache | None
     key: Mapping[str, object]
 
     def load(self) -> Entry | None:
-        """What was saved last."""
+        """The state that was saved last, if any."""
         return self.cache.get(_KIND, self.key) if self.cache else None
 
     def save(self, state: Entry) -> None:
-        """Replace what was saved before."""
+        """Save a state in place of the last."""
         if self.cache:
             self.cache.put(_KIND, self.key, state)
 
     def drop(self) -> None:
-        """Forget it: the training has come to its end."""
+        """Delete it: the training has ended."""
         if self.cache:
             self.cache.drop(_KIND, self.key)
 
 
-def descend(
-    networks: Sequence[Tcn], problems: Sequence[Problem], checkpoint: Checkpoint, watch: Watch, name: str
+def minimise(
+    networks: Sequence[Tcn], objectives: Sequence[TrainingObjective], checkpoint: Checkpoint, watch: Watch, name: str
 ) -> FloatArray:
     """Train networks in place, side by side, from their checkpoint if there is one.
 
     Parameters
     ----------
     networks : sequence of Tcn
-    problems : sequence of Problem
+    objectives : sequence of TrainingObjective
         One for each, all of one length.
     checkpoint : Checkpoint
     watch : Watch
     name : str
-        What the training is called in its reports.
+        Name of the training in its progress reports.
 
     Returns
     -------
@@ -86,10 +86,10 @@ def descend(
     Raises
     ------
     Cancelled
-        If the watch was told to stop; what has been learned is in the checkpoint.
+        If the watch was told to stop; the state is in the checkpoint.
     """
-    n_steps, columns = problems[0].n_steps, problems[0].columns
-    runs = [_Run(network, problem) for network, problem in zip(networks, problems, strict=True)]
+    n_steps, columns = objectives[0].n_steps, objectives[0].columns
+    runs = [_Run(network, objective) for network, objective in zip(networks, objectives, strict=True)]
     start = _resume(runs, checkpoint.load())
     saved = reported = time.monotonic()
     pause = _CHECKPOINT_S
@@ -115,30 +115,30 @@ def descend(
 
 
 class _Run:
-    """One network on its way down."""
+    """The training of one network."""
 
-    def __init__(self, network: Tcn, problem: Problem) -> None:
-        self.network, self._problem, self._epoch = network, problem, 0
+    def __init__(self, network: Tcn, objective: TrainingObjective) -> None:
+        self.network, self._objective, self._epoch = network, objective, 0
         self.optimiser = torch.optim.Adam(network.parameters(), betas=(0.9, 0.95), fused=True)
-        shape = (network.members, problem.n_steps // problem.steps_an_epoch, len(problem.columns))
+        shape = (network.members, objective.n_steps // objective.steps_an_epoch, len(objective.columns))
         self.curve = torch.zeros(shape, dtype=torch.float64, device=network.device)
 
     def step(self, number: int) -> bool:
         """Take a step; returns whether an epoch ends with it."""
-        network, problem = self.network, self._problem
+        network, objective = self.network, self._objective
         network.train()
-        self.optimiser.param_groups[0]["lr"] = problem.rate(number)
-        objective, losses = problem.loss(network, number)
+        self.optimiser.param_groups[0]["lr"] = objective.rate(number)
+        total, losses = objective.loss(network, number)
         self.optimiser.zero_grad(set_to_none=True)
-        torch.autograd.backward(objective)
+        torch.autograd.backward(total)
         self.optimiser.step()
-        self._epoch = number // problem.steps_an_epoch
-        self.curve[:, self._epoch, 0] += losses.detach() / problem.steps_an_epoch
+        self._epoch = number // objective.steps_an_epoch
+        self.curve[:, self._epoch, 0] += losses.detach() / objective.steps_an_epoch
         network.eval()
-        if (number + 1) % problem.steps_an_epoch:
+        if (number + 1) % objective.steps_an_epoch:
             return False
         with torch.no_grad():
-            for column, losses in enumerate(problem.validate(network), start=1):
+            for column, losses in enumerate(objective.validate(network), start=1):
                 self.curve[:, self._epoch, column] = losses
         return True
 
@@ -158,7 +158,7 @@ def _state(runs: Sequence[_Run], done: int) -> Entry:
 
 
 def _resume(runs: Sequence[_Run], state: Entry | None) -> int:
-    """Go back to where a checkpoint was made; returns how many steps that was."""
+    """Restore a checkpoint; returns the number of steps done."""
     if state is None:
         return 0
     for number, run in enumerate(runs):

@@ -1,4 +1,4 @@
-"""What a TCN learns from: CAE runs (LF network, Eq. 5), then tests (Eq. 6)."""
+"""The two trainings of a TCN: on CAE runs (LF networks, Eq. 5), then on tests (MF networks, Eq. 6)."""
 
 import copy
 import math
@@ -8,15 +8,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.config import TcnConfig
+from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.scaling import Scaling
 from crashfuse.approaches.time_domain.threads import quick_threads
-from crashfuse.approaches.time_domain.training import Checkpoint, descend
+from crashfuse.approaches.time_domain.training import Checkpoint, minimise
 from crashfuse.execution.progress import Watch
 from crashfuse.signals.pulse import FloatArray
 
 _VALIDATED = 0.1  # share of the CAE runs (Sect. 4.1: 90 % for training, 10 % for validation)
-_MOST_VALIDATED = 1000  # more tell the loss no better
+_MOST_VALIDATED = 1000  # more would not make the loss more accurate
 _WARM_UP = 0.1  # share of the steps
 _SIDE_BY_SIDE = 2  # members a thread: more would leave a core idle, fewer share no products
 
@@ -68,17 +69,17 @@ def train(
     inputs = scaling.inputs(vectors, config).to(device)
     targets = scaling.targets(vectors, accel_mps2, config).to(device)
     together = _SIDE_BY_SIDE if device.type == "cpu" else config.members
-    networks, problems = [], []
+    networks, objectives = [], []
     for first in range(0, config.members, together):
         generator = torch.Generator().manual_seed(_mixed(seed, first))
         members = min(together, config.members - first)
         networks.append(Tcn(config, generator, members).to(device))
-        problems.append(_OnRuns(inputs, targets, config, _mixed(seed, first), members, generator))
-    losses = descend(networks, problems, checkpoint, watch, "Training LF TCN")
+        objectives.append(LfTraining(inputs, targets, config, _mixed(seed, first), members, generator))
+    losses = minimise(networks, objectives, checkpoint, watch, "Training LF TCN")
     return Tcn.joined(networks, config), losses
 
 
-class _OnRuns:
+class LfTraining:
     """The LF training: each member has its own validation runs and sees the others in an order of its own."""
 
     columns: ClassVar[tuple[str, ...]] = ("train_loss", "validation_loss")
@@ -169,11 +170,11 @@ def fine_tune(
     inputs = scaling.inputs(vectors, config).to(network.device)
     targets = scaling.targets(vectors, accel_mps2, config).to(network.device)
     tuned = copy.deepcopy(network)
-    problem = _OnTests(inputs, targets, config, list(network.parameters()))
-    return tuned, descend([tuned], [problem], checkpoint, watch, "Fine-tuning on tests")[..., 0]
+    objective = FineTuning(inputs, targets, config, list(network.parameters()))
+    return tuned, minimise([tuned], [objective], checkpoint, watch, "Fine-tuning on tests")[..., 0]
 
 
-class _OnTests:
+class FineTuning:
     """The fine-tuning: all tests at each step."""
 
     columns: ClassVar[tuple[str, ...]] = ("train_loss",)

@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 
 from crashfuse.reporting.plots.canvas import Unit, accel_scale
 from crashfuse.signals.pulse import Pulse
-from crashfuse.signals.rating import INNER_CORRIDOR, OUTER_CORRIDOR
+from crashfuse.signals.rating_scores import INNER_CORRIDOR, OUTER_CORRIDOR
 from crashfuse.units import MS
 
 

@@ -64,7 +64,7 @@ def over_displacement(
             crush[name] = float(lower), float(upper)
             draw_band(figure, *(_band_of(draws)), scale, COLOURS[name], legendgroup=name)
     for name, prediction in predictions.items():
-        line = {"color": COLOURS[name], "width": 2, "dash": DASHES.get(name, "solid")}
+        line = {"color": COLOURS[name], "width": 2, "dash": DASHES[name]}
         label = LABELS[name] + (" (95 % band)" if name in crush else "")
         _curve(figure, loading_phase(prediction.accel_mps2, speed_mps), scale, label, line, crush.get(name), name)
     if measured is not None:
@@ -93,8 +93,7 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
     figure = new_figure(height=520)
     curves = [] if measured is None else [("Test", MEASURED_COLOUR, "solid", measured.accel_mps2)]
     curves += [
-        (LABELS[name], COLOURS[name], DASHES.get(name, "solid"), prediction.accel_mps2)
-        for name, prediction in predictions.items()
+        (LABELS[name], COLOURS[name], DASHES[name], prediction.accel_mps2) for name, prediction in predictions.items()
     ]
     end_ms = 0.0
     for label, colour, dash, accel in curves:
@@ -151,7 +150,7 @@ def energy_over_crush(
         if found.lower_jpkg is not None and found.upper_jpkg is not None:
             limits = found.lower_jpkg, found.upper_jpkg
             draw_band(figure, found.crush_m, *limits, scale, COLOURS[name], legendgroup=name)
-        line = {"color": COLOURS[name], "width": 2, "dash": DASHES.get(name, "solid")}
+        line = {"color": COLOURS[name], "width": 2, "dash": DASHES[name]}
         label = LABELS[name] + (" (95 % band)" if has_band else "")
         draw_line(figure, found.crush_m, found.energy_jpkg * scale, name=label, line=line, legendgroup=name)
     if measured is not None:

@@ -1,10 +1,11 @@
-"""What has which colour: approaches, grades, tests by their speed; and each colour's counterpart on a dark page."""
+"""Colours of approaches, grades and tests by their speed, and their counterparts on a dark page."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from plotly.colors import sample_colorscale
 
+from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import CrashTest
 from crashfuse.units import MPH
 
@@ -12,14 +13,11 @@ PAPER, INK = "#FFFFFF", "#262A33"
 GRID, AXIS, CURSOR = "#E3E6EA", "#868D98", "#5B6270"
 WINDOW, WINDOW_INK = "#FFF4CC", "#6B5900"
 MEASURED_COLOUR = "#000000"
-COLOURS: Mapping[str, str] = {  # Okabe & Ito's palette, which colour-blind readers can tell apart
-    "cae": "#7F7F7F",
-    "lf_tcn": "#CC79A7",
-    "time_domain": "#0072B2",
-    "displacement_domain": "#D55E00",
-    "fused": "#009E73",
-}
-DASHES: Mapping[str, str] = {"cae": "dash", "lf_tcn": "dot"}  # what has not seen a test is not drawn solid
+COLOURS: Mapping[str, str] = {name: approach.colour for name, approach in CLASSES.items()}
+"""Of each approach, from Okabe & Ito's palette, which colour-blind readers can tell apart."""
+
+DASHES: Mapping[str, str] = {name: approach.dash for name, approach in CLASSES.items()}
+"""Of each approach's curves: what has not seen a test is not drawn solid."""
 
 GRADE_COLOURS: Mapping[str, str] = {
     "Poor": "#F4B183",
@@ -44,11 +42,10 @@ IN_THE_DARK: Mapping[str, str] = {
     WINDOW: "#423B22",
     WINDOW_INK: "#E3CB74",
     MEASURED_COLOUR: "#F5F7FA",
-    COLOURS["cae"]: "#9A9FA6",
-    COLOURS["time_domain"]: "#2E93D6",
+    **{approach.colour: approach.dark_colour for approach in CLASSES.values() if approach.dark_colour},
     **dict(zip(_SLOW_TO_FAST, _SLOW_TO_FAST_IN_THE_DARK, strict=True)),
 }
-"""What a colour becomes on a dark page; those not named stay, for they read on both."""
+"""Counterparts on a dark page; colours that are not listed can be read on both."""
 
 
 def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:

@@ -136,7 +136,7 @@ def measured_pulses(
     highlight : str, optional
         Id of the test to draw thick (the held-out one).
     cfc : float, optional
-        Channel frequency class to filter to (SAE J211-1), at most 1000.
+        Channel filter class (CFC) to filter to (SAE J211-1), at most 1000.
     window_ms, unit, deceleration
         As in :func:`overlay`.
 
@@ -215,7 +215,7 @@ def library_band(
 
 
 def _curve(figure: go.Figure, approach: str, values: FloatArray, *, row: int = 1, has_band: bool = False) -> None:
-    line = {"color": COLOURS[approach], "width": 2, "dash": DASHES.get(approach, "solid")}
+    line = {"color": COLOURS[approach], "width": 2, "dash": DASHES[approach]}
     name = LABELS[approach] + (" (95 % band)" if has_band else "")
     rank = 2 + list(LABELS).index(approach)
     add_line(

@@ -54,7 +54,7 @@ def residuals(
     for name, prediction in predictions.items():
         values = missed(prediction.accel_mps2)
         rms = np.sqrt(np.mean(values[(window_ms or np.inf) / 1e3 > GRID_S] ** 2))
-        line = {"color": COLOURS[name], "width": 2, "dash": DASHES.get(name, "solid")}
+        line = {"color": COLOURS[name], "width": 2, "dash": DASHES[name]}
         add_line(figure, GRID_S, values, name=f"{LABELS[name]}, RMS {rms:.1f} {unit}", line=line, legendgroup=name)
     figure.add_hline(y=0, line={"color": "#5B6270", "width": 1})
     figure.update_layout(LEGEND_ABOVE)

@@ -60,7 +60,7 @@ def _line(figure: go.Figure, sweep: Sweep, metrics: Sequence[Metric]) -> None:
         y=np.array([metric.value for metric in metrics], dtype=np.float32),
         name=LABELS[name] + (" (95 % band)" if has_band else ""),
         mode="lines+markers",
-        line={"color": COLOURS[name], "width": 2, "dash": DASHES.get(name, "solid")},
+        line={"color": COLOURS[name], "width": 2, "dash": DASHES[name]},
         marker={"size": 4},
         connectgaps=False,
         legendgroup=name,

@@ -10,24 +10,11 @@ from jinja2.runtime import Context
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.provenance import provenance
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
-
-_METHODS = {
-    "cae": "the CAE model as it is: the run made at the very condition, else an emulator trained on the library (modes "
-    "of its pulses with a Gaussian process on each). The baseline.",
-    "lf_tcn": "temporal convolutional networks that learned the CAE runs and no test (Eq. 5).",
-    "time_domain": "those networks with increments of their weights learned from the tests (Eq. 6). Under the fast "
-    "preset in closed form, their strength chosen by leaving tests out; the band is the posterior, widened until it "
-    "holds on left-out tests.",
-    "displacement_domain": "a Gaussian process on what the CAE model gets wrong over displacement (Eqs. 7–28), and the "
-    "vehicle's motion integrated with it (Eq. 29); whole functions are drawn for the band, widened likewise.",
-    "fused": "time domain, displacement domain and raw CAE averaged with weights that left-out tests decide (by CRPS), "
-    "the more alike the nearer a test is; the band is the mixture's.",
-}
 
 
 @pass_context
@@ -68,7 +55,7 @@ def render(
         tests=_tests(campaign),
         library=_library(campaign),
         filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
-        methods=[(LABELS[name], _METHODS[name]) for name in config.approaches],
+        methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
         origin=_origin(provenance(campaign, held_out, config), command),
     )
 

@@ -57,7 +57,7 @@ def test_a_dead_optimum_is_found_out() -> None:
     model = Table4Bias(restarts=0).fit([points(30 * rng.normal(size=15), k) for k in range(4)])
     assert model.dead_
     assert model.state["dead"] is True
-    assert "dead optimum" in model.notes[0]
+    assert "explains no more than noise" in model.notes[0]
     json.dumps(model.state)
 
 

@@ -1,4 +1,4 @@
-"""The mixture: it is what its voices say, weighted as left-out tests decide, and tells why."""
+"""The mixture: it is what its components say, weighted as left-out tests decide, and tells why."""
 
 import re
 from dataclasses import replace
@@ -12,7 +12,6 @@ from crashfuse.approaches.fused.approach import Fused
 from crashfuse.approaches.fused.weights import Pool, Scores
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
-from crashfuse.errors import NotFittedError, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import LB, MPH
@@ -26,21 +25,21 @@ def fused(campaign: Campaign, quick_networks: None) -> Fused:  # noqa: ARG001
     return Fused().fit(campaign.without(["T3"]))
 
 
-def test_the_expected_pulse_is_the_weighted_mean_of_its_voices(campaign: Campaign, fused: Fused) -> None:
+def test_the_expected_pulse_is_the_weighted_mean_of_its_components(campaign: Campaign, fused: Fused) -> None:
     """In the acceleration; so are velocity and displacement, which are linear in it."""
     condition = campaign.test("T3").condition
-    voices = [
+    components = [
         fused.time_domain_.predict(condition).accel_mps2,
         fused.displacement_domain_.predict(condition).accel_mps2,
         fused.displacement_domain_.model_.pulse(condition).accel_mps2,
     ]
     weights = fused.pool_.weights(float(np.exp(-1 / 3)))  # T2 is 1 mph away
     assert weights.sum() == pytest.approx(1)
-    np.testing.assert_allclose(fused.predict(condition).accel_mps2, weights @ np.array(voices), atol=1e-6)
+    np.testing.assert_allclose(fused.predict(condition).accel_mps2, weights @ np.array(components), atol=1e-6)
 
 
 def test_the_reason_is_a_sentence_with_the_weights(campaign: Campaign, fused: Fused) -> None:
-    """Distance to the nearest test, the share of each voice, and what they were learned from."""
+    """Distance to the nearest test, the share of each component, and what they were learned from."""
     reason, *_ = fused.predict(campaign.test("T3").condition).notes
     found = re.fullmatch(
         r"Nearest test 1\.0 mph away: time domain (\S+), displacement domain (\S+), raw CAE (\S+) "
@@ -52,8 +51,8 @@ def test_the_reason_is_a_sentence_with_the_weights(campaign: Campaign, fused: Fu
     assert len(fused.calibration_.tests) == 3
 
 
-def test_the_band_holds_draws_of_its_voices_by_their_weights(campaign: Campaign, fused: Fused) -> None:
-    """Each drawn pulse is a voice's own but for the band's factor, in proportion; the held-out test lies inside."""
+def test_the_band_holds_draws_of_its_components_by_their_weights(campaign: Campaign, fused: Fused) -> None:
+    """Each drawn pulse is a component's own but for the band's factor, in proportion; the held-out test lies inside."""
     test = campaign.test("T3")
     prediction = fused.predict(test.condition)
     assert prediction.draws_mps2 is not None
@@ -78,7 +77,7 @@ def test_it_is_better_than_the_raw_cae(campaign: Campaign, fused: Fused) -> None
 
 
 @pytest.mark.slow
-def test_a_cae_model_that_is_right_keeps_its_voice(campaign: Campaign) -> None:
+def test_a_cae_model_that_is_right_keeps_its_component(campaign: Campaign) -> None:
     """Tests that are just as the CAE says: the raw CAE is what is predicted, whoever says it."""
     runs = [campaign.cae.paired_run(test.condition) for test in campaign.tests]
     right = tuple(
@@ -114,7 +113,7 @@ def test_a_single_test_is_enough(campaign: Campaign) -> None:
 
 
 def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign: Campaign, fused: Fused) -> None:
-    """By what each voice said of them, unseen, on every tenth sample; and so mixed they are what it expects of them."""
+    """By what each component said of them unseen, on every tenth sample; mixed so, they are what it expects of them."""
     rest = campaign.without(["T3"])
     speeds_mph, cae = np.array([15.0, 25.0, 35.0]), fused.displacement_domain_.model_
     wrong = {test.id: test.pulse.accel_mps2 - cae.pulse(test.condition).accel_mps2 for test in rest.tests}
@@ -145,7 +144,9 @@ def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign
 
 
 @pytest.mark.slow
-def test_what_its_voices_learned_is_taken_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_its_components_learned_is_taken_from_the_cache(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A study has fitted both already."""
     from crashfuse.study.estimate import Fit
 
@@ -159,11 +160,3 @@ def test_what_its_voices_learned_is_taken_from_the_cache(campaign: Campaign, mon
     monkeypatch.setattr("crashfuse.approaches.time_domain.approach.TimeDomain.fit", forbidden)
     monkeypatch.setattr("crashfuse.approaches.displacement_domain.approach.DisplacementDomain.fit", forbidden)
     assert Fused(cache=Cache()).fit(rest).calibration_.tests
-
-
-def test_without_tests_or_before_fitting_it_is_an_error(campaign: Campaign) -> None:
-    """One sentence either way."""
-    with pytest.raises(UsageError, match="learns from tests"):
-        Fused().fit(campaign.without(campaign.test_ids))
-    with pytest.raises(NotFittedError):
-        Fused().predict(campaign.tests[0].condition)

@@ -11,7 +11,7 @@ EVEN = np.zeros((2, 2))
 
 
 def test_the_distance_between_draws_is_the_mean_over_all_pairs() -> None:
-    """Written out pair by pair, for two voices and for one with itself."""
+    """Written out pair by pair, for two components and for one with itself."""
     rng = np.random.default_rng(0)
     a, b = rng.standard_normal((7, 3)), rng.standard_normal((5, 3)) + 1
     assert pool._apart(a, b) == pytest.approx(np.mean([np.abs(x - y).mean() for x in a for y in b]))

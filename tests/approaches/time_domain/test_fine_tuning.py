@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.time_domain import fine_tuning as increments
-from crashfuse.approaches.time_domain.fine_tuning import Increments, Outlook
+from crashfuse.approaches.time_domain.fine_tuning import Increments, Posterior
 from crashfuse.signals.pulse import FloatArray
 
 N, N_TIMES, N_WEIGHTS = 4, 5, 40
@@ -35,7 +35,9 @@ def test_the_mean_minimises_the_penalised_squares() -> None:
     """Shared and own weights from one stacked least-squares problem predict the new condition alike."""
     jacobian, misfit = _toy()
     fitted = Increments().fit(_kernel(jacobian[:N], jacobian[:N]), misfit)
-    outlook = fitted.outlook(_kernel(jacobian[:N], jacobian[N:])[:, :, 0], _kernel(jacobian[N:], jacobian[N:])[0, :, 0])
+    posterior = fitted.posterior(
+        _kernel(jacobian[:N], jacobian[N:])[:, :, 0], _kernel(jacobian[N:], jacobian[N:])[0, :, 0]
+    )
 
     n_all = N_WEIGHTS * (N + 1)  # the shared ones, then each test's own
     data = np.zeros((N, N_TIMES, N + 1, N_WEIGHTS))
@@ -46,7 +48,7 @@ def test_the_mean_minimises_the_penalised_squares() -> None:
     system = np.vstack([data.reshape(-1, n_all) / np.sqrt(UNRESOLVED), np.diag(penalties)])
     right = np.concatenate([misfit.ravel() / np.sqrt(UNRESOLVED), np.zeros(n_all)])
     weights = np.linalg.lstsq(system, right, rcond=None)[0][:N_WEIGHTS]
-    np.testing.assert_allclose(outlook.mean, jacobian[N] @ weights, rtol=1e-8)
+    np.testing.assert_allclose(posterior.mean, jacobian[N] @ weights, rtol=1e-8)
 
 
 @pytest.mark.usefixtures("one_penalty")
@@ -56,7 +58,7 @@ def test_a_left_out_test_is_predicted_as_if_it_had_not_been() -> None:
     scale = np.mean(np.sum(jacobian[1:N] ** 2, axis=-1))  # each fit counts in units of its own kernel
     jacobian = jacobian / np.sqrt(scale)
     again = Increments().fit(_kernel(jacobian[1:N], jacobian[1:N]), misfit[1:])
-    alone = again.outlook(_kernel(jacobian[1:N], jacobian[:1])[:, :, 0], _kernel(jacobian[:1], jacobian[:1])[0, :, 0])
+    alone = again.posterior(_kernel(jacobian[1:N], jacobian[:1])[:, :, 0], _kernel(jacobian[:1], jacobian[:1])[0, :, 0])
     trial = increments._Trial.of(_kernel(jacobian[:N], jacobian[:N]), misfit, RHO)
     np.testing.assert_allclose(misfit[0] - trial.errors[0], alone.mean, rtol=1e-8)
     np.testing.assert_allclose(
@@ -85,28 +87,28 @@ def test_tests_that_repeat_badly_widen_what_each_has_to_itself() -> None:
     assert alike.band_penalty_ < unlike.band_penalty_
 
 
-def test_draws_have_the_covariance_of_the_outlook() -> None:
+def test_draws_have_the_covariance_of_the_posterior() -> None:
     """20,000 deviations give it back to within 5 %."""
     root = np.random.default_rng(0).standard_normal((4, 4))
-    outlook = Outlook(np.zeros(4), root @ root.T)
-    draws = outlook.draw(20_000, np.random.default_rng(1))
-    np.testing.assert_allclose(np.cov(draws.T), outlook.covariance, atol=0.05 * np.abs(outlook.covariance).max())
+    posterior = Posterior(np.zeros(4), root @ root.T)
+    draws = posterior.draw(20_000, np.random.default_rng(1))
+    np.testing.assert_allclose(np.cov(draws.T), posterior.covariance, atol=0.05 * np.abs(posterior.covariance).max())
 
 
 def test_what_is_known_of_a_functional_holds_afterwards() -> None:
     """Given exactly, mean and every draw have the value; given with a huge variance, nothing changes."""
     rng = np.random.default_rng(0)
     root, functional = rng.standard_normal((4, 4)), rng.standard_normal(4)
-    outlook = Outlook(rng.standard_normal(4), root @ root.T)
-    known = outlook.given(functional, 2.5, 0.0)
+    posterior = Posterior(rng.standard_normal(4), root @ root.T)
+    known = posterior.given(functional, 2.5, 0.0)
     assert functional @ known.mean == pytest.approx(2.5)
     assert functional @ known.covariance @ functional == pytest.approx(0, abs=1e-10)
-    np.testing.assert_allclose(outlook.given(functional, 2.5, 1e12).mean, outlook.mean, atol=1e-9)
+    np.testing.assert_allclose(posterior.given(functional, 2.5, 1e12).mean, posterior.mean, atol=1e-9)
 
 
 def test_smoothing_keeps_the_variance_and_joins_neighbours() -> None:
     """White deviations become correlated from step to step as a Gaussian average makes them: exp(-1/4) at one sigma."""
-    white = Outlook(np.ones(60), np.diag(np.linspace(1, 2, 60)))
+    white = Posterior(np.ones(60), np.diag(np.linspace(1, 2, 60)))
     smooth = white.smoothed(3.0)
     np.testing.assert_allclose(np.diag(smooth.covariance), np.diag(white.covariance))
     spread = np.sqrt(np.diag(smooth.covariance))

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
+from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.training import load_weights, weights_of
-from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import NotFittedError, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import LB, MPH
@@ -52,14 +52,6 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: C
 
 
 @pytest.mark.slow
-def test_the_tests_do_not_reach_the_lf_network(campaign: Campaign, lf: LfTcn) -> None:
-    """Training on the CAE runs alone gives the same bits."""
-    bare = LfTcn(SMALL).fit(campaign.without(campaign.test_ids))
-    condition = campaign.tests[1].condition
-    assert bare.predict(condition).accel_mps2.tobytes() == lf.predict(condition).accel_mps2.tobytes()
-
-
-@pytest.mark.slow
 def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monkeypatch: pytest.MonkeyPatch) -> None:
     """The second fit takes network, scaling and learning curve from the cache, however it is fine-tuned later."""
     LfTcn(SMALL, cache=Cache()).fit(campaign)
@@ -91,14 +83,6 @@ def test_a_condition_beyond_the_library_is_flagged(lf: LfTcn) -> None:
     assert "speed 60 mph" in note
 
 
-def test_a_single_cae_run_is_too_few(campaign: Campaign) -> None:
-    """One sentence, not an error from within."""
-    cae = campaign.cae
-    single = CaeLibrary(cae.ids[:1], cae.conditions[:1], cae.accel_mps2[:1])
-    with pytest.raises(UsageError, match="needs at least 2"):
-        LfTcn(SMALL).fit(replace(campaign, cae=single))
-
-
 def test_members_differ_and_their_mean_predicts(campaign: Campaign, lf: LfTcn) -> None:
     """Each member has weights of its own; no two seeds of an approach share one."""
     condition = campaign.tests[0].condition
@@ -121,13 +105,6 @@ def test_standstill_is_predicted_small(lf: LfTcn) -> None:
     """A library may start at 0 mph: the output's scale keeps the pulse small there."""
     pulse = lf.predict(Condition(0.0, 2050 * LB, 1550 * LB)).accel_mps2
     assert np.abs(pulse).max() < 60
-
-
-def test_predicting_before_fitting_is_an_error(campaign: Campaign) -> None:
-    """The message says what to call."""
-    with pytest.raises(NotFittedError, match=r"call fit\(campaign\) first"):
-        LfTcn(SMALL).predict(campaign.tests[0].condition)
-    assert LfTcn(SMALL).state == {}
 
 
 def test_of_a_large_library_evenly_spaced_runs_are_learned_from(campaign: Campaign) -> None:

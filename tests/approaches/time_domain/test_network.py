@@ -4,7 +4,8 @@ import pytest
 import torch
 
 from crashfuse.approaches.time_domain import network as tcn
-from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.config import TcnConfig
+from crashfuse.approaches.time_domain.network import Tcn
 
 
 def _weights(config: TcnConfig) -> int:

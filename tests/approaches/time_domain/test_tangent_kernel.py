@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.config import TcnConfig
+from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.tangent_kernel import tangent_kernel, tangents
 
 N_TIMES = 9

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from crashfuse.approaches.time_domain import training as descent
+from crashfuse.approaches.time_domain import training
 from crashfuse.approaches.time_domain.approach import TimeDomain
+from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-from crashfuse.approaches.time_domain.network import Tcn, TcnConfig
+from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.training import weights_of
-from crashfuse.approaches.time_domain.training_data import _OnRuns
+from crashfuse.approaches.time_domain.training_data import LfTraining
 from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
@@ -53,9 +54,9 @@ def _checkpoints() -> int:
 @pytest.fixture
 def every_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """Report and save after each step."""
-    monkeypatch.setattr(descent, "_REPORT_S", 0.0)
-    monkeypatch.setattr(descent, "_CHECKPOINT_S", 0.0)
-    monkeypatch.setattr(descent, "_SHARE", 1e9)
+    monkeypatch.setattr(training, "_REPORT_S", 0.0)
+    monkeypatch.setattr(training, "_CHECKPOINT_S", 0.0)
+    monkeypatch.setattr(training, "_SHARE", 1e9)
 
 
 @pytest.mark.usefixtures("every_step")
@@ -88,7 +89,7 @@ def test_a_fine_tuning_that_was_killed_goes_on_as_well(campaign: Campaign) -> No
 
 def test_a_training_that_is_cancelled_leaves_what_it_had(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """However short it was: the checkpoint is made when it is stopped."""
-    monkeypatch.setattr(descent, "_REPORT_S", 0.0)
+    monkeypatch.setattr(training, "_REPORT_S", 0.0)
     cancel = threading.Event()
 
     def stop(progress: Progress) -> None:
@@ -138,9 +139,9 @@ def test_members_train_as_they_would_alone() -> None:
     targets = torch.randn(20, 30, generator=torch.Generator().manual_seed(1))
     config = replace(SMALL, dropout=0.0)
     network = Tcn(config, torch.Generator().manual_seed(2))
-    problem = _OnRuns(inputs, targets, config, 3, 3, torch.Generator())
-    objective, losses = problem.loss(network, 0)
-    whole = torch.autograd.grad(objective, list(network.parameters()), retain_graph=True)
+    objective = LfTraining(inputs, targets, config, 3, 3, torch.Generator())
+    total, losses = objective.loss(network, 0)
+    whole = torch.autograd.grad(total, list(network.parameters()), retain_graph=True)
     own = torch.autograd.grad(losses[1], list(network.parameters()))
     for one, other in zip(whole, own, strict=True):
         torch.testing.assert_close(one[1], other[1])
@@ -149,7 +150,7 @@ def test_members_train_as_they_would_alone() -> None:
 
 def test_progress_is_told_within_an_epoch(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """An epoch of the paper's network takes minutes on a CPU: nobody waits that long for Cancel."""
-    monkeypatch.setattr(descent, "_REPORT_S", 0.0)
+    monkeypatch.setattr(training, "_REPORT_S", 0.0)
     reports: list[Progress] = []
     LfTcn(SMALL).fit(campaign, Watch(reports.append))
     assert [report.done for report in reports] == list(range(reports[-1].total + 1))

@@ -1,0 +1,44 @@
+"""Hyperparameters of the displacement domain."""
+
+from dataclasses import dataclass
+from typing import Literal, Self
+
+
+@dataclass(frozen=True, slots=True)
+class DisplacementConfig:
+    """Hyperparameters of the displacement-domain approach.
+
+    Parameters
+    ----------
+    bias : {"hierarchical", "table 4"}
+        The bias model.
+    n_draws : int
+        Whole pulses drawn for the band.
+    step_s : float
+        Spacing of the bias points of a test: the way the vehicle goes at impact speed in this time. A CFC 60 pulse
+        holds little more; closer points would repeat each other, and the fit would count them as evidence.
+    max_points : int
+        About the most bias points of all tests together; more tests have fewer each. The fit's time grows with the
+        cube of their number.
+    projected_points : int
+        For Table 4: points for each of a test's two projections.
+    restarts : int
+        For Table 4: starts beside the first.
+    """
+
+    bias: Literal["hierarchical", "table 4"] = "hierarchical"
+    n_draws: int = 500
+    step_s: float = 0.002
+    max_points: int = 400
+    projected_points: int = 75
+    restarts: int = 10
+
+    @classmethod
+    def fast(cls) -> Self:
+        """The default: a hierarchical Gaussian process, a second a fit."""
+        return cls()
+
+    @classmethod
+    def paper(cls) -> Self:
+        """Table 4 as it stands: minutes a fit."""
+        return cls(bias="table 4")
