@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 import pytest
 
 from crashfuse.errors import Cancelled
@@ -53,7 +54,7 @@ def test_every_part_of_a_key_counts_but_not_their_order(tmp_path: Path, monkeypa
     cache = Cache(tmp_path)
     values = (1, 2, "1", 1.5, None, [1, 2], Few(), Few(4), Many(), [Few()], {"n": 3})
     parts: list[dict[str, object]] = [{"x": value} for value in values]
-    keys = [*parts, {}, {"y": 1}, {"x": 1, "y": 1}]
+    keys: list[dict[str, object]] = [*parts, {}, {"y": 1}, {"x": 1, "y": 1}]
     for number, key in enumerate(keys):
         cache.put("kind", key, {"number": number})
     for number, key in enumerate(keys):
@@ -84,6 +85,41 @@ def test_a_cache_knows_what_it_was_used_for(tmp_path: Path) -> None:
     first.drop("one", {"x": 1})
     assert Cache(tmp_path).get("one", {"x": 1}) is None
     assert list(first.pack(first.used)) == [f"two/{path.name}" for path in (tmp_path / "two").iterdir()]
+
+
+def test_one_thread_waits_for_another_that_computes_the_same(tmp_path: Path) -> None:
+    """It says so until it is its turn; afterwards no lock stays."""
+    begun, go_on = threading.Event(), threading.Event()
+
+    def compute() -> None:
+        with Cache(tmp_path).alone("kind", {}):
+            begun.set()
+            assert go_on.wait(30)
+
+    said: list[tuple[str, int, int]] = []
+
+    def listen(progress: Progress) -> None:
+        said.append((progress.step, progress.done, progress.total))
+        go_on.set()
+
+    first = threading.Thread(target=compute)
+    first.start()
+    assert begun.wait(30)
+    with Cache(tmp_path).alone("kind", {}, Watch(listen)):
+        first.join(30)
+        assert [path.suffix for path in (tmp_path / "kind").iterdir()] == [".lock"]
+    waiting = "Waiting for another process that computes the same"
+    assert set(said) == {(waiting, 0, 1), (waiting, 1, 1)}
+    assert said[-1] == (waiting, 1, 1)
+    assert not list((tmp_path / "kind").iterdir())
+
+
+def test_the_cache_lies_where_the_platform_keeps_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """In a folder of our name, unless another is named."""
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path))
+    assert Cache().folder == tmp_path
+    monkeypatch.delenv("CRASHFUSE_CACHE")
+    assert Cache().folder == Path(platformdirs.user_cache_dir()) / "crashfuse"
 
 
 @pytest.mark.parametrize("position", [0, 100, -1])
