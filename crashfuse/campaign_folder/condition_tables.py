@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,9 @@ _MOST_PROBLEMS = 20  # of one kind in one column: the rest is counted, not liste
 _MOST_CANDIDATES = 1000  # each is a prediction
 _LONGEST_FACTOR = 200
 _FORMULA = ("=", "+", "-", "@")
+
+Role = Literal["tests", "cae"]
+"""Which of the two tables of a campaign, and the pulses that belong to it."""
 
 RowNumbers = npt.NDArray[np.integer[Any]]
 

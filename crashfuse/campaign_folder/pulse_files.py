@@ -1,6 +1,6 @@
 """Pulse files: one a test or run, or all in one tidy table; from any even sampling to the study grid.
 
-Tables are read in batches and their samples go straight into the float32 array of the source, so that a library of
+Tables are read in batches and their samples go straight into the float32 array of all pulses, so that a library of
 100,000 runs needs little more memory than the array itself.
 """
 
@@ -29,19 +29,19 @@ _MOST_STRANGERS = 3  # named
 
 
 @dataclass(slots=True)
-class PulseSource:
+class PulseFiles:
     """All pulses of ``tests`` or ``cae`` of a campaign folder, on their way to the study grid.
 
     Parameters
     ----------
     folder : Path
-    source : {"tests", "cae"}
+    role : {"tests", "cae"}
     channel_filter_class : float or None
         CFC to filter the whole record with, before it is cropped to the grid.
     """
 
     folder: Path
-    source: str
+    role: str
     channel_filter_class: float | None
     problems: list[Problem] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
@@ -73,18 +73,18 @@ class PulseSource:
             named = ", ".join(printable(run_id, 60) for run_id in list(strangers)[:_MOST_STRANGERS])
             more = f" and {len(strangers) - _MOST_STRANGERS} more" if len(strangers) > _MOST_STRANGERS else ""
             self.warnings.append(
-                f"{self.source}: pulses without a row in {self.source}.csv are left out, namely {named}{more}."
+                f"{self.role}: pulses without a row in {self.role}.csv are left out, namely {named}{more}."
             )
         return accel
 
     def _signals(self, ids: Sequence[str]) -> Iterator[tuple[str, str, Signal | None]]:
-        tables = [path for ending in _ENDINGS if (path := self.folder / f"{self.source}_pulses{ending}").exists()]
-        singles = self.folder / self.source
+        tables = [path for ending in _ENDINGS if (path := self.folder / f"{self.role}_pulses{ending}").exists()]
+        singles = self.folder / self.role
         forms = [path.name for path in tables] + ([f"{singles.name}/"] if singles.is_dir() else [])
         if len(forms) != 1:
-            expected = f"the pulses either in {self.source}_pulses.parquet (or .csv) or in {self.source}/<id>.csv"
+            expected = f"the pulses either in {self.role}_pulses.parquet (or .csv) or in {self.role}/<id>.csv"
             found = " and ".join(forms) if forms else "neither"
-            self.problems.append(Problem(self.source, expected, found, "keep one form" if forms else "add the pulses"))
+            self.problems.append(Problem(self.role, expected, found, "keep one form" if forms else "add the pulses"))
             self._unreadable = True
         elif tables:
             yield from self._from_table(tables[0])
@@ -233,12 +233,10 @@ class PulseSource:
         return np.interp(GRID_S, time, accel, right=0.0 if early else None)
 
     def _report_missing(self, missing: Sequence[str]) -> None:
-        found = f"none in {self.source}/ or {self.source}_pulses"
+        found = f"none in {self.role}/ or {self.role}_pulses"
         for run_id in missing:
             expected = f"a pulse for {printable(run_id, 60)}"
-            self.problems.append(
-                Problem(f"{self.source}.csv", expected, found, "add its pulse or remove its row", "id")
-            )
+            self.problems.append(Problem(f"{self.role}.csv", expected, found, "add its pulse or remove its row", "id"))
 
 
 def read_pulse(path: Path) -> Pulse:
@@ -251,19 +249,19 @@ def read_pulse(path: Path) -> Pulse:
     """
     if not path.exists():
         raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
-    source = PulseSource(path.parent, "", None)
+    files = PulseFiles(path.parent, "", None)
     parts: list[Signal] = []
-    for _, part in source._batches(path, str(path), with_id=False):
+    for _, part in files._batches(path, str(path), with_id=False):
         parts.append(part)
-        if source._too_long(parts, str(path)):
+        if files._too_long(parts, str(path)):
             break
-    if not source.problems:
+    if not files.problems:
         signal = joined(parts)
         trouble = time_trouble(signal, str(path))
         if trouble is None:
             return Pulse(signal.time_s, signal.accel_mps2)
-        source.problems.append(trouble)
-    raise DataError(shortened(source.problems))
+        files.problems.append(trouble)
+    raise DataError(shortened(files.problems))
 
 
 def _opened(path: Path, where: str) -> AbstractContextManager[CsvTable | ParquetTable]:

@@ -27,9 +27,9 @@ from crashfuse.files.archive import (
     zip_members,
 )
 
-_TABLES, _SOURCES = ("tests.csv", "cae.csv"), ("tests", "cae")
+_TABLES, _ROLES = ("tests.csv", "cae.csv"), ("tests", "cae")
 _PULSES = (".csv", ".parquet")
-_AT_THE_TOP = {*_TABLES, "campaign.toml", *(f"{source}_pulses{ending}" for source in _SOURCES for ending in _PULSES)}
+_AT_THE_TOP = {*_TABLES, "campaign.toml", *(f"{role}_pulses{ending}" for role in _ROLES for ending in _PULSES)}
 _NOTES = (".md", ".txt")
 _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst")
 _ENTRY = b"PK\x01\x02"  # begins every entry of a zip's directory
@@ -158,8 +158,8 @@ def _in_a_campaign(path: PurePosixPath) -> bool:
     match path.parts:
         case (name,):
             return name in _AT_THE_TOP or path.suffix in _PULSES
-        case (source, _):
-            return source in _SOURCES and path.suffix in _PULSES
+        case (role, _):
+            return role in _ROLES and path.suffix in _PULSES
     return False
 
 
@@ -176,20 +176,20 @@ def _write(member: Member, path: Path, budget: Budget) -> None:
 
 
 def _place(folder: Path, at_the_top: Sequence[PurePosixPath]) -> None:
-    """Move the pulses beside the tables to the source that has their ids."""
+    """Move each pulse beside the tables to the tests or the CAE runs, whichever have its id."""
     strays = [folder / path for path in at_the_top if path.name not in _AT_THE_TOP]
     if not strays:
         return
     problems: list[Problem] = []
     ids: dict[str, set[str]] = {}
-    for source in _SOURCES:
-        table = read_conditions(folder / f"{source}.csv", standstill_allowed=source == "cae", problems=problems)
-        has_pulses = any((folder / f"{source}_pulses{ending}").is_file() for ending in _PULSES)
-        ids[source] = set() if table is None or has_pulses else set(table.ids)
+    for role in _ROLES:
+        table = read_conditions(folder / f"{role}.csv", standstill_allowed=role == "cae", problems=problems)
+        has_pulses = any((folder / f"{role}_pulses{ending}").is_file() for ending in _PULSES)
+        ids[role] = set() if table is None or has_pulses else set(table.ids)
     if problems:
         raise DataError(problems)
     for path in strays:
-        homes = [source for source in _SOURCES if path.stem in ids[source]]
+        homes = [role for role in _ROLES if path.stem in ids[role]]
         if len(homes) != 1:
             expected = "a pulse named after an id in tests.csv or in cae.csv"
             found = "an id of both" if homes else "a name that is no id there, or one whose pulse is in a table"

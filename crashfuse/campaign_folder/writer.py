@@ -16,14 +16,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.condition_tables import id_trouble, read_conditions
+from crashfuse.campaign_folder.condition_tables import Role, id_trouble, read_conditions
 from crashfuse.campaign_folder.tidy_tables import append_to_table
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
@@ -71,11 +70,11 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
     with _new_folder(folder) as home:
         tests = [(test.id, test.condition) for test in campaign.tests]
         cae = list(zip(campaign.cae.ids, campaign.cae.conditions, strict=True))
-        for source, rows in (("tests", tests), ("cae", cae)):
+        for role, rows in (("tests", tests), ("cae", cae)):
             factors = list(dict.fromkeys(name for _, condition in rows for name, _ in condition.factors))
             header = ["id", "speed_mps", "front_weight_kg", "rear_weight_kg", *factors]
             lines = [_row(header, run_id, condition) for run_id, condition in rows]
-            (home / f"{source}.csv").write_text(_csv([header, *lines]), encoding="utf-8", newline="")
+            (home / f"{role}.csv").write_text(_csv([header, *lines]), encoding="utf-8", newline="")
         (home / "tests").mkdir()
         for test in campaign.tests:
             (home / "tests" / f"{test.id}.csv").write_text(_pulse_csv(test.pulse), encoding="utf-8", newline="")
@@ -87,17 +86,17 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
         (home / "campaign.toml").write_text("\n".join(settings) + "\n", encoding="utf-8", newline="")
 
 
-def add_to_campaign(folder: Path, source: Literal["tests", "cae"], additions: Sequence[Addition]) -> None:
+def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
     """Add tests or CAE runs to a campaign folder, or begin one with them.
 
-    Rows go into the existing table, in its units; pulses go where the others of the source are, by default
-    ``<source>/<id>.csv``; ``campaign.toml`` gets an ``[[imported]]`` table for each.
+    Rows go into the existing table, in its units; pulses go where the others are, by default
+    ``<role>/<id>.csv``; ``campaign.toml`` gets an ``[[imported]]`` table for each.
 
     Parameters
     ----------
     folder : Path
         A campaign folder, or one that does not exist or is empty.
-    source : {"tests", "cae"}
+    role : {"tests", "cae"}
     additions : sequence of Addition
 
     Raises
@@ -109,38 +108,38 @@ def add_to_campaign(folder: Path, source: Literal["tests", "cae"], additions: Se
         If it cannot be written; the campaign is as it was.
     """
     ids = [addition.id for addition in additions]
-    _check_ids(ids, source)
+    _check_ids(ids, role)
     if twice := next((run_id for run_id, times in Counter(ids).items() if times > 1), None):
-        raise DataError(Problem(source, "each id once", f"{twice!r} twice", "give one of them another id"))
+        raise DataError(Problem(role, "each id once", f"{twice!r} twice", "give one of them another id"))
     if folder.is_dir() and any(folder.iterdir()) and not any((folder / name).is_file() for name in _MARKS):
         found, advice = "other files", "name a campaign, or a folder that does not exist yet"
         raise DataError(Problem(str(folder), "a campaign folder, or an empty one", found, advice))
     if not folder.is_dir() or not any(folder.iterdir()):
         with _new_folder(folder) as home:
-            _add(home, source, additions)
+            _add(home, role, additions)
     else:
-        _add(folder, source, additions)
+        _add(folder, role, additions)
 
 
-def _add(folder: Path, source: str, additions: Sequence[Addition]) -> None:
-    table = folder / f"{source}.csv"
-    text, header = _table_to_extend(table, source, additions)
-    settings = _settings_with(folder / "campaign.toml", source, additions)
+def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
+    table = folder / f"{role}.csv"
+    text, header = _table_to_extend(table, role, additions)
+    settings = _settings_with(folder / "campaign.toml", role, additions)
     rows = [_row(header, addition.id, addition.condition) for addition in additions]
     content = (text + _csv(rows)).encode()
-    _check_table(table.name, content, source)
+    _check_table(table.name, content, role)
     written: list[Path] = []
     try:
-        tables = [path for ending in ("parquet", "csv") if (path := folder / f"{source}_pulses.{ending}").is_file()]
+        tables = [path for ending in ("parquet", "csv") if (path := folder / f"{role}_pulses.{ending}").is_file()]
         if tables:
             append_to_table(tables[0], [(addition.id, addition.pulse) for addition in additions])
         else:
             for addition in additions:
-                path = folder / source / f"{addition.id}.csv"
+                path = folder / role / f"{addition.id}.csv"
                 pulse = _pulse_csv(addition.pulse).encode()
                 if path.exists() and path.read_bytes() != pulse:
                     found, advice = "another pulse there, without a row in the table", "rename or remove the file"
-                    raise DataError(Problem(f"{source}/{path.name}", "no such file yet", found, advice))
+                    raise DataError(Problem(f"{role}/{path.name}", "no such file yet", found, advice))
                 written.append(path)
                 write_atomically(path, pulse)
         write_atomically(folder / "campaign.toml", settings.encode())
@@ -151,14 +150,14 @@ def _add(folder: Path, source: str, additions: Sequence[Addition]) -> None:
         raise
 
 
-def _table_to_extend(table: Path, source: str, additions: Sequence[Addition]) -> tuple[str, list[str]]:
+def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> tuple[str, list[str]]:
     """The table of conditions as text that rows can follow, and its columns."""
     if not table.is_file():
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
         header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors]
         return _csv([header]), header
     problems: list[Problem] = []
-    known = read_conditions(table, standstill_allowed=source == "cae", problems=problems)
+    known = read_conditions(table, standstill_allowed=role == "cae", problems=problems)
     if known is None:
         raise DataError(problems)
     there = {run_id.casefold() for run_id in known.ids}
@@ -172,22 +171,22 @@ def _table_to_extend(table: Path, source: str, additions: Sequence[Addition]) ->
     return text if text.endswith("\n") else f"{text}\n", header
 
 
-def _check_table(name: str, content: bytes, source: str) -> None:
+def _check_table(name: str, content: bytes, role: str) -> None:
     """Raise a DataError if a table could not be read back: the whole campaign could not be opened any more."""
     problems: list[Problem] = []
     with tempfile.TemporaryDirectory() as scratch:
         table = Path(scratch) / name
         table.write_bytes(content)
-        read_conditions(table, standstill_allowed=source == "cae", problems=problems)
+        read_conditions(table, standstill_allowed=role == "cae", problems=problems)
     if problems:
         raise DataError([replace(problem, where=f"{name} as it would become") for problem in problems])
 
 
-def _settings_with(path: Path, source: str, additions: Sequence[Addition]) -> str:
+def _settings_with(path: Path, role: str, additions: Sequence[Addition]) -> str:
     """The text of campaign.toml with the additions told at its end."""
     text = path.read_text(encoding="utf-8") if path.is_file() else ""
     for addition in additions:
-        told = {"id": addition.id, "as": source, **addition.told}
+        told = {"id": addition.id, "as": role, **addition.told}
         lines = [f"{key} = {_toml(value)}" for key, value in told.items()]
         text += ("\n" if text else "") + "\n".join(["[[imported]]", *lines]) + "\n"
     try:

@@ -193,14 +193,11 @@ class _Found:
         for table, records in self.of_table.items():
             ids = [record.id for record in records]
             if len(ids) > 1 and table not in self.with_ids and not known.issuperset(map(str.casefold, ids)):
-                one = (
-                    "leave out the others (COLUMN=ignored)"
-                    if table in self.parted
-                    else "say so (--id ID, or --channel)"
-                )
-                advice = (
-                    f"if they are sensors of one crash, {one}; if they are crashes, give --conditions with their ids"
-                )
+                one = "say so (--id, or --channel)"
+                if table in self.parted:
+                    one = "leave out the others (--column COLUMN=ignored)"
+                crashes = "give a table of their conditions (--conditions)"
+                advice = f"if they are sensors of one crash, {one}; if they are crashes, {crashes}"
                 expected = "one acceleration of the vehicle, or conditions for each"
                 yield Problem(table[1], expected, _listed(ids), advice)
 

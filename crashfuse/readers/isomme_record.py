@@ -39,7 +39,7 @@ _CUTOFF_HZ = {"A": 1650.0, "B": 1000.0, "C": 300.0, "D": 100.0}  # of CFC 1000, 
 _RAW_FIRST = "0PXSABCD"
 
 
-def isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> Record:
+def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Record]:
     """Read one ISO-MME test as a record.
 
     Parameters
@@ -51,7 +51,7 @@ def isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> Record:
 
     Returns
     -------
-    Record
+    tuple of one Record
         With the vehicle's own X acceleration proposed, else that of tunnel, sills or B-pillars, both sides averaged.
 
     Raises
@@ -59,7 +59,7 @@ def isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> Record:
     DataError
         If it is no ISO-MME test, or has no X acceleration of the vehicle.
     """
-    return record_of(read_isomme(path, limits), path.name)
+    return (record_of(read_isomme(path, limits), path.name),)
 
 
 def record_of(test: IsommeTest, source: str) -> Record:
@@ -132,7 +132,7 @@ def _proposed(channels: Mapping[str, Channel]) -> tuple[tuple[str, ...], str]:
         if chosen:
             average = "; their average is the pulse" if len(chosen) > 1 else ""
             return chosen, f"X acceleration {what}: {', '.join(chosen)}{average}."
-    return (), "No X acceleration is the vehicle's own, or on tunnel, sills or B-pillars; one has to be chosen."
+    return (), "No X acceleration is the vehicle's own, or on tunnel, sills or B-pillars; choose one."
 
 
 def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[str, ...]]:

@@ -34,7 +34,7 @@ _MOST_SAMPLES = 1_000_000
 _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
 
 
-def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
+def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read one NHTSA vehicle test: its conditions and the X accelerations of its vehicle.
 
     Parameters
@@ -46,7 +46,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
 
     Returns
     -------
-    Record
+    tuple of one Record
         With the rear crossmember's channels proposed, else those at the centre of gravity; channels that the test's
         engineers marked as failed are there to be chosen, never proposed.
 
@@ -83,7 +83,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
     test_id = _stem(specification).lstrip("vV")
     zero = "0 is first contact, by the format's definition"
     steps = (*found, *left_out, why)
-    return Record(test_id, path.name, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
+    return (Record(test_id, path.name, condition, tuple(channels.values()), proposed, steps, zero, unread=unread),)
 
 
 def _specification(members: Sequence[Member], path: Path) -> Member:

@@ -70,7 +70,7 @@ def proposed_sensors(entries: Sequence[Sensor], channels: Sequence[RecordedChann
     ]
     chosen, what = _at_best_place(sound)
     if not chosen:
-        return (), "No channel lies on the rear floor or at the centre of gravity; one has to be chosen."
+        return (), "No channel lies on the rear floor or at the centre of gravity; choose one."
     names = ", ".join(f"{entry.number} ({shown(entry.comment)})" for entry in chosen)
     average = "their average is the pulse" if len(chosen) > 1 else "it is the pulse"
     return tuple(str(entry.number) for entry in chosen), f"Channels {what}: {names}; {average}."

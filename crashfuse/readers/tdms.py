@@ -9,12 +9,13 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from io import BytesIO
-from pathlib import Path, PurePath
+from pathlib import Path
 
 import numpy as np
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member, refuse, shown
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members
 from crashfuse.readers.nhtsa_sensors import Sensor, proposed_sensors, without_damaged
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
@@ -56,8 +57,9 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
         With what is wrong with each file that is.
     """
     kind = "a .tdms file, or a folder or zip of them"
-    with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
-        if _is_of_the_format(path):
+    of_the_format = FORMATS["tdms"].has
+    with opened_members(path, of_the_format, kind, limits) as (members, budget):
+        if of_the_format(path):
             members = [member for member in members if member.path.as_posix() == path.name]
         if not members:
             raise DataError(Problem(path.name, kind, "none", "check the path"))
@@ -70,10 +72,6 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
                 problems.extend(error.problems)
         refuse(problems, path.name)
     return tuple(records)
-
-
-def _is_of_the_format(path: PurePath) -> bool:
-    return path.suffix.lower() == ".tdms"
 
 
 def _content(member: Member, budget: Budget) -> bytes:
@@ -93,7 +91,7 @@ def _record(file: TdmsFile, member: Member) -> Record:
     what = "acceleration"
     if not found:
         found = [(c, said) for c, said in told if not _text(said, "unit_string") and not _is_time(c, said)]
-        what = "channel without a unit"
+        what = "channel"
     if not found:
         expected = "channels in a unit of acceleration (unit_string)"
         raise DataError(Problem(where, expected, f"none of {len(told)}", "export them with their units"))
@@ -111,7 +109,8 @@ def _record(file: TdmsFile, member: Member) -> Record:
         raise DataError(list(damaged.values()))
     only = len(found) == 1 and (what == "acceleration" or _ACCELERATION.search(channels[0].name) is not None)
     proposed = (channels[0].name,) if only else ()
-    why = f"The only {what}: {proposed[0]}." if proposed else f"One of {len(channels)} {what}s has to be chosen."
+    unit = "" if what == "acceleration" else "; none states its unit"
+    why = f"The only {what}{unit}: {proposed[0]}." if proposed else f"Choose one of {len(channels)} {what}s{unit}."
     left_out = (f"Left out, for they are damaged: {', '.join(map(shown, damaged))}.",) if damaged else ()
     steps = ("TDMS file.", *left_out, why)
     return Record(member.path.stem, where, PartialCondition(), tuple(channels), proposed, steps, unread=damaged)

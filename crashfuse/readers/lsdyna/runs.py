@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from io import BytesIO
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import IO
 
 import numpy as np
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.lsdyna.binout import read_binout
 from crashfuse.readers.lsdyna.histories import Histories, History
 from crashfuse.readers.lsdyna.nodout import read_nodout
@@ -29,7 +30,6 @@ from crashfuse.units import MS
 LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
 """Sizes beyond which a library is refused; of a binout only what is needed is read, however long it is."""
 
-_BINOUT, _NODOUT = re.compile(r"binout[^.]*", re.IGNORECASE), re.compile(r"nodout[^.]*(\.(txt|asc))?", re.IGNORECASE)
 _MOST_UNZIPPED = 256 << 20  # bytes of a binout in a zip, which has to be in memory to be read
 _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept of one run, of a run among many, of all runs
 _LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # ends of runs in either unit
@@ -68,7 +68,7 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
         With what is wrong with each run that is.
     """
     kind = "binout or nodout of LS-DYNA"
-    with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
+    with opened_members(path, FORMATS["lsdyna"].has, kind, limits) as (members, budget):
         zipped = path.suffix.lower() == ".zip"
         runs = _runs(members, path)
         if not runs:
@@ -87,19 +87,15 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
     return tuple(records)
 
 
-def _is_of_the_format(path: PurePath) -> bool:
-    return _BINOUT.fullmatch(path.name) is not None or _NODOUT.fullmatch(path.name) is not None
-
-
 def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
     """Files by run: those of one folder belong together, and of a file that was chosen only its shards."""
     zipped = path.suffix.lower() == ".zip"
     single = path.is_file() and not zipped
-    family = _NODOUT if _NODOUT.fullmatch(path.name) else _BINOUT
+    family = path.name[:6].lower()
     by_folder: defaultdict[tuple[str, ...], list[Member]] = defaultdict(list)
     for member in members:
         *folder, name = member.path.parts
-        if not single or (not folder and family.fullmatch(name)):
+        if not single or (not folder and name.lower().startswith(family)):
             by_folder[tuple(folder)].append(member)
     home = path.stem if zipped else (path.parent if single else path).resolve().name
     folders = sorted(by_folder)
@@ -122,8 +118,8 @@ def _ids(folders: Sequence[tuple[str, ...]], home: str) -> list[str]:
 
 def _histories(files: Sequence[Member], budget: Budget, most: int, *, zipped: bool) -> Histories:
     """Read the binout of a run; where it has no nodes, its nodout."""
-    shards = sorted((file for file in files if _BINOUT.fullmatch(file.path.name)), key=lambda file: file.where)
-    text = [file for file in files if _NODOUT.fullmatch(file.path.name)]
+    shards = sorted(_named(files, "binout"), key=lambda file: file.where)
+    text = _named(files, "nodout")
     found = Histories("", (), 0)
     if shards:
         with ExitStack() as opened:
@@ -139,6 +135,10 @@ def _histories(files: Sequence[Member], budget: Budget, most: int, *, zipped: bo
         advice = "ask the solver for it (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
         raise DataError(Problem(files[0].where, "accelerations of nodes (nodout) or rigid bodies", "none", advice))
     return found
+
+
+def _named(files: Sequence[Member], beginning: str) -> list[Member]:
+    return [file for file in files if file.path.name.lower().startswith(beginning)]
 
 
 def _unzipped(file: Member, budget: Budget) -> IO[bytes]:

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,14 +46,13 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
         records without ids.
     """
     times, accelerations, ids = mapping.of("time"), mapping.of("acceleration"), mapping.of("id")
-    for role, found, fine in (
-        ("time", times, len(times) == 1),
-        ("acceleration", accelerations, bool(accelerations)),
-        ("id", ids, len(ids) <= 1),
-    ):
-        if not fine:
-            have = ", ".join(shown(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
-            raise DataError(Problem(sheet.name, f"one column that is the {role}", have, "map the columns"))
+    wanted: dict[ColumnRole, bool] = {
+        "time": len(times) == 1,
+        "acceleration": bool(accelerations),
+        "id": len(ids) <= 1,
+    }
+    if not all(wanted.values()):
+        raise DataError([_one_column(sheet, role, mapping.of(role)) for role, fine in wanted.items() if not fine])
     time, told = _seconds(sheet, times[0])
     values = {use.column: _decimal(sheet, use.column) for use in accelerations}
 
@@ -89,16 +88,23 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     """
     ids = mapping.of("id")
     if len(ids) != 1:
-        found = ", ".join(use.column for use in ids) or f"none in {', '.join(sheet.columns[:12])}"
-        raise DataError(Problem(sheet.name, "one column that is the id", found, "map the columns"))
+        raise DataError(_one_column(sheet, "id", ids))
     names = sheet.text(ids[0].column)
     name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
     if times != 1:
         found = f"{shown(name, 40)!r} {times} times" if times else "none"
         raise DataError(Problem(sheet.name, "each id once", found, "correct the ids", ids[0].column))
     roles: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
-    values = {role: _quantity(sheet, mapping, role) for role in roles}
-    share = _quantity(sheet, mapping, "front_share")
+    values: dict[ColumnRole, FloatArray | None] = {}
+    problems: list[Problem] = []
+    for role in (*roles, "front_share"):
+        try:
+            values[role] = _quantity(sheet, mapping, role)
+        except DataError as error:
+            problems += error.problems
+    if problems:
+        raise DataError(problems)
+    share = values.pop("front_share")
     factors = [(use.column, sheet.text(use.column)) for use in mapping.of("factor")]
     conditions = {}
     for row, name in enumerate(names):
@@ -116,6 +122,11 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
 def told_of(mapping: Mapping) -> tuple[str, ...]:
     """What the columns of a sheet of conditions are taken for, a sentence each."""
     return tuple(_told(use) for use in mapping.uses if use.role in ("id", *QUANTITIES))
+
+
+def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> Problem:
+    have = ", ".join(shown(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
+    return Problem(sheet.name, f"one column that is the {role}", have, "map the columns (--column COLUMN=ROLE:UNIT)")
 
 
 def _decimal(sheet: Sheet, column: str) -> FloatArray:
@@ -139,7 +150,7 @@ def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> 
     if back.size:
         before, after = (sheet.text(use.column)[row] for row in rows[back[0] : back[0] + 2].tolist())
         expected, found = "time that increases from row to row", f"{shown(after, 20)} after {shown(before, 20)}"
-        advice = "map the column of ids (COLUMN=id) if the rows are of several records, else sort them by time"
+        advice = "map the column of ids (--column COLUMN=id) if the rows are of several records, else sort them by time"
         row = int(rows[back[0] + 1]) + sheet.first_row
         raise DataError(Problem(sheet.name, expected, found, advice, shown(use.column), row))
 
@@ -159,7 +170,7 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
         return None
     if len(uses) > 1:
         found = " and ".join(shown(use.column, 40) for use in uses)
-        advice = "say which one it is by mapping the others (COLUMN=factor)"
+        advice = "say which one it is by mapping the others (--column COLUMN=factor)"
         raise DataError(Problem(sheet.name, f"one column that is the {role}", found, advice))
     use, quantity = uses[0], QUANTITIES[role]
     values = sheet.numbers(use.column)
@@ -168,7 +179,7 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
     if use.unit is not None:
         return values * UNITS[quantity][use.unit]
     expected = f"a unit in the header ({', '.join(UNITS[quantity])})"
-    raise DataError(Problem(sheet.name, expected, "none", "name the unit in the mapping", use.column))
+    raise DataError(Problem(sheet.name, expected, "none", "give its unit (--column COLUMN=ROLE:UNIT)", use.column))
 
 
 def _groups(names: list[str], rows: Rows) -> Iterator[tuple[str, Rows]]:
