@@ -5,9 +5,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from crashfuse.campaign_folder.additions import Addition, add_to_campaign
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.settings import own_filter_class
-from crashfuse.campaign_folder.writer import Addition, add_to_campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.files.archive import refuse

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from crashfuse.campaign_folder.recorded_signal import UNEVEN
+from crashfuse.campaign_folder.recorded_pulse import UNEVEN
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.record import RecordedChannel
 from crashfuse.signals.pulse import FloatArray

@@ -10,7 +10,7 @@ import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, MOVING, STOPS
-from crashfuse.campaign_folder.recorded_signal import SHORTEST_S, SLOWEST_S
+from crashfuse.campaign_folder.recorded_pulse import SHORTEST_S, SLOWEST_S
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.importing.choices import Choices

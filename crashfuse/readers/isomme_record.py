@@ -8,7 +8,8 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Limits, shown
-from crashfuse.readers.isomme import ISOMME_LIMITS, Channel, IsommeTest, read_isomme
+from crashfuse.readers.isomme import ISOMME_LIMITS, read_isomme
+from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.unit_spelling import UNITS, number_and_unit, unit_named
 

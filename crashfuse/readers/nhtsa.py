@@ -17,11 +17,12 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member, shown
-from crashfuse.readers.members import opened_members
-from crashfuse.readers.nhtsa_sensors import Sensor, proposed_sensors, without_damaged
+from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.members import is_numbered, opened_members
+from crashfuse.readers.nhtsa_sensors import Sensor, proposed_sensors, setup_and_speed, without_damaged
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH, MPH
+from crashfuse.units import KPH
 
 NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
 """Sizes beyond which a test is refused: 1000 channels of 10,000 samples are within them."""
@@ -62,7 +63,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
         specification = _specification(members, path)
         sections = _sections(specification, budget)
         stem = _stem(specification).lower()
-        files = {int(m.path.suffix[1:]): m for m in members if _is_channel(m.path) and _stem(m).lower() == stem}
+        files = {int(m.path.suffix[1:]): m for m in members if is_numbered(m.path) and _stem(m).lower() == stem}
         listed = [_listed(fields, specification.where) for fields in sections.get("INSTRUMENTATION", [])]
         present = {entry.number: entry for entry in listed if entry.of_the_vehicle and entry.number in files}
         candidates = [entry for entry in present.values() if entry.vehicle == min(e.vehicle for e in present.values())]
@@ -164,14 +165,7 @@ def _condition(
         _number(_field(car, index)) for index in (_SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY)
     )
     notes = [f"NHTSA test, {shown(_field(test, _TITLE))}."]
-    if _field(test, _CONFIGURATION) not in ("VTB", "") or _number(_field(test, _ANGLE)):
-        found = f"{_field(test, _CONFIGURATION)} at {_field(test, _ANGLE)}°"
-        notes.append(f"Careful: the configuration is {shown(found)}, not a full-frontal barrier test (VTB at 0°).")
-    notes.append(
-        f"Speed {speed:g} km/h ({speed * KPH / MPH:.2f} mph) from {where}."
-        if speed
-        else f"{where} has no speed of the vehicle."
-    )
+    notes += setup_and_speed(_field(test, _CONFIGURATION), _number(_field(test, _ANGLE)), speed, where)
     front = rear = None
     if mass and wheelbase and 0 < behind < wheelbase:
         rear = mass * behind / wheelbase
@@ -207,9 +201,4 @@ def _stem(member: Member) -> str:
 
 
 def _is_of_the_format(path: PurePath) -> bool:
-    return path.suffix.upper() == ".EV5" or _is_channel(path)
-
-
-def _is_channel(path: PurePath) -> bool:
-    number = path.suffix[1:]
-    return len(number) >= 3 and number.isascii() and number.isdecimal()
+    return FORMATS["nhtsa"].has(path) or is_numbered(path)

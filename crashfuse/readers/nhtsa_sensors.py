@@ -1,4 +1,4 @@
-"""Sensors of NHTSA's vehicle tests, whichever form of the database they come in: which of them are the pulse."""
+"""What both forms of NHTSA's database say of a test: its setup and speed, and which of its sensors are the pulse."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from crashfuse.errors import Problem
 from crashfuse.files.archive import refuse, shown
 from crashfuse.readers.record import RecordedChannel
-from crashfuse.units import MS
+from crashfuse.units import KPH, MPH, MS
 
 _LONGEST_S = 100 * MS
 _SOUND = ("AM", "")  # as measured
@@ -41,6 +41,16 @@ class Sensor:
         """Whether it sits on the floor behind the crushed zone, where both sides follow the vehicle as a whole."""
         label = self.comment.upper()
         return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
+
+
+def setup_and_speed(setup: str, angle_deg: float, speed_kph: float, where: str) -> list[str]:
+    """Sentences on what kind of test it was and how fast; a speed of 0 is unknown."""
+    told = f"Speed {speed_kph:g} km/h ({speed_kph * KPH / MPH:.2f} mph) from {where}."
+    steps = [told if speed_kph else f"{where} has no speed of the vehicle."]
+    if setup not in ("VTB", "") or angle_deg:
+        found = shown(f"{setup or 'unknown'} at {angle_deg:g}°")
+        steps.insert(0, f"Careful: the configuration is {found}, not a full-frontal barrier test (VTB at 0°).")
+    return steps
 
 
 def without_damaged(

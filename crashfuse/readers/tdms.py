@@ -8,7 +8,6 @@ and ``wf_start_offset``, and 0 is first contact. Axle weights are not among them
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +16,12 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member, refuse, shown
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members
-from crashfuse.readers.nhtsa_sensors import Sensor, proposed_sensors, without_damaged
+from crashfuse.readers.nhtsa_sensors import Sensor, proposed_sensors, setup_and_speed, without_damaged
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile, parse_tdms
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH, MPH
+from crashfuse.units import KPH
 
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
 """Sizes beyond which a file is refused: a test of 1000 channels of 10,000 samples has 80 MB."""
@@ -75,10 +74,7 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
 
 
 def _content(member: Member, budget: Budget) -> bytes:
-    content = BytesIO()
-    for chunk in member.chunks(budget):
-        content.write(chunk)
-    return content.getvalue()
+    return b"".join(member.chunks(budget))
 
 
 def _record(file: TdmsFile, member: Member) -> Record:
@@ -203,15 +199,7 @@ def _condition(said: _Told, where: str) -> tuple[PartialCondition, tuple[str, ..
     speed, mass = _number(said, "veh_vehspd") or _number(said, "test_clsspd"), _number(said, "veh_vehtwt")
     car = " ".join(filter(None, (_text(said, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
     steps = [f"NHTSA test {_text(said, 'test_tstno')}, {shown(car)}."]
-    setup, angle = _text(said, "test_tstcfn"), _number(said, "test_impang")
-    if setup not in ("VTB", "") or angle:
-        found = shown(f"{setup or 'unknown'} at {angle:g}°")
-        steps.append(f"Careful: the configuration is {found}, not a full-frontal barrier test (VTB at 0°).")
-    steps.append(
-        f"Speed {speed:g} km/h ({speed * KPH / MPH:.2f} mph) from {where}."
-        if speed
-        else f"{where} has no speed of the vehicle."
-    )
+    steps += setup_and_speed(_text(said, "test_tstcfn"), _number(said, "test_impang"), speed, where)
     if mass:
         steps.append(f"Weight {mass:g} kg from {where}, which does not say what each axle carried.")
     return PartialCondition(speed * KPH or None, mass or None), tuple(steps)

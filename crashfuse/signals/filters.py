@@ -1,4 +1,4 @@
-"""Channel frequency class filters: what SAE J211-1 lets through of a crash signal."""
+"""Channel filter classes (CFC): what SAE J211-1 lets through of a crash signal."""
 
 import math
 
@@ -13,7 +13,7 @@ _PADDING_S = 0.01
 
 
 def cfc_filter(accel: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
-    """Filter to a channel frequency class: a 2-pole Butterworth low pass, forward and backward (SAE J211-1).
+    """Filter to a channel filter class (CFC): a 2-pole Butterworth low pass, forward and backward (SAE J211-1).
 
     Filter the whole record before cutting it to the crash: the cut would become a jump.
 
@@ -59,7 +59,7 @@ def cfc_filter(accel: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
 
 def _check(accel: FloatArray, cfc: float, dt_s: float, padding: int) -> None:
     if not cfc > 0:
-        raise UsageError(f"There is no channel frequency class {cfc:g}; take 60, 180, 600 or 1000.")
+        raise UsageError(f"There is no channel filter class {cfc:g}; take 60, 180, 600 or 1000.")
     if 1 / dt_s < 10 * cfc * (1 - 1e-9):
         expected = f"at least {10 * cfc:g} samples a second for CFC {cfc:g}"
         raise DataError(Problem("signal", expected, f"{1 / dt_s:g}", "choose a lower class"))

@@ -9,7 +9,8 @@ import pytest
 
 from crashfuse.errors import DataError
 from crashfuse.files.archive import Limits
-from crashfuse.readers.isomme import Channel, IsommeTest, read_isomme
+from crashfuse.readers.isomme import read_isomme
+from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
 
 # Written by hand after a channel of a federal laboratory's side-impact test: NOVALUE, 10 kHz from -0.1 s.

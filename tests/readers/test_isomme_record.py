@@ -7,7 +7,7 @@ import pytest
 
 from crashfuse.errors import DataError
 from crashfuse.importing import Choices, settle
-from crashfuse.readers.isomme import Channel, IsommeTest
+from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.readers.isomme_record import read_isomme_record, record_of
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.units import KPH, G

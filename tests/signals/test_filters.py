@@ -90,7 +90,7 @@ def with_hole() -> FloatArray:
         ),
         (lambda: cfc_filter(np.zeros(100), cfc=60, dt_s=1e-4), DataError, "a record longer than 10 ms, found 10 ms"),
         (lambda: cfc_filter(with_hole(), cfc=60, dt_s=1e-4), DataError, "finite numbers, found NaN or infinity"),
-        (lambda: cfc_filter(np.zeros(1000), cfc=0, dt_s=1e-4), UsageError, "no channel frequency class 0"),
+        (lambda: cfc_filter(np.zeros(1000), cfc=0, dt_s=1e-4), UsageError, "no channel filter class 0"),
     ],
 )
 def test_what_cannot_be_filtered_is_refused_in_one_sentence(

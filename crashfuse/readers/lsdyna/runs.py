@@ -1,8 +1,7 @@
 """LS-DYNA runs: ``binout`` (one file or shards) or ASCII ``nodout``; one run, or a folder with one folder a run.
 
-LS-DYNA knows no units, so they are told from how long the run lasts and how fast it moves: mm, s, t; mm, ms, kg; and
-m, s, kg are what crash models are built in. Nor does it know which node is the accelerometer: titles
-(``*DATABASE_HISTORY_NODE_ID``) say so, and where there are none, nodes that travel as far as most do.
+LS-DYNA does not know which node is the accelerometer: titles (``*DATABASE_HISTORY_NODE_ID``) say so, and where there
+are none, nodes that travel as far as most do.
 """
 
 import re
@@ -22,6 +21,7 @@ from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.lsdyna.binout import read_binout
 from crashfuse.readers.lsdyna.histories import Histories, History
 from crashfuse.readers.lsdyna.nodout import read_nodout
+from crashfuse.readers.lsdyna.unit_system import mass_kg, units_of
 from crashfuse.readers.members import opened_members
 from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record, RecordedChannel
 from crashfuse.signals.pulse import FloatArray
@@ -32,8 +32,6 @@ LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_0
 
 _MOST_UNZIPPED = 256 << 20  # bytes of a binout in a zip, which has to be in memory to be read
 _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept of one run, of a run among many, of all runs
-_LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # ends of runs in either unit
-_FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # between them could be inch or cm
 _ALIKE = 0.1  # of the median travel
 _ALIASED = 0.05  # of the velocity
 _DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
@@ -154,10 +152,10 @@ def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
 def _record(run_id: str, source: str, run: Histories) -> Record:
     nodes = [node for node in run.nodes if node.name.isdecimal()] or list(run.nodes)
     proposed, why = _proposed(nodes)
-    per_second, unit, units_told = _units(proposed, source)
+    per_second, unit, units_told = units_of(proposed, source)
     speed = float(np.median([abs(node.velocity[0]) for node in proposed])) * ACCELERATION_UNITS[unit or "m/s²"]
     speed *= 1.0 if per_second == 1 else MS  # a velocity is the acceleration's unit times the unit of time
-    mass = None if unit is None else _mass_kg(run.kinetic_energy, proposed)
+    mass = None if unit is None else mass_kg(run.kinetic_energy, proposed)
     aliased = [node.name for node in run.nodes if _is_aliased(node)]
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units_told, why]
     if aliased and {node.name for node in proposed} & set(aliased):
@@ -217,34 +215,6 @@ def _is_aliased(node: History) -> bool:
         return False
     error = np.abs(_integral(node.acceleration, node.time) - change).max()
     return bool(error > _ALIASED * np.abs(node.velocity).max()) and bool((np.diff(node.time) > 0).all())
-
-
-def _units(nodes: Sequence[History], source: str) -> tuple[float, str | None, str]:
-    """Tell the units: of time in s, the acceleration's, and a sentence."""
-    end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
-    if not 0 < end <= _LONGEST_MS:
-        expected = "a crash in seconds or milliseconds"
-        raise DataError(Problem(source, expected, f"a run that ends at {end:g}", "choose a run in mm, ms, kg or SI"))
-    seconds = end <= _LONGEST_S
-    lasts = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
-    if not seconds:
-        return MS, "mm/ms²", f"Units mm and ms: {lasts}."
-    if not fastest > 0:  # at rest or without velocities
-        return 1.0, None, f"Unit of length unknown: the run ends at {end:.4g} s, and its velocities do not tell."
-    if fastest <= _FASTEST_MPS:
-        return 1.0, "m/s²", f"SI units: {lasts}."
-    if fastest < _SLOWEST_MMPS:
-        return 1.0, None, f"Unit of length unknown: {lasts}, too fast for m and too slow for mm."
-    return 1.0, "mm/s²", f"Units mm and s: {lasts}."
-
-
-def _mass_kg(energy: float | None, nodes: Sequence[History]) -> float | None:
-    """Mass that has the kinetic energy at the nodes' speed; a vehicle's is told from t, kg and g by its size."""
-    speed = float(np.median([abs(node.velocity[0]) for node in nodes]))
-    if energy is None or not energy > 0 or not speed > 0:
-        return None
-    mass = 2 * energy / speed**2
-    return next((mass * unit for unit in (1.0, 1e3, 1e-3) if 300 <= mass * unit <= 60_000), None)
 
 
 def _channel(node: History, per_second: float, unit: str | None, *, derived: bool) -> RecordedChannel:

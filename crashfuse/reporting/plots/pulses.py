@@ -136,7 +136,7 @@ def measured_pulses(
     highlight : str, optional
         Id of the test to draw thick (the held-out one).
     cfc : float, optional
-        Channel frequency class to filter to (SAE J211-1), at most 1000.
+        Channel filter class (CFC) to filter to (SAE J211-1), at most 1000.
     window_ms, unit, deceleration
         As in :func:`overlay`.
 

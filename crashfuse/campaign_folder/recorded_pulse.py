@@ -20,7 +20,7 @@ SHORTEST_S = 60e-3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Signal:
+class RecordedPulse:
     """Samples of a record as they stand in a file.
 
     Attributes
@@ -34,21 +34,21 @@ class Signal:
     accel_mps2: FloatArray
     rows: npt.NDArray[np.integer[Any]]
 
-    def __getitem__(self, part: slice) -> "Signal":
-        return Signal(self.time_s[part], self.accel_mps2[part], self.rows[part])
+    def __getitem__(self, part: slice) -> "RecordedPulse":
+        return RecordedPulse(self.time_s[part], self.accel_mps2[part], self.rows[part])
 
 
-def joined(parts: Sequence[Signal]) -> Signal:
+def joined(parts: Sequence[RecordedPulse]) -> RecordedPulse:
     """Put the parts of a record one after the other."""
     if len(parts) == 1:
         return parts[0]
     columns = ([getattr(part, name) for part in parts] for name in ("time_s", "accel_mps2", "rows"))
-    return Signal(*map(np.concatenate, columns))
+    return RecordedPulse(*map(np.concatenate, columns))
 
 
-def time_trouble(signal: Signal, where: str) -> Problem | None:
+def time_trouble(record: RecordedPulse, where: str) -> Problem | None:
     """Say what makes the time of a record unfit, if anything."""
-    time, rows = signal.time_s, signal.rows
+    time, rows = record.time_s, record.rows
     if time.size < 2:
         return Problem(where, "at least two samples", f"{time.size}", "export the whole record", "time")
     steps = np.diff(time)
