@@ -95,11 +95,7 @@ def pulse_csv(pulse: Pulse) -> str:
 def _write_runs(campaign: Campaign, path: Path) -> None:
     """All CAE runs, some at a time, so that a library of any size needs little memory beside its own."""
     schema = pa.schema(
-        [
-            ("id", pa.dictionary(pa.int32(), pa.string())),
-            ("time_s", pa.float64()),
-            ("acceleration_mps2", pa.float32()),
-        ]
+        [("id", pa.dictionary(pa.int32(), pa.string())), ("time_s", pa.float64()), ("acceleration_mps2", pa.float32())]
     )
     accel, ids = campaign.cae.accel_mps2, campaign.cae.ids
     with pq.ParquetWriter(path, schema, compression="zstd") as writer:

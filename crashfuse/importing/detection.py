@@ -64,14 +64,7 @@ def unit_and_sign(
     sign = choices.deceleration_sign or found
     if moving and sign != found:
         expected = f"{sign} deceleration, as chosen"
-        raise DataError(
-            Problem(
-                record.source,
-                expected,
-                f"a change of {speed_text(change)}",
-                _NO_SIGN,
-            )
-        )
+        raise DataError(Problem(record.source, expected, f"a change of {speed_text(change)}", _NO_SIGN))
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
     steps.append(f"Sign {turned}: the file's change of velocity is {speed_text(change)}.")
     return label, sign

@@ -24,8 +24,8 @@ from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import Budget, Limits, Member, refuse, shown
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.isomme_channels import NO_VALUE, Channel, IsommeTest, Pairs, first_of
 from crashfuse.readers.members import is_numbered, opened_members
 from crashfuse.readers.unit_spelling import UNITS, unit_named
@@ -155,7 +155,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
     try:
         values = np.array([np.nan if cell.upper() == NO_VALUE else float(cell) for cell in cells], dtype=np.float64)
     except ValueError as error:
-        found = shown(str(error).rpartition(":")[2].strip())
+        found = printable(str(error).rpartition(":")[2].strip())
         expected = "one number a line after the header"
         raise DataError(Problem(where, expected, found, "export the channel again")) from None
     if np.isinf(values).any():
@@ -172,7 +172,7 @@ def _number_in(header: Pairs, name: str, where: str) -> float | None:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise DataError(Problem(where, "a number", shown(text), "correct the header", name))
+        raise DataError(Problem(where, "a number", printable(text), "correct the header", name))
     return value
 
 
@@ -184,7 +184,7 @@ def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
         return value
     known = unit_named(unit[0], "time")
     if known is None:
-        raise DataError(Problem(where, "a time in s or ms", shown(unit[0]), "correct the header", name))
+        raise DataError(Problem(where, "a time in s or ms", printable(unit[0]), "correct the header", name))
     return value * UNITS["time"][known]
 
 

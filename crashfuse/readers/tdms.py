@@ -8,15 +8,16 @@ and ``wf_start_offset``, and 0 is first contact. Axle weights are not among them
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import Budget, Limits, Member, refuse, shown
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members
-from crashfuse.readers.nhtsa_sensors import Sensor, proposed_sensors, setup_and_speed, without_damaged
+from crashfuse.readers.nhtsa_sensors import Sensor, nhtsa_record, of_first_vehicle, setup_and_speed
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile, parse_tdms
 from crashfuse.readers.unit_spelling import UNITS, unit_named
@@ -107,7 +108,7 @@ def _record(file: TdmsFile, member: Member) -> Record:
     proposed = (channels[0].name,) if only else ()
     unit = "" if what == "acceleration" else "; none states its unit"
     why = f"The only {what}{unit}: {proposed[0]}." if proposed else f"Choose one of {len(channels)} {what}s{unit}."
-    left_out = (f"Left out, for they are damaged: {', '.join(map(shown, damaged))}.",) if damaged else ()
+    left_out = (f"Left out, for they are damaged: {', '.join(map(printable, damaged))}.",) if damaged else ()
     steps = ("TDMS file.", *left_out, why)
     return Record(member.path.stem, where, PartialCondition(), tuple(channels), proposed, steps, unread=damaged)
 
@@ -131,28 +132,19 @@ def _clock(file: TdmsFile, channel: TdmsChannel, told: Sequence[tuple[TdmsChanne
 
 def _nhtsa_record(file: TdmsFile, told: Sequence[tuple[TdmsChannel, _Told]], member: Member) -> Record:
     where = member.where
-    sensors = [(channel, said, _sensor(place, said)) for place, (channel, said) in enumerate(told, start=1)]
-    candidates = [one for one in sensors if one[2].of_the_vehicle][:_MOST_CHANNELS]
+    sensors = {_sensor(place, said): (channel, said) for place, (channel, said) in enumerate(told, start=1)}
+    candidates = of_first_vehicle(list(sensors))[:_MOST_CHANNELS]
     if not candidates:
         found = f"none in {len(told)} channels"
         raise DataError(Problem(where, "X accelerations of the vehicle", found, "download all channels of the test"))
-    first = min(sensor.vehicle for *_, sensor in candidates)
-    candidates = [one for one in candidates if one[2].vehicle == first]
-    channels: dict[Sensor, RecordedChannel] = {}
-    damaged: dict[Sensor, Problem] = {}
-    for channel, said, sensor in candidates:
-        try:
-            label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
-            channels[sensor] = _channel(file, channel, said, str(sensor.number), label, where)
-        except DataError as error:
-            damaged[sensor] = error.problems[0]
-    left_out, unread = without_damaged(damaged, [sensor for *_, sensor in candidates], where)
-    proposed, why = proposed_sensors(list(channels), list(channels.values()))
-    condition, told_of_it = _condition(candidates[0][1], where)
-    zero = "0 is first contact, by the format's definition"
-    steps = (*told_of_it, *left_out, why)
-    test_id = member.path.stem.lstrip("vV")
-    return Record(test_id, where, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
+
+    def read(sensor: Sensor) -> RecordedChannel:
+        channel, said = sensors[sensor]
+        label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
+        return _channel(file, channel, said, str(sensor.number), label, where)
+
+    condition = _condition(sensors[candidates[0]][1], where)
+    return nhtsa_record(member.path.stem, where, {one: partial(read, one) for one in candidates}, condition)
 
 
 def _sensor(place: int, said: _Told) -> Sensor:
@@ -168,7 +160,7 @@ def _sensor(place: int, said: _Told) -> Sensor:
         cutoff_hz=_number(said, "inst_prefil") or None,
         status=_text(said, "inst_dastat").upper(),
         redundant=_text(said, "inst_chstat").upper() == "R",
-        comment=shown(_text(said, "inst_inscom")),
+        comment=printable(_text(said, "inst_inscom")),
     )
 
 
@@ -190,15 +182,15 @@ def _channel(
     if clock is None:
         expected, found = "samples and the time between them (wf_increment)", f"{values.size} samples without it"
         advice = "export it as a waveform, or with a channel of time beside it"
-        raise DataError(Problem(f"{where}: {shown(channel.name)}", expected, found, advice))
+        raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, found, advice))
     unit = unit_named(_text(said, "unit_string") or _text(said, "inst_yunits"), "acceleration")
-    return RecordedChannel(name, shown(label), clock, values, unit, _number(said, "inst_prefil") or None)
+    return RecordedChannel(name, printable(label), clock, values, unit, _number(said, "inst_prefil") or None)
 
 
 def _condition(said: _Told, where: str) -> tuple[PartialCondition, tuple[str, ...]]:
     speed, mass = _number(said, "veh_vehspd") or _number(said, "test_clsspd"), _number(said, "veh_vehtwt")
     car = " ".join(filter(None, (_text(said, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
-    steps = [f"NHTSA test {_text(said, 'test_tstno')}, {shown(car)}."]
+    steps = [f"NHTSA test {_text(said, 'test_tstno')}, {printable(car)}."]
     steps += setup_and_speed(_text(said, "test_tstcfn"), _number(said, "test_impang"), speed, where)
     if mass:
         steps.append(f"Weight {mass:g} kg from {where}, which does not say what each axle carried.")

@@ -204,7 +204,11 @@ def test_units_of_the_tables_are_kept(campaign_folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "found"),
-    [(b"name = \xe9", "bytes that are none"), (b"name = [", "campaign.toml as it would become"), (b"notice = 7", "7")],
+    [
+        (b"name = \xe9", "bytes that are none"),
+        (b"name = [", "campaign.toml as it would"),
+        (b"notice = 7", "column notice"),
+    ],
 )
 def test_a_campaign_toml_that_could_not_be_read_back_stops_an_addition(
     campaign_folder: Path, content: bytes, found: str

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import shown
+from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.tables.headers import bare_name, cutoff_of
 from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole, ColumnUse, Mapping
@@ -46,11 +45,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
         records without ids.
     """
     times, accelerations, ids = mapping.of("time"), mapping.of("acceleration"), mapping.of("id")
-    wanted: dict[ColumnRole, bool] = {
-        "time": len(times) == 1,
-        "acceleration": bool(accelerations),
-        "id": len(ids) <= 1,
-    }
+    wanted: dict[ColumnRole, bool] = {"time": len(times) == 1, "acceleration": bool(accelerations), "id": len(ids) <= 1}
     if not all(wanted.values()):
         raise DataError([_one_column(sheet, role, mapping.of(role)) for role, fine in wanted.items() if not fine])
     time, told = _seconds(sheet, times[0])
@@ -92,7 +87,7 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     names = sheet.text(ids[0].column)
     name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
     if times != 1:
-        found = f"{shown(name, 40)!r} {times} times" if times else "none"
+        found = f"{printable(name, 40)!r} {times} times" if times else "none"
         raise DataError(Problem(sheet.name, "each id once", found, "correct the ids", ids[0].column))
     roles: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
     values: dict[ColumnRole, FloatArray | None] = {}
@@ -125,7 +120,7 @@ def told_of(mapping: Mapping) -> tuple[str, ...]:
 
 
 def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> Problem:
-    have = ", ".join(shown(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
+    have = ", ".join(printable(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
     return Problem(sheet.name, f"one column that is the {role}", have, "map the columns (--column COLUMN=ROLE:UNIT)")
 
 
@@ -140,7 +135,7 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
         if all(map(grouped.fullmatch, cells)):
             found = f"numbers such as {next(cell for cell in cells if sheet.decimal in cell)} among whole ones"
             advice = "these are thousands separators; export without them"
-            raise DataError(Problem(sheet.name, "a decimal sign that is one", found, advice, shown(column)))
+            raise DataError(Problem(sheet.name, "a decimal sign that is one", found, advice, printable(column)))
     return numbers
 
 
@@ -149,10 +144,10 @@ def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> 
     back = np.flatnonzero(np.diff(time[rows]) < 0)
     if back.size:
         before, after = (sheet.text(use.column)[row] for row in rows[back[0] : back[0] + 2].tolist())
-        expected, found = "time that increases from row to row", f"{shown(after, 20)} after {shown(before, 20)}"
+        expected, found = "time that increases from row to row", f"{printable(after, 20)} after {printable(before, 20)}"
         advice = "map the column of ids (--column COLUMN=id) if the rows are of several records, else sort them by time"
         row = int(rows[back[0] + 1]) + sheet.first_row
-        raise DataError(Problem(sheet.name, expected, found, advice, shown(use.column), row))
+        raise DataError(Problem(sheet.name, expected, found, advice, printable(use.column), row))
 
 
 def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]:
@@ -169,7 +164,7 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
     if not uses:
         return None
     if len(uses) > 1:
-        found = " and ".join(shown(use.column, 40) for use in uses)
+        found = " and ".join(printable(use.column, 40) for use in uses)
         advice = "say which one it is by mapping the others (--column COLUMN=factor)"
         raise DataError(Problem(sheet.name, f"one column that is the {role}", found, advice))
     use, quantity = uses[0], QUANTITIES[role]
@@ -199,4 +194,4 @@ def _as_id(name: str) -> str:
 
 def _told(use: ColumnUse) -> str:
     unit = f" in {use.unit}" if use.unit else ""
-    return f"Column {shown(use.column, 60)} is the {use.role.replace('_', ' ')}{unit}: {use.why}."
+    return f"Column {printable(use.column, 60)} is the {use.role.replace('_', ' ')}{unit}: {use.why}."

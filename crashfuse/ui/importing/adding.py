@@ -23,13 +23,7 @@ _FACTOR_PX = 260
 _adding = threading.Lock()
 
 
-def show_add_form(
-    source: Source,
-    reading: Reading,
-    choices: Choices,
-    role: Role,
-    settled: Sequence[Settled],
-) -> None:
+def show_add_form(source: Source, reading: Reading, choices: Choices, role: Role, settled: Sequence[Settled]) -> None:
     """Where to, and the button."""
     st.subheader("Add to a campaign")
     if refused := st.session_state.get(REFUSED):
