@@ -30,7 +30,7 @@ class CrashTest:
     pulse : Pulse
         On the study grid.
     recorded_s : float
-        Where its record ends; beyond that the pulse goes on with no acceleration, which nobody measured.
+        Where its record ends; beyond it the pulse is zero, which nobody measured.
     """
 
     id: str
@@ -101,7 +101,7 @@ class CaeLibrary:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """Everything known about one vehicle: CAE runs and tests, all on the study grid.
+    """CAE runs and tests of one vehicle, all on the study grid.
 
     Parameters
     ----------
@@ -109,11 +109,11 @@ class Campaign:
     cae : CaeLibrary
     tests : tuple of CrashTest
     notice : str
-        A sentence to show wherever the campaign is shown ("synthetic", say); empty for none.
+        A sentence shown wherever the campaign is ("synthetic", say); empty for none.
     warnings : tuple of str
-        What the check noticed that is allowed but worth knowing.
+        What the check found that is allowed but worth knowing.
     channel_filter_class : float, optional
-        What records were filtered with when they were read (SAE J211-1); None if they were taken as they are.
+        CFC that records were filtered with when they were read (SAE J211-1); None if they were taken as they are.
     """
 
     name: str
@@ -125,7 +125,7 @@ class Campaign:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of the CAE runs and the tests: equal content, equal fingerprint, whatever the files looked like."""
+        """SHA-256 of the CAE runs and the tests: equal content gives the same fingerprint, whatever the files."""
         digest = hashlib.sha256(self.cae.fingerprint.encode())
         for test in self.tests:
             digest.update(f"{test.id}|{test.condition!r}\n".encode())
@@ -164,9 +164,9 @@ class Campaign:
         return replace(self, tests=tuple(test for test in self.tests if test.id not in held_out))
 
     def evenly_over_speed(self, most: int) -> "Campaign":
-        """The campaign with at most so many tests: by their order in speed every so manieth, slowest and fastest too.
+        """The campaign with at most ``most`` tests, evenly spaced in the order of speed, slowest and fastest included.
 
-        A campaign that has no more is the same one.
+        A campaign that has no more is returned as it is.
         """
         if len(self.tests) <= most:
             return self

@@ -1,4 +1,4 @@
-"""The condition of a crash: what is set before it is run."""
+"""The condition of a crash: impact speed, axle weights, and any further factors."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from crashfuse.units import KPH, LB, MPH
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """What is set before a full-frontal barrier crash.
+    """Condition of a full-frontal barrier crash.
 
     Parameters
     ----------

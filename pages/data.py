@@ -9,7 +9,7 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import evidence, frame, page_tables
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import running
-from crashfuse.ui.opening import show_doors
+from crashfuse.ui.opening import show_open_forms
 from crashfuse.ui.text import plain
 from crashfuse.units import MPH
 
@@ -126,7 +126,7 @@ if view is None:
     frame.offer_sample()
     st.caption("A synthetic car: 11 tests and about a thousand CAE runs, made by a small simulation.")
     st.subheader("Or open a campaign of your own")
-    show_doors()
+    show_open_forms()
     st.stop()
 
 st.title(plain(view.campaign.name))
@@ -135,4 +135,4 @@ show_tests(view)
 show_conditions(view)
 show_library(view)
 st.subheader("Open another campaign")
-show_doors()
+show_open_forms()

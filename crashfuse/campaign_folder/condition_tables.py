@@ -1,15 +1,15 @@
 """Condition tables: ``tests.csv`` and ``cae.csv``, one row a test or run."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from crashfuse.campaign_folder.columns import MOST_PROBLEMS, count_rest, find_column, listed, not_a_number
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, printable, shortened
 from crashfuse.files.archive import name_trouble
@@ -20,12 +20,12 @@ from crashfuse.units import MASS, SPEED
 _QUANTITIES: dict[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
 _SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: no crash, no vehicle
 _LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg: no vehicle, so another unit
-_MOST_PROBLEMS = 20  # of one kind in one column: the rest is counted, not listed
 _MOST_CANDIDATES = 1000  # each is a prediction
 _LONGEST_FACTOR = 200
 _FORMULA = ("=", "+", "-", "@")
 
-RowNumbers = npt.NDArray[np.integer[Any]]
+Role = Literal["tests", "cae"]
+"""Which of the two tables of a campaign, and the pulses that belong to it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,71 +95,6 @@ def sound_ids(path: Path) -> tuple[str, ...]:
     return tuple(run_id for run_id in dict.fromkeys(frame["id"].str.strip()) if id_trouble(run_id) is None)
 
 
-def find_column(
-    columns: Sequence[str], quantity: str, units: Mapping[str, float], where: str, problems: list[Problem]
-) -> tuple[str, float] | None:
-    """Find the one column of a quantity and its factor to SI by its ending; a problem is appended otherwise."""
-    wanted = {f"{quantity}_{unit}": factor for unit, factor in units.items()}
-    found = [column for column in columns if column in wanted]
-    if len(found) == 1:
-        return found[0], wanted[found[0]]
-    expected = f"one column {' or '.join(wanted)}"
-    if found:
-        problems.append(Problem(where, expected, listed(found), "keep one of them"))
-        return None
-    alike = [column for column in columns if column.startswith(quantity)]
-    if alike:
-        problems.append(Problem(where, expected, listed(alike), "let the column's name end in its unit"))
-    else:
-        problems.append(Problem(where, expected, f"the columns {listed(columns)}", "add the column"))
-    return None
-
-
-def not_a_number(
-    cells: pd.Series, column: str, where: str, rows: RowNumbers, problems: list[Problem], largest: float
-) -> FloatArray:
-    """Convert cells to float64; what is no number up to the largest that makes sense is a problem, and NaN.
-
-    Each cell is a problem of its own, but for empty ones under each other.
-    """
-    numbers = _as_numbers(cells)
-    bad = np.flatnonzero(~(np.abs(numbers) <= largest))
-    wrong, rows_of = cells.iloc[bad], rows[bad]
-    empty = _are_empty(wrong)
-    starts = np.flatnonzero(np.r_[True, (np.diff(rows_of) > 1) | ~empty[1:] | ~empty[:-1]][: bad.size])
-    stops = np.r_[starts[1:], bad.size][:_MOST_PROBLEMS]
-    for start, stop in zip(starts, stops, strict=False):
-        row, last = int(rows_of[start]), int(rows_of[stop - 1])
-        expected = f"a number up to {largest:.3g}" if np.isfinite(numbers[bad[start]]) else "a number"
-        found, advice = repr(printable(str(wrong.iloc[start]).strip(), 60)), "correct the cell"
-        if empty[start]:
-            found, advice = "an empty cell", "fill it in"
-        if stop - start > 1:
-            found, advice = f"rows {row}–{last}, empty", "fill them in"
-        problems.append(Problem(where, expected, found, advice, column, row))
-    _count_rest(bad.size, int(stops[-1]), "cells that are no number", where, column, problems)
-    numbers[bad] = np.nan
-    return numbers
-
-
-def _are_empty(cells: pd.Series) -> npt.NDArray[np.bool_]:
-    if isinstance(cells.dtype, pd.CategoricalDtype):  # each text once, however many cells have it
-        of_texts = _are_empty(pd.Series(cells.cat.categories, dtype=cells.cat.categories.dtype))
-        by_code: npt.NDArray[np.bool_] = np.append(of_texts, True)[cells.cat.codes]
-        return by_code
-    return np.array([pd.isna(cell) or (isinstance(cell, str) and not cell.strip()) for cell in cells], dtype=bool)
-
-
-def _as_numbers(cells: pd.Series) -> FloatArray:
-    if isinstance(cells.dtype, pd.CategoricalDtype):  # text in Parquet
-        values = _as_numbers(pd.Series(cells.cat.categories))
-        by_code: FloatArray = np.append(values, np.nan)[cells.cat.codes]
-        return by_code
-    if pd.api.types.is_bool_dtype(cells.dtype):
-        return np.full(len(cells), np.nan)
-    return np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
-
-
 def read_candidates(path: Path) -> tuple[Condition, ...]:
     """Read conditions that could be tested, from a table of the form of ``tests.csv``.
 
@@ -209,10 +144,10 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> None:
             trouble = ("each id once", f"{printable(run_id, 60)!r} a second time", "rename or remove the row")
         if trouble is not None:
             count += 1
-            if count <= _MOST_PROBLEMS:
+            if count <= MOST_PROBLEMS:
                 problems.append(Problem(where, *trouble, "id", row))
         seen.add(run_id)
-    _count_rest(count, _MOST_PROBLEMS, "ids that are not fit", where, "id", problems)
+    count_rest(count, MOST_PROBLEMS, "ids that are not fit", where, "id", problems)
 
 
 def id_trouble(run_id: str) -> tuple[str, str, str] | None:
@@ -239,27 +174,15 @@ def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> 
             if len(text) > _LONGEST_FACTOR or printable(text) != text or text.startswith(("=", "@"))
         ]
         shown = printable(column, 60)
-        for row, text in bad[:_MOST_PROBLEMS]:
+        for row, text in bad[:MOST_PROBLEMS]:
             problems.append(Problem(where, expected, repr(printable(text, 60)), "correct the cell", shown, row))
-        _count_rest(len(bad), _MOST_PROBLEMS, "cells that are no such text", where, shown, problems)
+        count_rest(len(bad), MOST_PROBLEMS, "cells that are no such text", where, shown, problems)
 
 
 def _check_low(numbers: FloatArray, smallest: float, cells: pd.Series, where: str, problems: list[Problem]) -> None:
     low = np.flatnonzero(numbers < smallest)
-    for index in low[:_MOST_PROBLEMS]:
+    for index in low[:MOST_PROBLEMS]:
         expected = f"a number of at least {smallest:.3g}"
         found, row = cells.iloc[index], int(cells.index[index])
         problems.append(Problem(where, expected, found, "correct the cell", str(cells.name), row))
-    _count_rest(low.size, _MOST_PROBLEMS, "numbers that are too low", where, str(cells.name), problems)
-
-
-def _count_rest(count: int, told: int, what: str, where: str, column: str, problems: list[Problem]) -> None:
-    if count > told:
-        found = f"{count - told} more {what}" if count - told > 1 else f"1 more of the {what}"
-        problems.append(Problem(where, "none", found, "correct them too", column))
-
-
-def listed(names: Iterable[str]) -> str:
-    """Name some columns, a dozen at most."""
-    shown = [printable(name, 40) for name in names]
-    return ", ".join(shown[:12]) + (f" and {len(shown) - 12} more" if len(shown) > 12 else "")
+    count_rest(low.size, MOST_PROBLEMS, "numbers that are too low", where, str(cells.name), problems)

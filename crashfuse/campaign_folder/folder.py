@@ -8,7 +8,7 @@ import numpy as np
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.campaign_folder.condition_tables import ConditionTable, read_conditions, sound_ids
 from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units
-from crashfuse.campaign_folder.pulse_files import PulseSource
+from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.errors import DataError, Problem, shortened
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
@@ -22,8 +22,8 @@ def load_campaign(folder: str | Path) -> Campaign:
     Parameters
     ----------
     folder : str or Path
-        With ``tests.csv`` and ``cae.csv``, the pulses of each as ``<source>/<id>.csv`` (or ``.parquet``) or
-        ``<source>_pulses.parquet`` (or ``.csv``), and optionally ``campaign.toml``.
+        With ``tests.csv`` and ``cae.csv``, the pulses of each as ``<role>/<id>.csv`` (or ``.parquet``) or
+        ``<role>_pulses.parquet`` (or ``.csv``), and optionally ``campaign.toml``.
 
     Returns
     -------
@@ -47,21 +47,21 @@ def load_campaign(folder: str | Path) -> Campaign:
     tables: dict[str, ConditionTable] = {}
     pulses: dict[str, FloatArray] = {}
     ends_s: dict[str, float] = {}
-    for source in ("tests", "cae"):
-        path = folder / f"{source}.csv"
-        table = read_conditions(path, standstill_allowed=source == "cae", problems=problems)
-        reader = PulseSource(folder, source, settings.channel_filter_class)
+    for role in ("tests", "cae"):
+        path = folder / f"{role}.csv"
+        table = read_conditions(path, standstill_allowed=role == "cae", problems=problems)
+        reader = PulseFiles(folder, role, settings.channel_filter_class)
         if table is None:
             if ids := sound_ids(path):  # then what is wrong with their pulses can be said as well
                 reader.read(ids)
                 problems.extend(reader.problems)
             continue
-        tables[source], pulses[source] = table, reader.read(table.ids)
+        tables[role], pulses[role] = table, reader.read(table.ids)
         if not reader.problems:
-            check_physics(source, table, pulses[source], reader.problems)
-            check_ends(source, table, pulses[source], reader)
-            check_band(source, pulses[source], reader.warnings)
-        if source == "tests":
+            check_physics(role, table, pulses[role], reader.problems)
+            check_ends(role, table, pulses[role], reader)
+            check_band(role, pulses[role], reader.warnings)
+        if role == "tests":
             ends_s = reader.ends_s
         problems.extend(reader.problems)
         warnings.extend(_shortened(reader.warnings))

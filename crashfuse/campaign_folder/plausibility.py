@@ -5,31 +5,33 @@ from collections.abc import Mapping
 import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import ConditionTable
-from crashfuse.campaign_folder.pulse_files import PulseSource
+from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.errors import Problem
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import KPH, MPH, MS, G
 
-_TEST_STOPS = (0.8, 1.6)  # ΔV over v0: from "not yet stopped at 100 ms" to more rebound than any car has
-_RUN_STOPS = (0.3, 2.5)
+STOPS: Mapping[str, tuple[float, float]] = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}
+"""ΔV over v0: of a test from "not yet stopped at 100 ms" to more rebound than any car has; a run may be odd."""
+MOVING = 0.05
+"""Of the impact speed, at the end of a record: 0.25 % of its energy is left."""
+CREEP_MPS = 1.0
+"""Below this speed noise decides ΔV over v0."""
 _LIBRARY_STOPS = (0.8, 1.6)  # the median run: one may be odd, not half of them
-_MOVING = 0.05  # of the impact speed: 0.25 % of its energy is left
 _BAND_HZ, _HIGH_SHARE = 250, 0.01
 _MOST_SPECTRA = 500  # pulses looked at
-_CREEP_MPS = 1.0  # below this speed noise decides ΔV over v0
 _NEAR = 5  # CAE runs
 _EXCHANGED = (MPH / KPH) ** 0.5  # halfway between the right unit of speed and the wrong one
 _AT_ONCE = 2000  # pulses
 
 
-def check_physics(source: str, table: ConditionTable, accel: FloatArray, problems: list[Problem]) -> None:
+def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems: list[Problem]) -> None:
     """Compare each pulse's change of velocity with the speed it is said to have been run at."""
-    low, high = _TEST_STOPS if source == "tests" else _RUN_STOPS
+    low, high = STOPS[role]
     speed, biggest = _speeds(table), _changes(accel)
     ratio = -biggest / np.maximum(speed, 1e-9)
-    moving = speed > _CREEP_MPS
+    moving = speed > CREEP_MPS
     typical = float(np.median(ratio[moving])) if moving.any() else 1.0
-    if source == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
+    if role == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
         found = f"{typical:.2f} times it"
         expected = "pulses that take off about the impact speed, half of them at least"
         problems.append(Problem("cae.csv", expected, found, _likely_cause(typical, *_LIBRARY_STOPS)))
@@ -40,7 +42,7 @@ def check_physics(source: str, table: ConditionTable, accel: FloatArray, problem
         expected = f"a pulse that takes off about the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
         problems.append(
             Problem(
-                f"{source}.csv",
+                f"{role}.csv",
                 expected,
                 found,
                 _likely_cause(float(ratio[row]), low, high),
@@ -54,14 +56,14 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
     """Warn of tests whose ΔV over v0 is nearer to that of CAE runs at their speed with mph and km/h exchanged."""
     cae, tests = tables["cae"], tables["tests"]
     speeds, ratios = _speeds(cae), -_changes(pulses["cae"])
-    moving = speeds > _CREEP_MPS
+    moving = speeds > CREEP_MPS
     if not moving.any():
         return
     speeds, ratios = speeds[moving], ratios[moving] / speeds[moving]
     for test_id, speed, change in zip(tests.ids, _speeds(tests), _changes(pulses["tests"]), strict=True):
         near = float(np.median(ratios[np.argsort(np.abs(speeds - speed), kind="stable")[:_NEAR]]))
         share = -change / max(speed * near, 1e-9)
-        if speed > _CREEP_MPS and near > 0 and not 1 / _EXCHANGED <= share <= _EXCHANGED:
+        if speed > CREEP_MPS and near > 0 and not 1 / _EXCHANGED <= share <= _EXCHANGED:
             unit, ending = ("km/h", "_mph") if share < 1 else ("mph", "_kph")
             warnings.append(
                 f"tests.csv, {test_id}: over its impact speed its change of velocity is {share:.2f} times that of CAE "
@@ -70,21 +72,21 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
             )
 
 
-def check_ends(source: str, table: ConditionTable, accel: FloatArray, reader: PulseSource) -> None:
+def check_ends(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
     """Refuse a record that ends while the vehicle still moves: the rest of its pulse would be invented."""
     for row, run_id in enumerate(table.ids):
         if run_id not in reader.ends_s:
             continue
         speed, end = table.conditions[row].speed_mps, reader.ends_s[run_id]
         velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps)
-        if velocity > _MOVING * speed:
+        if velocity > MOVING * speed:
             found = f"{velocity / MPH:.1f} mph ({velocity / KPH:.1f} km/h) at its end, {end / MS:.4g} ms"
             expected = "a record that lasts until the vehicle has stopped, or 100 ms"
             place, number = f"id {run_id}", table.rows[row]
-            reader.problems.append(Problem(f"{source}.csv", expected, found, "export a longer record", place, number))
+            reader.problems.append(Problem(f"{role}.csv", expected, found, "export a longer record", place, number))
 
 
-def check_band(source: str, accel: FloatArray, warnings: list[str]) -> None:
+def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
     """Warn of pulses with much above the band that the fast time-domain network resolves."""
     if not len(accel):
         return
@@ -94,7 +96,7 @@ def check_band(source: str, accel: FloatArray, warnings: list[str]) -> None:
     if power[:, high].sum() > _HIGH_SHARE * power.sum():
         share = 100 * power[:, high].sum() / power.sum()
         warnings.append(
-            f"{source}: {share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled; "
+            f"{role}: {share:.0f} % of the pulses' power lies above {_BAND_HZ} Hz, beyond what is modelled; "
             "set channel_filter_class = 60 in campaign.toml if they are not filtered."
         )
 
@@ -102,7 +104,7 @@ def check_band(source: str, accel: FloatArray, warnings: list[str]) -> None:
 def _likely_cause(ratio: float, low: float, high: float) -> str:
     """Advice from how far ΔV over v0 is off."""
     causes = {
-        "flip the sign of the acceleration (braking is negative)": -1.0,
+        "flip the sign of the acceleration (deceleration is negative)": -1.0,
         "check the unit of the acceleration (m/s² under a name that ends in _g?)": G,
         "check the unit of the acceleration (g under a name that ends in _mps2?)": 1 / G,
         "check the unit of the speed (km/h under a name that ends in _mph?)": KPH / MPH,

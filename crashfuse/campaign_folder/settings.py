@@ -54,6 +54,21 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
     return Settings(name, notice, cfc, already)
 
 
+def own_filter_class(folder: Path) -> float | None:
+    """The class with which a campaign filters all its records when it is read; None if it does not.
+
+    Raises
+    ------
+    DataError
+        If its ``campaign.toml`` is unsound.
+    """
+    problems: list[Problem] = []
+    settings = read_settings(folder, problems, [])
+    if problems:
+        raise DataError(problems)
+    return settings.channel_filter_class
+
+
 def _text(values: dict[str, Any], key: str, default: str, most: int, problems: list[Problem]) -> str:
     """Take a line of text out of the settings."""
     text = values.pop(key, default)

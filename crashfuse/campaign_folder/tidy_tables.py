@@ -18,7 +18,7 @@ from crashfuse.units import ACCELERATION, TIME
 
 
 def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
-    """Add pulses to ``<source>_pulses.parquet`` or ``.csv``.
+    """Add pulses to ``<role>_pulses.parquet`` or ``.csv``.
 
     Rows of the same ids, left by an import that was cut short, are replaced. The table is written anew beside itself
     and then takes its own place.

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from crashfuse.campaign_folder.condition_tables import read_conditions
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import (
     DEFAULT_LIMITS,
     Budget,
@@ -21,15 +21,14 @@ from crashfuse.files.archive import (
     left_by_the_system,
     name_trouble,
     refuse,
-    shown,
     too_many,
     too_much,
     zip_members,
 )
 
-_TABLES, _SOURCES = ("tests.csv", "cae.csv"), ("tests", "cae")
+_TABLES, _ROLES = ("tests.csv", "cae.csv"), ("tests", "cae")
 _PULSES = (".csv", ".parquet")
-_AT_THE_TOP = {*_TABLES, "campaign.toml", *(f"{source}_pulses{ending}" for source in _SOURCES for ending in _PULSES)}
+_AT_THE_TOP = {*_TABLES, "campaign.toml", *(f"{role}_pulses{ending}" for role in _ROLES for ending in _PULSES)}
 _NOTES = (".md", ".txt")
 _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst")
 _ENTRY = b"PK\x01\x02"  # begins every entry of a zip's directory
@@ -82,11 +81,7 @@ def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[
     expected = "one zip of a campaign folder, or its files"
     if not uploads:
         raise DataError(Problem("upload", expected, "nothing", "choose the files"))
-    if len(uploads) > limits.members:
-        raise too_many("upload", len(uploads), limits)
-    if sum(len(content) for _, content in uploads) > limits.total_bytes:
-        raise too_much("upload", limits)
-    refuse([Problem(shown(name), *trouble) for name, _ in uploads if (trouble := name_trouble(name))], "upload")
+    check_uploads(uploads, limits)
     if not any(name.lower().endswith(".zip") for name, _ in uploads):
         loose = [(name, content) for name, content in uploads if not left_by_the_system(name)]
         return [Member(PurePosixPath(name), name, partial(io.BytesIO, content)) for name, content in loose], "upload"
@@ -94,6 +89,15 @@ def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[
         raise DataError(Problem("upload", expected, f"a zip among {len(uploads)} files", "zip all of it together"))
     name, content = uploads[0]
     return members_of_zip(name, content, limits), name
+
+
+def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
+    """Raise a DataError if uploads are too many or too large, or the name of one is a trick."""
+    if len(uploads) > limits.members:
+        raise too_many("upload", len(uploads), limits)
+    if sum(len(content) for _, content in uploads) > limits.total_bytes:
+        raise too_much("upload", limits)
+    refuse([Problem(name, *trouble) for name, _ in uploads if (trouble := name_trouble(name))], "upload")
 
 
 def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
@@ -114,7 +118,7 @@ def _root(members: Sequence[Member], name: str) -> PurePosixPath:
     homes = [member.path.parent for member in members if member.path.name in _TABLES]
     if not homes:
         refuse([trouble for member in members if (trouble := _strange(member))], name)
-        where = shown(members[0].where) if len(members) == 1 else name
+        where = printable(members[0].where) if len(members) == 1 else name
         raise DataError(Problem(where, "tests.csv and cae.csv", "neither", "add the tables of tests and of CAE runs"))
     return min(homes, key=lambda home: len(home.parts))
 
@@ -150,7 +154,7 @@ def _strange(member: Member) -> Problem | None:
         return Problem(member.where, "tables", "an archive in the upload", "unpack it first")
     if ending in (*_PULSES, *_NOTES, ".toml"):
         return None
-    found = f"a file {shown(ending)}" if ending else "a file without an ending"
+    found = f"a file {printable(ending)}" if ending else "a file without an ending"
     return Problem(member.where, "a format that crashfuse reads (.csv, .parquet, campaign.toml)", found, "leave it out")
 
 
@@ -158,8 +162,8 @@ def _in_a_campaign(path: PurePosixPath) -> bool:
     match path.parts:
         case (name,):
             return name in _AT_THE_TOP or path.suffix in _PULSES
-        case (source, _):
-            return source in _SOURCES and path.suffix in _PULSES
+        case (role, _):
+            return role in _ROLES and path.suffix in _PULSES
     return False
 
 
@@ -176,20 +180,20 @@ def _write(member: Member, path: Path, budget: Budget) -> None:
 
 
 def _place(folder: Path, at_the_top: Sequence[PurePosixPath]) -> None:
-    """Move the pulses beside the tables to the source that has their ids."""
+    """Move each pulse beside the tables to the tests or the CAE runs, whichever have its id."""
     strays = [folder / path for path in at_the_top if path.name not in _AT_THE_TOP]
     if not strays:
         return
     problems: list[Problem] = []
     ids: dict[str, set[str]] = {}
-    for source in _SOURCES:
-        table = read_conditions(folder / f"{source}.csv", standstill_allowed=source == "cae", problems=problems)
-        has_pulses = any((folder / f"{source}_pulses{ending}").is_file() for ending in _PULSES)
-        ids[source] = set() if table is None or has_pulses else set(table.ids)
+    for role in _ROLES:
+        table = read_conditions(folder / f"{role}.csv", standstill_allowed=role == "cae", problems=problems)
+        has_pulses = any((folder / f"{role}_pulses{ending}").is_file() for ending in _PULSES)
+        ids[role] = set() if table is None or has_pulses else set(table.ids)
     if problems:
         raise DataError(problems)
     for path in strays:
-        homes = [source for source in _SOURCES if path.stem in ids[source]]
+        homes = [role for role in _ROLES if path.stem in ids[role]]
         if len(homes) != 1:
             expected = "a pulse named after an id in tests.csv or in cae.csv"
             found = "an id of both" if homes else "a name that is no id there, or one whose pulse is in a table"

@@ -46,7 +46,7 @@ def check(arguments: argparse.Namespace) -> None:
 
 def rate(arguments: argparse.Namespace) -> None:
     """Rate one pulse against another."""
-    from crashfuse.campaign_folder.pulse_files import read_pulse
+    from crashfuse.campaign_folder.sample_tables import read_pulse
     from crashfuse.signals.rating import rate_windows
 
     reference, comparison = read_pulse(arguments.reference), read_pulse(arguments.comparison)

@@ -4,6 +4,8 @@ import argparse
 import math
 from pathlib import Path
 
+from crashfuse.readers.formats import FORMATS
+
 _UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
 _WEIGHTS = {"mass": "of the whole vehicle", "front-weight": "on the front axle", "rear-weight": "on the rear axle"}
 
@@ -23,7 +25,7 @@ def import_(arguments: argparse.Namespace) -> None:
     choices = Choices(
         channels=tuple(arguments.channel),
         unit=_UNITS.get(arguments.unit, arguments.unit),
-        braking=arguments.braking,
+        deceleration_sign=arguments.deceleration_sign,
         time_zero_s=None if arguments.time_zero_ms is None else arguments.time_zero_ms * MS,
         channel_filter_class=arguments.channel_filter_class,
         condition=condition,
@@ -51,8 +53,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """What the command takes."""
     parser.add_argument("source", type=Path, metavar="SOURCE", help="a file, a folder or a zip, of one record or many")
     parser.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
-    formats = ("csv", "nhtsa", "isomme", "lsdyna", "tdms")
-    parser.add_argument("--format", choices=formats, help="default: what the files' names say")
+    parser.add_argument("--format", choices=tuple(FORMATS), help="default: what the files' names say")
     parser.add_argument("--as", dest="role", choices=("tests", "cae"), default="tests", help="default: %(default)s")
     parser.add_argument("--id", metavar="ID", help="id for a source of one record")
     parser.add_argument(
@@ -64,7 +65,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--conditions", type=Path, metavar="TABLE", help="a table with the conditions by id")
     parser.add_argument("--unit", choices=("g", *_UNITS), help="of the acceleration (default: detected)")
     parser.add_argument(
-        "--braking", choices=("negative", "positive"), help="how the source counts it (default: detected)"
+        "--deceleration-sign", choices=("negative", "positive"), help="in the source (default: detected)"
     )
     parser.add_argument("--time-zero-ms", type=_number, metavar="T", help="first contact, in the source's own time")
     parser.add_argument("--channel-filter-class", type=_filter_class, metavar="CFC", help='60, 180 or so, or "none"')

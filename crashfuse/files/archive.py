@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import IO
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, printable
 
 _CHUNK = 1 << 20
 _HARMLESS = 1 << 20  # bytes: what any archive may unpack to, whatever its ratio
@@ -145,7 +145,7 @@ def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -
         raise too_many(name, len(entries), limits)
     problems, members = [], []
     for entry in entries:
-        where = f"{name}: {shown(entry.orig_filename)}"
+        where = f"{name}: {printable(entry.orig_filename)}"
         trouble = _entry_trouble(entry)
         if trouble is not None:
             problems.append(Problem(where, *trouble))
@@ -204,11 +204,6 @@ def too_much(where: str, limits: Limits) -> DataError:
     return DataError(Problem(where, f"at most {_size(limits.total_bytes)} in all", "more", advice))
 
 
-def shown(text: str, most: int = 120) -> str:
-    """Return a stranger's name, harmless to print."""
-    return (text if text.isprintable() else ascii(text))[:most]
-
-
 def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
     """What is expected, found and advised where an entry of a zip is unfit."""
     kind = stat.S_IFMT(entry.external_attr >> 16)
@@ -226,7 +221,7 @@ def _opener(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Callable[[], IO
 
 
 def _damaged(where: str, error: Exception) -> DataError:
-    found = f"a damaged one ({shown(str(error)) or type(error).__name__})"
+    found = f"a damaged one ({printable(str(error)) or type(error).__name__})"
     return DataError(Problem(where, "a sound zip", found, "zip the folder anew"))
 
 

@@ -5,9 +5,6 @@ from typing import Literal
 
 from crashfuse.readers.record import PartialCondition
 
-Role = Literal["tests", "cae"]
-"""What a record becomes in the campaign."""
-
 
 @dataclass(frozen=True, slots=True)
 class Choices:
@@ -19,8 +16,8 @@ class Choices:
         Names of the channels to average.
     unit : str, optional
         Of the acceleration, a key of :data:`crashfuse.readers.record.ACCELERATION_UNITS`.
-    braking : {"negative", "positive"}, optional
-        How the file counts braking.
+    deceleration_sign : {"negative", "positive"}, optional
+        Whether the file writes deceleration as negative or as positive numbers.
     time_zero_s : float, optional
         Time of first contact in the file's own time.
     channel_filter_class : float or "none", optional
@@ -31,7 +28,7 @@ class Choices:
 
     channels: tuple[str, ...] = ()
     unit: str | None = None
-    braking: Literal["negative", "positive"] | None = None
+    deceleration_sign: Literal["negative", "positive"] | None = None
     time_zero_s: float | None = None
     channel_filter_class: float | Literal["none"] | None = None
     condition: PartialCondition = field(default_factory=PartialCondition)

@@ -1,5 +1,6 @@
 """The condition of a record, completed by what the user knows."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +11,20 @@ from crashfuse.readers.record import PartialCondition, Record
 
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
 _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
+_GIVE_WEIGHTS = (
+    "give both axle weights, or the mass and the front axle's share of it "
+    "(--front-weight-kg and --rear-weight-kg, or --mass-kg and --front-share)"
+)
 
 
 def complete_condition(
-    record: Record, given: PartialCondition, front_share: float | None, steps: list[str], *, standstill: bool
+    record: Record,
+    given: PartialCondition,
+    front_share: float | None,
+    steps: list[str],
+    *,
+    standstill: bool,
+    also_missing: Sequence[Problem] = (),
 ) -> Condition:
     """Complete what a record says of its condition.
 
@@ -28,11 +39,14 @@ def complete_condition(
         What was done is appended.
     standstill : bool
         Whether a speed of 0 is a condition (a CAE run may start there, a test may not).
+    also_missing : sequence of Problem
+        What else is missing of the record, to be asked for together with what is missing here.
 
     Raises
     ------
     DataError
-        If speed or an axle weight is known to neither, makes no sense, or the file's weights do not add up.
+        If speed or an axle weight is known to neither or makes no sense, the file's weights do not add up, or anything
+        else is missing.
     UsageError
         If the share is none, or the user's weights do not add up.
     """
@@ -51,25 +65,19 @@ def complete_condition(
     if weights.front_share is not None and weights.mass_kg is not None and known.front_weight_kg is not None:
         share, front = 100 * weights.front_share, known.front_weight_kg
         steps.append(f"Front weight {front:.0f} kg: {share:.4g} % of {weights.mass_kg:g} kg.")
-    return _sound(record, known, standstill)
+    return _sound(record, known, standstill, also_missing)
 
 
-def _sound(record: Record, known: PartialCondition, standstill: bool) -> Condition:
+def _sound(record: Record, known: PartialCondition, standstill: bool, also_missing: Sequence[Problem]) -> Condition:
     speed, front, rear = known.speed_mps, known.front_weight_kg, known.rear_weight_kg
-    weights = "give both axle weights, or the mass and the front axle's share of it"
-    if speed is None or front is None or rear is None:
-        wanted = (
-            ("impact speed", speed, record.no_speed or "none", "give the speed"),
-            ("front weight", front, "none", weights),
-            ("rear weight", rear, "none", weights),
-        )
-        raise DataError(
-            [
-                Problem(record.source, f"the {what} of {record.id}", found, how)
-                for what, value, found, how in wanted
-                if value is None
-            ]
-        )
+    missing = list(also_missing)
+    if front is None or rear is None:
+        missing.insert(0, Problem(record.source, f"the weights on both axles of {record.id}", "none", _GIVE_WEIGHTS))
+    if speed is None:
+        found, advice = record.no_speed or "none", "give the speed (--speed-kph or --speed-mph)"
+        missing.insert(0, Problem(record.source, f"the impact speed of {record.id}", found, advice))
+    if missing or speed is None or front is None or rear is None:
+        raise DataError(missing)
     finite = bool(np.isfinite([speed, front, rear]).all())
     if not finite or front <= 0 or rear <= 0 or speed < 0 or (speed == 0 and not standstill):
         expected, found = f"a speed and weights above 0 for {record.id}", f"{speed:g} m/s, {front:g} kg and {rear:g} kg"

@@ -2,19 +2,21 @@
 
 import numpy as np
 
+from crashfuse.campaign_folder.condition_tables import Role
+from crashfuse.campaign_folder.plausibility import CREEP_MPS, STOPS
 from crashfuse.errors import DataError, Problem
-from crashfuse.importing.choices import Choices, Role
+from crashfuse.importing.choices import Choices
 from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import KPH, MPH, MS, G
 
+_CHECK = "check speed, unit, channels and time zero"
+_NO_SIGN = "let the record tell its sign (remove --deceleration-sign)"
 _DEFAULT_CFC = 60.0
 _CFC60_HZ = 110.0  # a low pass at or below it leaves nothing for CFC 60 (100 Hz) to take
 _BAND_HZ, _HIGH_SHARE = 250.0, 1e-3  # measured: CFC 60 2e-5…6e-5, CFC 180 2e-2
 _AROUND_PEAK_S = 0.15
-STOPS = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}  # ΔV over v0, as the check of a campaign has it
-CREEP_MPS = 1.0  # below it noise decides the change of velocity
 _ONSET_MPS2, _CALM_MPS2, _ONSET_S = 0.5 * G, 0.05 * G, 1e-3
 _AT_ONCE_S, _SUSPICIOUS_S = 5e-3, 10e-3
 _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
@@ -30,7 +32,7 @@ def unit_and_sign(
     role: Role,
     steps: list[str],
 ) -> tuple[str, str]:
-    """Decide what the numbers are in and how they count braking, both held against the impact speed."""
+    """Decide what the numbers are in and which sign deceleration has, both held against the impact speed."""
     gain = delta_v(time_s, values)
     low, high = STOPS[role]
     moving = speed_mps > CREEP_MPS
@@ -41,7 +43,7 @@ def unit_and_sign(
     if label is None:
         if len(fitting) != 1 or not moving:
             expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
-            advice = "give its unit, or convert it to one of these"
+            advice = "give its unit (--unit), or convert it to one of these"
             raise DataError(Problem(record.source, expected, "a unit that neither file nor speed tells", advice))
         label = fitting[0]
         steps.append(f"Unit {label}: the file names none, this one gives the change of velocity that the speed asks.")
@@ -51,19 +53,21 @@ def unit_and_sign(
         steps.append(f"Unit {label}, from the file.")
     change = gain * ACCELERATION_UNITS[label]
     if moving and label not in fitting:
-        advice = f"check the unit: {fitting[0]} would fit" if fitting else "check speed, unit, channels and time zero"
+        advice = (
+            f"check the unit: {fitting[0]} would fit (--unit)"
+            if fitting
+            else "check speed, unit, channels and time zero"
+        )
         expected = f"a pulse that takes off about the impact speed of {speed_text(speed_mps)}"
         raise DataError(Problem(record.source, expected, f"a change of {speed_text(change)} in {label}", advice))
     found = "negative" if gain <= 0 or not moving else "positive"
-    braking = choices.braking or found
-    if moving and braking != found:
-        expected = f"braking counted {braking}, as chosen"
-        raise DataError(
-            Problem(record.source, expected, f"a change of {speed_text(change)}", "leave the sign to the record")
-        )
-    turned = "kept" if braking == "negative" else "turned, so that braking is negative"
+    sign = choices.deceleration_sign or found
+    if moving and sign != found:
+        expected = f"{sign} deceleration, as chosen"
+        raise DataError(Problem(record.source, expected, f"a change of {speed_text(change)}", _NO_SIGN))
+    turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
     steps.append(f"Sign {turned}: the file's change of velocity is {speed_text(change)}.")
-    return label, braking
+    return label, sign
 
 
 def time_zero(
@@ -82,19 +86,19 @@ def time_zero(
     elif role == "cae" or onset is None or onset - start < _AT_ONCE_S:
         zero, why = start, "the record begins at contact"
     else:
-        zero, why = onset, "braking begins there"
+        zero, why = onset, "deceleration begins there"
     if not start - step_of(time_s) <= zero <= end:
         found = f"a record from {start / MS:.4g} to {end / MS:.4g} ms"
         expected = f"time zero at {zero / MS:.4g} ms ({why})"
-        raise DataError(Problem(record.source, expected, found, "give the time of first contact"))
-    steps.append(f"Time zero at {zero / MS:.4g} ms of the file: {why}; braking {began}.")
+        raise DataError(Problem(record.source, expected, found, "give the time of first contact (--time-zero-ms)"))
+    steps.append(f"Time zero at {zero / MS:.4g} ms of the file: {why}; deceleration {began}.")
     if onset is not None and abs(onset - zero) > _SUSPICIOUS_S and role == "tests":
-        steps.append("Careful: braking begins far from time zero; check the time of first contact.")
+        steps.append("Careful: deceleration begins far from time zero; check the time of first contact.")
     return zero
 
 
 def _onset(time_s: FloatArray, accel: FloatArray) -> float | None:
-    """When the braking begins that passes 0.5 g and stays above it for 1 ms, at CFC 60.
+    """When the deceleration begins that passes 0.5 g and stays above it for 1 ms, at CFC 60.
 
     A bumper is soft: on a barrier test at 57 km/h this comes 2 ms after the switch on the bumper has closed.
     """

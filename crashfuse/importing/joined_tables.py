@@ -2,12 +2,10 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import get_args
 
-from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.files.archive import shown
+from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.tables.mapping import ColumnRole, propose
 from crashfuse.readers.tables.sheet import Sheet
@@ -45,6 +43,9 @@ class OneCrashOrSeveral(DataError):
     """Several accelerations in one table, and nothing says whether they are sensors of one crash or crashes."""
 
 
+_Given = tuple[str, PartialCondition, tuple[str, ...]]
+
+
 @dataclass(frozen=True)
 class TableSet:
     """What several tables hold.
@@ -52,29 +53,26 @@ class TableSet:
     Parameters
     ----------
     records : tuple of Record
-    conditions : mapping of str to PartialCondition
-        By id.
+    conditions : mapping of str to (str, PartialCondition, tuple of str)
+        The id as it is written, the condition and how it was read, by the id in small letters.
     neither : tuple of str
         A sentence for each table that holds neither.
-    told : mapping of str to tuple of str
-        How the condition of an id was read.
     unclear : tuple of Problem
         One for each table whose records may as well be channels of one.
     """
 
     records: tuple[Record, ...]
-    conditions: Mapping[str, PartialCondition]
+    conditions: Mapping[str, _Given]
     neither: tuple[str, ...]
-    told: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     unclear: tuple[Problem, ...] = ()
 
     def given_to(self, record: Record) -> Record:
         """Give a record the condition of its id, whatever the capitals; one without stays as it is."""
-        known = self._by_id.get(record.id.casefold())
-        if known is None:
+        if record.id.casefold() not in self.conditions:
             return record
-        steps = (*record.steps, "Condition from the table of conditions.", *self._told_by_id[record.id.casefold()])
-        return replace(record, condition=record.condition.overruled(known), steps=steps)
+        _, condition, told = self.conditions[record.id.casefold()]
+        steps = (*record.steps, "Condition from the table of conditions.", *told)
+        return replace(record, condition=record.condition.overruled(condition), steps=steps)
 
     def check_ids(self, ids: Sequence[str]) -> None:
         """Say if there are conditions, but for none of the records, and if it is unclear what a record is.
@@ -86,19 +84,11 @@ class TableSet:
         OneCrashOrSeveral
             If a table has several accelerations, and neither ids nor conditions for each.
         """
-        if self.conditions and not {run_id.casefold() for run_id in ids} & self._by_id.keys():
-            found = f"those of {_listed(list(self.conditions))}"
+        if self.conditions and not self.conditions.keys() & set(map(str.casefold, ids)):
+            found = f"those of {_listed([run_id for run_id, *_ in self.conditions.values()])}"
             raise DataError(Problem("conditions", f"conditions for {_listed(ids)}", found, "make the ids the same"))
         if self.unclear:
             raise OneCrashOrSeveral(self.unclear)
-
-    @cached_property
-    def _by_id(self) -> dict[str, PartialCondition]:
-        return {run_id.casefold(): condition for run_id, condition in self.conditions.items()}
-
-    @cached_property
-    def _told_by_id(self) -> dict[str, tuple[str, ...]]:
-        return {run_id.casefold(): self.told.get(run_id, ()) for run_id in self.conditions}
 
 
 def read_tables(
@@ -139,7 +129,7 @@ def read_tables(
     if absent and not faults:
         raise UsageError(f"There is no column {_listed(absent)}; there are {_listed(sorted(there))}.")
     problems += faults
-    return TableSet(found.records(), found.conditions, tuple(found.neither), found.told, tuple(found.unclear()))
+    return TableSet(found.records(), found.conditions, tuple(found.neither), tuple(found.unclear()))
 
 
 @dataclass
@@ -153,8 +143,7 @@ class _Found:
     of_table: dict[tuple[Path, str], list[Record]] = field(default_factory=dict)
     with_ids: set[tuple[Path, str]] = field(default_factory=set)
     parted: set[tuple[Path, str]] = field(default_factory=set)
-    conditions: dict[str, PartialCondition] = field(default_factory=dict)
-    told: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    conditions: dict[str, _Given] = field(default_factory=dict)
     neither: list[str] = field(default_factory=list)
     unread: list[Problem] = field(default_factory=list)
 
@@ -179,8 +168,7 @@ class _Found:
             except DataError as error:
                 self.unread.extend(error.problems)
                 return
-            self.conditions.update(read)
-            self.told.update(dict.fromkeys(read, told_of(mapping)))
+            self.conditions |= {name.casefold(): (name, known, told_of(mapping)) for name, known in read.items()}
         else:
             self.neither.append(f"{sheet.name} with the columns {_listed(sheet.columns)}")
 
@@ -189,22 +177,22 @@ class _Found:
 
     def unclear(self) -> Iterator[Problem]:
         """Tables whose records may as well be channels of one: neither ids nor conditions say that they are crashes."""
-        known = {run_id.casefold() for run_id in self.conditions}
         for table, records in self.of_table.items():
             ids = [record.id for record in records]
-            if len(ids) > 1 and table not in self.with_ids and not known.issuperset(map(str.casefold, ids)):
-                one = (
-                    "leave out the others (COLUMN=ignored)"
-                    if table in self.parted
-                    else "say so (--id ID, or --channel)"
-                )
-                advice = (
-                    f"if they are sensors of one crash, {one}; if they are crashes, give --conditions with their ids"
-                )
+            if (
+                len(ids) > 1
+                and table not in self.with_ids
+                and not set(map(str.casefold, ids)) <= self.conditions.keys()
+            ):
+                one = "say so (--id, or --channel)"
+                if table in self.parted:
+                    one = "leave out the others (--column COLUMN=ignored)"
+                crashes = "give a table of their conditions (--conditions)"
+                advice = f"if they are sensors of one crash, {one}; if they are crashes, {crashes}"
                 expected = "one acceleration of the vehicle, or conditions for each"
                 yield Problem(table[1], expected, _listed(ids), advice)
 
 
 def _listed(names: Sequence[str]) -> str:
-    text = ", ".join(shown(name, 40) for name in names[:12])
+    text = ", ".join(printable(name, 40) for name in names[:12])
     return text + (f" and {len(names) - 12} more" if len(names) > 12 else "")

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from crashfuse.campaign_folder.recorded_pulse import UNEVEN
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.record import RecordedChannel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
-_UNEVEN = 0.02  # of a step: what rounding the times to a few digits can do
 _GAP = 3.0  # steps
 _FEWEST = 20
 
@@ -54,7 +54,7 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
         found = f"a step of {steps.max() / MS:.4g} ms among steps of {step / MS:.4g} ms"
         raise DataError(Problem(place, "evenly sampled time", found, "export the record without gaps"))
     clock = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
-    if clock.size == time.size and np.abs(steps - step).max() <= _UNEVEN * step:
+    if clock.size == time.size and np.abs(steps - step).max() <= UNEVEN * step:
         return clock, values, ""
     told = f"{channel.name} was sampled unevenly and is interpolated to {1 / step:.0f} Hz."
     return clock, np.interp(clock, time, values), told
@@ -77,7 +77,7 @@ def on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[st
     evens = [even(channel, where) for channel in channels]
     steps.extend(told for *_, told in evens if told)
     first = evens[0][0]
-    tolerance = _UNEVEN * (first[1] - first[0])
+    tolerance = UNEVEN * (first[1] - first[0])
     size = min(time.size for time, *_ in evens)
     for channel, (time, *_) in zip(channels, evens, strict=True):
         if abs(time[0] - first[0]) > tolerance or abs(time[size - 1] - first[size - 1]) > tolerance:

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crashfuse.campaign_folder.condition_tables import Role
+from crashfuse.campaign_folder.plausibility import CREEP_MPS, MOVING, STOPS
+from crashfuse.campaign_folder.recorded_pulse import SHORTEST_S, SLOWEST_S
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.importing.choices import Choices, Role
+from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import complete_condition
 from crashfuse.importing.detection import (
-    CREEP_MPS,
-    STOPS,
     delta_v,
     filter_class,
     filtered_before,
@@ -30,9 +31,7 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.units import MS
 
-_SHORTEST_S, _LONGEST_S = 60e-3, 0.2
-_SLOWEST_S = 1.02e-3
-_MOVING = 0.05
+_LONGEST_S = 0.2
 _DISSENT = 0.2  # of the larger ΔV of two
 
 
@@ -50,8 +49,8 @@ class Settled:
     channels : tuple of str
     unit : str
         That the file's numbers are in.
-    braking : str
-        How the file counts it.
+    deceleration_sign : str
+        Whether the file has it as negative or as positive numbers.
     time_zero_s : float
         First contact in the file's own time.
     channel_filter_class : float or None
@@ -66,7 +65,7 @@ class Settled:
     pulse: Pulse
     channels: tuple[str, ...]
     unit: str
-    braking: str
+    deceleration_sign: str
     time_zero_s: float
     channel_filter_class: float | None
     steps: tuple[str, ...]
@@ -92,11 +91,18 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
         If a choice does not exist.
     """
     steps = list(record.steps)
-    condition = complete_condition(record, choices.condition, choices.front_share, steps, standstill=role == "cae")
+    condition = complete_condition(
+        record,
+        choices.condition,
+        choices.front_share,
+        steps,
+        standstill=role == "cae",
+        also_missing=_missing(record, choices),
+    )
     channels = _channels(record, choices, condition.speed_mps, steps)
     time_s, values = _average(record, channels, choices, steps)
-    unit, braking = unit_and_sign(record, channels, time_s, values, condition.speed_mps, choices, role, steps)
-    accel = values * ACCELERATION_UNITS[unit] * (1 if braking == "negative" else -1)
+    unit, sign = unit_and_sign(record, channels, time_s, values, condition.speed_mps, choices, role, steps)
+    accel = values * ACCELERATION_UNITS[unit] * (1 if sign == "negative" else -1)
     zero_s = time_zero(record, time_s, accel, choices, role, steps)
     offset_before(time_s, accel, zero_s, steps)
     if raw:
@@ -109,16 +115,30 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
     pulse = _cut(time_s - zero_s, accel, raw=raw, filtered=cfc is not None)
     _check(record, pulse, condition, role, steps)
     names = tuple(channel.name for channel in channels)
-    return Settled(record.id, record.source, condition, pulse, names, unit, braking, zero_s, cfc, tuple(steps))
+    return Settled(record.id, record.source, condition, pulse, names, unit, sign, zero_s, cfc, tuple(steps))
+
+
+def _missing(record: Record, choices: Choices) -> list[Problem]:
+    """What is asked for of the channels: which of them, and what they are in if there is no speed to tell it."""
+    chosen = record.chosen(choices.channels)
+    missing = []
+    if not chosen:
+        have = ", ".join(f"{channel.name} ({channel.label})" for channel in record.channels[:12])
+        expected = f"a channel of {record.id} that is known to be the vehicle's pulse"
+        missing.append(Problem(record.source, expected, have, "choose one or several to be averaged (--channel)"))
+    speeds = (record.condition.speed_mps, choices.condition.speed_mps)
+    if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
+        expected, advice = (
+            f"the unit of the acceleration of {record.id}",
+            "give it if the speed does not tell it (--unit)",
+        )
+        missing.append(Problem(record.source, expected, "none", advice))
+    return missing
 
 
 def _channels(record: Record, choices: Choices, speed_mps: float, steps: list[str]) -> tuple[RecordedChannel, ...]:
     """The channels to average: as chosen, else those proposed that most agree with."""
     chosen = record.chosen(choices.channels)
-    if not chosen:
-        have = ", ".join(f"{channel.name} ({channel.label})" for channel in record.channels[:12])
-        expected = "a channel that is known to be the vehicle's pulse"
-        raise DataError(Problem(record.source, expected, have, "choose one or several of them to be averaged"))
     if choices.channels:
         steps.append(f"Channels chosen by the user: {', '.join(choices.channels)}.")
     units = {choices.unit or channel.unit for channel in chosen}
@@ -139,7 +159,7 @@ def _channels(record: Record, choices: Choices, speed_mps: float, steps: list[st
         return chosen
     if with_most.sum() * 2 <= len(chosen):
         expected, found = f"channels of {record.id} that agree in their change of velocity", ", ".join(told)
-        raise DataError(Problem(record.source, expected, found, "choose one with --channel"))
+        raise DataError(Problem(record.source, expected, found, "choose one (--channel)"))
     odd = ", ".join(text for text, near in zip(told, with_most, strict=True) if not near)
     steps.append(f"Left out for a change of velocity unlike the others': {odd}.")
     return tuple(channel for channel, near in zip(chosen, with_most, strict=True) if near)
@@ -182,10 +202,10 @@ def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) ->
 def _check(record: Record, pulse: Pulse, condition: Condition, role: Role, steps: list[str]) -> None:
     """Refuse what a campaign would refuse: too short, too slow, or still moving at its end."""
     end = float(pulse.time_s[-1])
-    if pulse.dt_s > _SLOWEST_S:
+    if pulse.dt_s > SLOWEST_S:
         found = f"{1 / pulse.dt_s:.0f} Hz"
         raise DataError(Problem(record.source, "at least 1000 samples a second", found, "export at a higher rate"))
-    if end < _SHORTEST_S - pulse.dt_s:
+    if end < SHORTEST_S - pulse.dt_s:
         expected, found = "a record of at least 60 ms from contact (100 ms is best)", f"{end / MS:.4g} ms"
         raise DataError(Problem(record.source, expected, found, "export the whole record, or check time zero"))
     after = (pulse.time_s >= 0) & (pulse.time_s <= _LONGEST_S)
@@ -198,7 +218,7 @@ def _check(record: Record, pulse: Pulse, condition: Condition, role: Role, steps
         found = f"{100 * taken:.0f} % of it"
         raise DataError(Problem(record.source, expected, found, "check time zero, unit and channels"))
     if end < GRID_S[-1] - pulse.dt_s:
-        if at_end > _MOVING * condition.speed_mps:
+        if at_end > MOVING * condition.speed_mps:
             found = f"{speed_text(at_end)} at its end, {end / MS:.4g} ms"
             expected = "a record that lasts until the vehicle has stopped, or 100 ms"
             raise DataError(Problem(record.source, expected, found, "export a longer record"))

@@ -4,9 +4,9 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
-from crashfuse.campaign_folder.upload import members_of_zip
+from crashfuse.campaign_folder.upload import check_uploads, members_of_zip
 from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, name_trouble, refuse, shown, too_many, too_much
+from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits
 
 
 def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
@@ -32,11 +32,7 @@ def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Lim
     OSError
         If ``into`` cannot be written.
     """
-    if len(uploads) > limits.members:
-        raise too_many("upload", len(uploads), limits)
-    if sum(len(content) for _, content in uploads) > limits.total_bytes:
-        raise too_much("upload", limits)
-    refuse([Problem(shown(name), *trouble) for name, _ in uploads if (trouble := name_trouble(name))], "upload")
+    check_uploads(uploads, limits)
     home = into / "upload"
     home.mkdir()
     try:

@@ -18,82 +18,25 @@ Sources: ISO/TS 13499 with its related electronic documents A (descriptors) and 
 the public packages pyisomme and sdata, which also show that laboratories write UTF-8, Windows-1252 and Latin-1.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import Budget, Limits, Member, refuse, shown
-from crashfuse.readers.members import opened_members
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.readers.isomme_channels import NO_VALUE, Channel, IsommeTest, Pairs, first_of
+from crashfuse.readers.members import is_numbered, opened_members
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 from crashfuse.signals.pulse import FloatArray
 
-NO_VALUE = "NOVALUE"
 _MOST_LINES = 2_000_000  # of a file: 100 s at 20 kHz
 _MOST_DESCRIPTORS = 10_000
 _UNEVEN = 0.02  # of a step, in a time channel
 
 ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
 """Sizes beyond which a test is refused: 300 channels of 60,000 samples are within them."""
-
-Pairs = Sequence[tuple[str, str]]
-"""Descriptors: names and values."""
-
-
-@dataclass(frozen=True, eq=False)
-class Channel:
-    """A recorded or computed signal.
-
-    Parameters
-    ----------
-    code : str
-        The 16 characters; empty where the file has none.
-    name, unit : str
-        As they are written there, the unit in ISO-MME's spelling (``m/(s*s)``); empty where unknown.
-    values : ndarray, shape (n,)
-        NaN where a sample has no value.
-    interval_s : float or None
-        Sampling interval; None where the file tells no even time.
-    start_s : float or None
-        Time of the first sample; None where the file does not tell it.
-    comments : tuple of str
-    source : str
-        What it comes from: ``transducer``, ``calculation``, ``camera``, ``simulation`` or ``parameter``.
-    """
-
-    code: str
-    name: str
-    unit: str
-    values: FloatArray
-    interval_s: float | None
-    start_s: float | None = 0.0
-    comments: tuple[str, ...] = ()
-    source: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class IsommeTest:
-    """One test: what it was, and its channels.
-
-    Parameters
-    ----------
-    name : str
-        Names the folder and its files.
-    descriptors : sequence of (str, str)
-        Lines of the ``.mme`` file in their order, without those of no value; a name may come more than once
-        (``Comments``).
-    channels : tuple of Channel
-    """
-
-    name: str
-    descriptors: Pairs
-    channels: tuple[Channel, ...]
-
-    def descriptor(self, name: str) -> str | None:
-        """Value of the first descriptor of this name, whatever its capitals; None if there is none."""
-        return _first(self.descriptors, name)
 
 
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
@@ -134,7 +77,7 @@ def _read(members: Iterable[Member], name: str, budget: Budget) -> IsommeTest:
     problems: list[Problem] = []
     channels: list[tuple[Channel, str | None]] = []
     clocks: dict[str, Channel] = {}
-    for member in sorted((member for member in near if _is_channel(member.path)), key=_number):
+    for member in sorted((member for member in near if is_numbered(member.path)), key=_number):
         try:
             channels.append(_channel(member, listed, budget))
             channel = channels[-1][0]
@@ -161,19 +104,19 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
     interval = _seconds_in(header, "Sampling interval", where)
     if interval is not None and interval <= 0:
         raise DataError(Problem(where, "a number above 0", f"{interval:g}", "correct the header", "Sampling interval"))
-    code, _, name = (_first(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
+    code, _, name = (first_of(listed, f"Name of channel {member.path.suffix[1:]}") or "").partition("/")
     channel = Channel(
-        code=_first(header, "Channel code") or code.strip(),
-        name=_first(header, "Name of the channel") or name.strip(),
-        unit=_first(header, "Unit") or "",
+        code=first_of(header, "Channel code") or code.strip(),
+        name=first_of(header, "Name of the channel") or name.strip(),
+        unit=first_of(header, "Unit") or "",
         values=values,
         interval_s=interval,
         start_s=_seconds_in(header, "Time of first sample", where),
         comments=tuple(value for name, value in header if name.lower() == "comments"),
-        source=_first(header, "Data source") or "",
+        source=first_of(header, "Data source") or "",
     )
-    implicit = (_first(header, "Reference channel") or "").lower() == "implicit"
-    return channel, None if implicit else _first(header, "Reference channel name")
+    implicit = (first_of(header, "Reference channel") or "").lower() == "implicit"
+    return channel, None if implicit else first_of(header, "Reference channel name")
 
 
 def _timed(channel: Channel, clock: Channel | None) -> Channel:
@@ -212,7 +155,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
     try:
         values = np.array([np.nan if cell.upper() == NO_VALUE else float(cell) for cell in cells], dtype=np.float64)
     except ValueError as error:
-        found = shown(str(error).rpartition(":")[2].strip())
+        found = printable(str(error).rpartition(":")[2].strip())
         expected = "one number a line after the header"
         raise DataError(Problem(where, expected, found, "export the channel again")) from None
     if np.isinf(values).any():
@@ -221,7 +164,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
 
 
 def _number_in(header: Pairs, name: str, where: str) -> float | None:
-    text = _first(header, name)
+    text = first_of(header, name)
     if text is None:
         return None
     try:
@@ -229,24 +172,20 @@ def _number_in(header: Pairs, name: str, where: str) -> float | None:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise DataError(Problem(where, "a number", shown(text), "correct the header", name))
+        raise DataError(Problem(where, "a number", printable(text), "correct the header", name))
     return value
 
 
 def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
     """A time: in s, by the format's definition, unless it names another unit."""
     value = _number_in(header, name, where)
-    unit = (_first(header, name) or "").split()[1:]
+    unit = (first_of(header, name) or "").split()[1:]
     if value is None or not unit:
         return value
     known = unit_named(unit[0], "time")
     if known is None:
-        raise DataError(Problem(where, "a time in s or ms", shown(unit[0]), "correct the header", name))
+        raise DataError(Problem(where, "a time in s or ms", printable(unit[0]), "correct the header", name))
     return value * UNITS["time"][known]
-
-
-def _first(pairs: Pairs, name: str) -> str | None:
-    return next((value for key, value in pairs if key.lower() == name.lower()), None)
 
 
 def _decoded(content: bytes) -> str:
@@ -259,12 +198,7 @@ def _decoded(content: bytes) -> str:
 
 
 def _is_text(path: PurePath) -> bool:
-    return path.suffix.lower() in (".mme", ".chn") or _is_channel(path)
-
-
-def _is_channel(path: PurePath) -> bool:
-    number = path.suffix[1:]
-    return len(number) >= 3 and number.isascii() and number.isdigit()
+    return path.suffix.lower() in (".mme", ".chn") or is_numbered(path)
 
 
 def _is_channel_folder(path: PurePath, home: PurePath) -> bool:

@@ -6,27 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import Limits, shown
-from crashfuse.readers.isomme import ISOMME_LIMITS, Channel, IsommeTest, read_isomme
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Limits
+from crashfuse.readers.isomme import ISOMME_LIMITS, read_isomme
+from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.unit_spelling import UNITS, number_and_unit, unit_named
 
-_DUMMY = (
-    "HEAD",
-    "NECK",
-    "CHST",
-    "THSP",
-    "SPIN",
-    "PELV",
-    "FEMR",
-    "TIBI",
-    "FOOT",
-    "ABDO",
-    "SHLD",
-    "KNEE",
-    "RIBS",
-    "ACTB",
+_DUMMY = frozenset(
+    ["HEAD", "NECK", "CHST", "THSP", "SPIN", "PELV", "FEMR", "TIBI", "FOOT", "ABDO", "SHLD", "KNEE", "RIBS", "ACTB"]
 )
 _PLACES = (
     (("VEHC", "CVEH"), "of the vehicle as a whole"),
@@ -39,7 +27,7 @@ _CUTOFF_HZ = {"A": 1650.0, "B": 1000.0, "C": 300.0, "D": 100.0}  # of CFC 1000, 
 _RAW_FIRST = "0PXSABCD"
 
 
-def isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> Record:
+def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Record]:
     """Read one ISO-MME test as a record.
 
     Parameters
@@ -51,7 +39,7 @@ def isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> Record:
 
     Returns
     -------
-    Record
+    tuple of one Record
         With the vehicle's own X acceleration proposed, else that of tunnel, sills or B-pillars, both sides averaged.
 
     Raises
@@ -59,7 +47,7 @@ def isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> Record:
     DataError
         If it is no ISO-MME test, or has no X acceleration of the vehicle.
     """
-    return record_of(read_isomme(path, limits), path.name)
+    return (record_of(read_isomme(path, limits), path.name),)
 
 
 def record_of(test: IsommeTest, source: str) -> Record:
@@ -120,7 +108,7 @@ def _named(channels: Sequence[Channel]) -> dict[str, Channel]:
 def _recorded(name: str, channel: Channel) -> RecordedChannel:
     assert channel.interval_s is not None  # noqa: S101 - the others were left out
     time_s = (channel.start_s or 0.0) + channel.interval_s * np.arange(channel.values.size)
-    label, unit = shown(channel.name or name), unit_named(channel.unit, "acceleration")
+    label, unit = printable(channel.name or name), unit_named(channel.unit, "acceleration")
     return RecordedChannel(name, label, time_s, channel.values, unit, _CUTOFF_HZ.get(channel.code[15].upper()))
 
 
@@ -132,7 +120,7 @@ def _proposed(channels: Mapping[str, Channel]) -> tuple[tuple[str, ...], str]:
         if chosen:
             average = "; their average is the pulse" if len(chosen) > 1 else ""
             return chosen, f"X acceleration {what}: {', '.join(chosen)}{average}."
-    return (), "No X acceleration is the vehicle's own, or on tunnel, sills or B-pillars; one has to be chosen."
+    return (), "No X acceleration is the vehicle's own, or on tunnel, sills or B-pillars; choose one."
 
 
 def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[str, ...]]:
@@ -141,10 +129,10 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[
     mass, front, rear = (
         _quantity(test, (f"{name} {its}",), "mass", "kg") for name in ("Mass", ".Front weight", ".Rear weight")
     )
-    notes = [f"ISO-MME test, {shown(test.descriptor('Title') or test.name)}."]
+    notes = [f"ISO-MME test, {printable(test.descriptor('Title') or test.name)}."]
     kind = test.descriptor("Type of the test")
     if kind:
-        notes.append(f"Type of the test: {shown(kind)}.")
+        notes.append(f"Type of the test: {printable(kind)}.")
     notes.append(f"Speed {speed:g} m/s from the .mme file." if speed else f"The .mme file has no speed of {its}.")
     if front and rear:
         notes.append(f"Front weight {front:g} kg and rear weight {rear:g} kg from the .mme file.")

@@ -67,6 +67,12 @@ def files_below(folder: Path) -> Iterator[Path]:
         yield from (Path(home, name) for name in names)
 
 
+def is_numbered(path: PurePath) -> bool:
+    """Whether a name ends in the number of a channel, as ``T1.001`` does."""
+    number = path.suffix[1:]
+    return len(number) >= 3 and number.isascii() and number.isdecimal()
+
+
 def _on_disk(path: Path, folder: Path) -> Member:
     inside = PurePosixPath(path.relative_to(folder).as_posix())
     return Member(inside, str(inside), lambda: path.open("rb"))

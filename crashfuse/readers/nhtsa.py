@@ -11,17 +11,19 @@ wheelbase it gives what each axle carried.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path, PurePath
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import Budget, Limits, Member, shown
-from crashfuse.readers.members import opened_members
-from crashfuse.readers.nhtsa_sensors import Sensor, proposed_sensors, without_damaged
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Budget, Limits, Member
+from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.members import is_numbered, opened_members
+from crashfuse.readers.nhtsa_sensors import Sensor, nhtsa_record, of_first_vehicle, setup_and_speed
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH, MPH
+from crashfuse.units import KPH
 
 NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
 """Sizes beyond which a test is refused: 1000 channels of 10,000 samples are within them."""
@@ -34,7 +36,7 @@ _MOST_SAMPLES = 1_000_000
 _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
 
 
-def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
+def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read one NHTSA vehicle test: its conditions and the X accelerations of its vehicle.
 
     Parameters
@@ -46,7 +48,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
 
     Returns
     -------
-    Record
+    tuple of one Record
         With the rear crossmember's channels proposed, else those at the centre of gravity; channels that the test's
         engineers marked as failed are there to be chosen, never proposed.
 
@@ -62,28 +64,16 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> Record:
         specification = _specification(members, path)
         sections = _sections(specification, budget)
         stem = _stem(specification).lower()
-        files = {int(m.path.suffix[1:]): m for m in members if _is_channel(m.path) and _stem(m).lower() == stem}
+        files = {int(m.path.suffix[1:]): m for m in members if is_numbered(m.path) and _stem(m).lower() == stem}
         listed = [_listed(fields, specification.where) for fields in sections.get("INSTRUMENTATION", [])]
-        present = {entry.number: entry for entry in listed if entry.of_the_vehicle and entry.number in files}
-        candidates = [entry for entry in present.values() if entry.vehicle == min(e.vehicle for e in present.values())]
+        candidates = of_first_vehicle(list({one.number: one for one in listed if one.number in files}.values()))
         if not candidates:
             have = f"{sum(entry.of_the_vehicle for entry in listed)} listed, none of them beside it"
             expected, advice = "files of the vehicle's X accelerations", "download all channels of the test"
             raise DataError(Problem(specification.where, expected, have, advice))
-        channels: dict[Sensor, RecordedChannel] = {}
-        damaged: dict[Sensor, Problem] = {}
-        for entry in candidates:
-            try:
-                channels[entry] = _channel(entry, files[entry.number], budget)
-            except DataError as error:
-                damaged[entry] = error.problems[0]
-    left_out, unread = without_damaged(damaged, candidates, path.name)
-    proposed, why = proposed_sensors(list(channels), list(channels.values()))
-    condition, found = _condition(sections, candidates[0].vehicle, specification.where)
-    test_id = _stem(specification).lstrip("vV")
-    zero = "0 is first contact, by the format's definition"
-    steps = (*found, *left_out, why)
-    return Record(test_id, path.name, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
+        sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}
+        told = _condition(sections, candidates[0].vehicle, specification.where)
+        return (nhtsa_record(_stem(specification), path.name, sensors, told),)
 
 
 def _specification(members: Sequence[Member], path: Path) -> Member:
@@ -116,7 +106,7 @@ def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
 
 def _listed(fields: list[str], where: str) -> Sensor:
     if len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6):
-        expected, found = "20 fields a line of INSTRUMENTATION", f"{len(fields)} in {shown('|'.join(fields))!r}"
+        expected, found = "20 fields a line of INSTRUMENTATION", f"{len(fields)} in {printable('|'.join(fields))!r}"
         raise DataError(Problem(where, expected, found, "download the specification again"))
     cutoff = _number(fields[8])
     return Sensor(
@@ -136,7 +126,7 @@ def _listed(fields: list[str], where: str) -> Sensor:
 
 def _channel(entry: Sensor, member: Member, budget: Budget) -> RecordedChannel:
     time_s, values = _samples(_text(member, budget), member.where)
-    label = f"{shown(entry.comment)}{', redundant' if entry.redundant else ''}"
+    label = f"{printable(entry.comment)}{', redundant' if entry.redundant else ''}"
     return RecordedChannel(str(entry.number), label, time_s, values, _UNITS.get(entry.unit), entry.cutoff_hz)
 
 
@@ -163,15 +153,8 @@ def _condition(
     speed, mass, wheelbase, behind = (
         _number(_field(car, index)) for index in (_SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY)
     )
-    notes = [f"NHTSA test, {shown(_field(test, _TITLE))}."]
-    if _field(test, _CONFIGURATION) not in ("VTB", "") or _number(_field(test, _ANGLE)):
-        found = f"{_field(test, _CONFIGURATION)} at {_field(test, _ANGLE)}°"
-        notes.append(f"Careful: the configuration is {shown(found)}, not a full-frontal barrier test (VTB at 0°).")
-    notes.append(
-        f"Speed {speed:g} km/h ({speed * KPH / MPH:.2f} mph) from {where}."
-        if speed
-        else f"{where} has no speed of the vehicle."
-    )
+    notes = [f"NHTSA test, {printable(_field(test, _TITLE))}."]
+    notes += setup_and_speed(_field(test, _CONFIGURATION), _number(_field(test, _ANGLE)), speed, where)
     front = rear = None
     if mass and wheelbase and 0 < behind < wheelbase:
         rear = mass * behind / wheelbase
@@ -207,9 +190,4 @@ def _stem(member: Member) -> str:
 
 
 def _is_of_the_format(path: PurePath) -> bool:
-    return path.suffix.upper() == ".EV5" or _is_channel(path)
-
-
-def _is_channel(path: PurePath) -> bool:
-    number = path.suffix[1:]
-    return len(number) >= 3 and number.isascii() and number.isdecimal()
+    return FORMATS["nhtsa"].has(path) or is_numbered(path)

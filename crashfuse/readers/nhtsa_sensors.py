@@ -1,12 +1,12 @@
-"""Sensors of NHTSA's vehicle tests, whichever form of the database they come in: which of them are the pulse."""
+"""What both forms of NHTSA's database say of a test: its setup and speed, and which of its sensors are the pulse."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from crashfuse.errors import Problem
-from crashfuse.files.archive import refuse, shown
-from crashfuse.readers.record import RecordedChannel
-from crashfuse.units import MS
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import refuse
+from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
+from crashfuse.units import KPH, MPH, MS
 
 _LONGEST_S = 100 * MS
 _SOUND = ("AM", "")  # as measured
@@ -43,7 +43,62 @@ class Sensor:
         return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
 
 
-def without_damaged(
+def setup_and_speed(setup: str, angle_deg: float, speed_kph: float, where: str) -> list[str]:
+    """Sentences on what kind of test it was and how fast; a speed of 0 is unknown."""
+    told = f"Speed {speed_kph:g} km/h ({speed_kph * KPH / MPH:.2f} mph) from {where}."
+    steps = [told if speed_kph else f"{where} has no speed of the vehicle."]
+    if setup not in ("VTB", "") or angle_deg:
+        found = printable(f"{setup or 'unknown'} at {angle_deg:g}°")
+        steps.insert(0, f"Careful: the configuration is {found}, not a full-frontal barrier test (VTB at 0°).")
+    return steps
+
+
+def nhtsa_record(
+    stem: str,
+    source: str,
+    sensors: Mapping[Sensor, Callable[[], RecordedChannel]],
+    told: tuple[PartialCondition, Sequence[str]],
+) -> Record:
+    """Read the channels of one vehicle into a record, those at its best place proposed.
+
+    Parameters
+    ----------
+    stem : str
+        Of the file's name: v and the number of the test.
+    source : str
+    sensors : mapping of Sensor to callable
+        What reads the channel of each; it may raise a DataError.
+    told : (PartialCondition, sequence of str)
+        The condition, and where it was found.
+
+    Raises
+    ------
+    DataError
+        If a channel is damaged that would be proposed, or all are.
+    """
+    channels: dict[Sensor, RecordedChannel] = {}
+    damaged: dict[Sensor, Problem] = {}
+    for sensor, read in sensors.items():
+        try:
+            channels[sensor] = read()
+        except DataError as error:
+            damaged[sensor] = error.problems[0]
+    left_out, unread = _without_damaged(damaged, list(sensors), source)
+    proposed, why = _proposed(list(channels), list(channels.values()))
+    condition, found = told
+    zero = "0 is first contact, by the format's definition"
+    steps = (*found, *left_out, why)
+    test_id = stem.lstrip("vV")
+    return Record(test_id, source, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
+
+
+def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
+    """Those that could be the pulse, of the first vehicle that has any."""
+    there = [sensor for sensor in sensors if sensor.of_the_vehicle]
+    return [sensor for sensor in there if sensor.vehicle == min(other.vehicle for other in there)]
+
+
+def _without_damaged(
     damaged: Mapping[Sensor, Problem], entries: Sequence[Sensor], source: str
 ) -> tuple[tuple[str, ...], dict[str, Problem]]:
     """Do without damaged channels that nobody would propose: sentences, and what is wrong with each by its name.
@@ -56,12 +111,12 @@ def without_damaged(
     wanted, _ = _at_best_place([entry for entry in entries if entry.status in _SOUND])
     if set(wanted) & set(damaged) or len(damaged) == len(entries):
         refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
-    names = ", ".join(f"{entry.number} ({shown(entry.comment)})" for entry in damaged)
+    names = ", ".join(f"{entry.number} ({printable(entry.comment)})" for entry in damaged)
     steps = (f"Left out, for they are damaged or empty: {names}.",) if damaged else ()
     return steps, {str(entry.number): problem for entry, problem in damaged.items()}
 
 
-def proposed_sensors(entries: Sequence[Sensor], channels: Sequence[RecordedChannel]) -> tuple[tuple[str, ...], str]:
+def _proposed(entries: Sequence[Sensor], channels: Sequence[RecordedChannel]) -> tuple[tuple[str, ...], str]:
     """Choose the channels to be averaged, and say why."""
     sound = [
         entry
@@ -70,8 +125,8 @@ def proposed_sensors(entries: Sequence[Sensor], channels: Sequence[RecordedChann
     ]
     chosen, what = _at_best_place(sound)
     if not chosen:
-        return (), "No channel lies on the rear floor or at the centre of gravity; one has to be chosen."
-    names = ", ".join(f"{entry.number} ({shown(entry.comment)})" for entry in chosen)
+        return (), "No channel lies on the rear floor or at the centre of gravity; choose one."
+    names = ", ".join(f"{entry.number} ({printable(entry.comment)})" for entry in chosen)
     average = "their average is the pulse" if len(chosen) > 1 else "it is the pulse"
     return tuple(str(entry.number) for entry in chosen), f"Channels {what}: {names}; {average}."
 

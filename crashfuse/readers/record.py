@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.readers.weights import Weights
+from crashfuse.readers.axle_weights import AxleWeights
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import G
 
@@ -36,16 +36,16 @@ class PartialCondition:
     factors: tuple[tuple[str, str], ...] = ()
 
     def overruled(self, by: "PartialCondition") -> "PartialCondition":
-        """Put everything that ``by`` knows in the place of what is known here; weights as :class:`Weights` does."""
+        """Put everything that ``by`` knows in the place of what is known here; weights as :class:`AxleWeights` does."""
         known = {each.name: value for each in fields(by) if (value := getattr(by, each.name)) not in (None, ())}
         return replace(self, **known).weighing(self.weights.overruled(by.weights))
 
     @property
-    def weights(self) -> Weights:
+    def weights(self) -> AxleWeights:
         """What is said of the weights."""
-        return Weights(self.mass_kg, self.front_weight_kg, self.rear_weight_kg)
+        return AxleWeights(self.mass_kg, self.front_weight_kg, self.rear_weight_kg)
 
-    def weighing(self, weights: Weights) -> "PartialCondition":
+    def weighing(self, weights: AxleWeights) -> "PartialCondition":
         """Return the condition with these weights, those that follow included."""
         front, rear = weights.axles()
         return replace(self, mass_kg=weights.mass_kg, front_weight_kg=front, rear_weight_kg=rear)

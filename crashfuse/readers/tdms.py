@@ -8,20 +8,21 @@ and ``wf_start_offset``, and 0 is first contact. Axle weights are not among them
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from io import BytesIO
-from pathlib import Path, PurePath
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import Budget, Limits, Member, refuse, shown
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members
-from crashfuse.readers.nhtsa_sensors import Sensor, proposed_sensors, without_damaged
+from crashfuse.readers.nhtsa_sensors import Sensor, nhtsa_record, of_first_vehicle, setup_and_speed
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile, parse_tdms
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH, MPH
+from crashfuse.units import KPH
 
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
 """Sizes beyond which a file is refused: a test of 1000 channels of 10,000 samples has 80 MB."""
@@ -56,8 +57,9 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
         With what is wrong with each file that is.
     """
     kind = "a .tdms file, or a folder or zip of them"
-    with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
-        if _is_of_the_format(path):
+    of_the_format = FORMATS["tdms"].has
+    with opened_members(path, of_the_format, kind, limits) as (members, budget):
+        if of_the_format(path):
             members = [member for member in members if member.path.as_posix() == path.name]
         if not members:
             raise DataError(Problem(path.name, kind, "none", "check the path"))
@@ -72,15 +74,8 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
     return tuple(records)
 
 
-def _is_of_the_format(path: PurePath) -> bool:
-    return path.suffix.lower() == ".tdms"
-
-
 def _content(member: Member, budget: Budget) -> bytes:
-    content = BytesIO()
-    for chunk in member.chunks(budget):
-        content.write(chunk)
-    return content.getvalue()
+    return b"".join(member.chunks(budget))
 
 
 def _record(file: TdmsFile, member: Member) -> Record:
@@ -93,7 +88,7 @@ def _record(file: TdmsFile, member: Member) -> Record:
     what = "acceleration"
     if not found:
         found = [(c, said) for c, said in told if not _text(said, "unit_string") and not _is_time(c, said)]
-        what = "channel without a unit"
+        what = "channel"
     if not found:
         expected = "channels in a unit of acceleration (unit_string)"
         raise DataError(Problem(where, expected, f"none of {len(told)}", "export them with their units"))
@@ -111,8 +106,9 @@ def _record(file: TdmsFile, member: Member) -> Record:
         raise DataError(list(damaged.values()))
     only = len(found) == 1 and (what == "acceleration" or _ACCELERATION.search(channels[0].name) is not None)
     proposed = (channels[0].name,) if only else ()
-    why = f"The only {what}: {proposed[0]}." if proposed else f"One of {len(channels)} {what}s has to be chosen."
-    left_out = (f"Left out, for they are damaged: {', '.join(map(shown, damaged))}.",) if damaged else ()
+    unit = "" if what == "acceleration" else "; none states its unit"
+    why = f"The only {what}{unit}: {proposed[0]}." if proposed else f"Choose one of {len(channels)} {what}s{unit}."
+    left_out = (f"Left out, for they are damaged: {', '.join(map(printable, damaged))}.",) if damaged else ()
     steps = ("TDMS file.", *left_out, why)
     return Record(member.path.stem, where, PartialCondition(), tuple(channels), proposed, steps, unread=damaged)
 
@@ -136,28 +132,19 @@ def _clock(file: TdmsFile, channel: TdmsChannel, told: Sequence[tuple[TdmsChanne
 
 def _nhtsa_record(file: TdmsFile, told: Sequence[tuple[TdmsChannel, _Told]], member: Member) -> Record:
     where = member.where
-    sensors = [(channel, said, _sensor(place, said)) for place, (channel, said) in enumerate(told, start=1)]
-    candidates = [one for one in sensors if one[2].of_the_vehicle][:_MOST_CHANNELS]
+    sensors = {_sensor(place, said): (channel, said) for place, (channel, said) in enumerate(told, start=1)}
+    candidates = of_first_vehicle(list(sensors))[:_MOST_CHANNELS]
     if not candidates:
         found = f"none in {len(told)} channels"
         raise DataError(Problem(where, "X accelerations of the vehicle", found, "download all channels of the test"))
-    first = min(sensor.vehicle for *_, sensor in candidates)
-    candidates = [one for one in candidates if one[2].vehicle == first]
-    channels: dict[Sensor, RecordedChannel] = {}
-    damaged: dict[Sensor, Problem] = {}
-    for channel, said, sensor in candidates:
-        try:
-            label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
-            channels[sensor] = _channel(file, channel, said, str(sensor.number), label, where)
-        except DataError as error:
-            damaged[sensor] = error.problems[0]
-    left_out, unread = without_damaged(damaged, [sensor for *_, sensor in candidates], where)
-    proposed, why = proposed_sensors(list(channels), list(channels.values()))
-    condition, told_of_it = _condition(candidates[0][1], where)
-    zero = "0 is first contact, by the format's definition"
-    steps = (*told_of_it, *left_out, why)
-    test_id = member.path.stem.lstrip("vV")
-    return Record(test_id, where, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
+
+    def read(sensor: Sensor) -> RecordedChannel:
+        channel, said = sensors[sensor]
+        label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
+        return _channel(file, channel, said, str(sensor.number), label, where)
+
+    condition = _condition(sensors[candidates[0]][1], where)
+    return nhtsa_record(member.path.stem, where, {one: partial(read, one) for one in candidates}, condition)
 
 
 def _sensor(place: int, said: _Told) -> Sensor:
@@ -173,7 +160,7 @@ def _sensor(place: int, said: _Told) -> Sensor:
         cutoff_hz=_number(said, "inst_prefil") or None,
         status=_text(said, "inst_dastat").upper(),
         redundant=_text(said, "inst_chstat").upper() == "R",
-        comment=shown(_text(said, "inst_inscom")),
+        comment=printable(_text(said, "inst_inscom")),
     )
 
 
@@ -195,24 +182,16 @@ def _channel(
     if clock is None:
         expected, found = "samples and the time between them (wf_increment)", f"{values.size} samples without it"
         advice = "export it as a waveform, or with a channel of time beside it"
-        raise DataError(Problem(f"{where}: {shown(channel.name)}", expected, found, advice))
+        raise DataError(Problem(f"{where}: {printable(channel.name)}", expected, found, advice))
     unit = unit_named(_text(said, "unit_string") or _text(said, "inst_yunits"), "acceleration")
-    return RecordedChannel(name, shown(label), clock, values, unit, _number(said, "inst_prefil") or None)
+    return RecordedChannel(name, printable(label), clock, values, unit, _number(said, "inst_prefil") or None)
 
 
 def _condition(said: _Told, where: str) -> tuple[PartialCondition, tuple[str, ...]]:
     speed, mass = _number(said, "veh_vehspd") or _number(said, "test_clsspd"), _number(said, "veh_vehtwt")
     car = " ".join(filter(None, (_text(said, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
-    steps = [f"NHTSA test {_text(said, 'test_tstno')}, {shown(car)}."]
-    setup, angle = _text(said, "test_tstcfn"), _number(said, "test_impang")
-    if setup not in ("VTB", "") or angle:
-        found = shown(f"{setup or 'unknown'} at {angle:g}°")
-        steps.append(f"Careful: the configuration is {found}, not a full-frontal barrier test (VTB at 0°).")
-    steps.append(
-        f"Speed {speed:g} km/h ({speed * KPH / MPH:.2f} mph) from {where}."
-        if speed
-        else f"{where} has no speed of the vehicle."
-    )
+    steps = [f"NHTSA test {_text(said, 'test_tstno')}, {printable(car)}."]
+    steps += setup_and_speed(_text(said, "test_tstcfn"), _number(said, "test_impang"), speed, where)
     if mass:
         steps.append(f"Weight {mass:g} kg from {where}, which does not say what each axle carried.")
     return PartialCondition(speed * KPH or None, mass or None), tuple(steps)

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import shown
+from crashfuse.errors import DataError, Problem, printable
 from crashfuse.signals.pulse import FloatArray
 
 _LEAD_IN = struct.Struct("<4sI")
@@ -98,7 +97,7 @@ class TdmsFile:
         DataError
             If there are too many, or they are no plain numbers.
         """
-        place = f"{self._where}: {shown(channel.name)}"
+        place = f"{self._where}: {printable(channel.name)}"
         if sum(extent.chunks * extent.count for extent in channel._extents) > _MOST_VALUES:
             raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", "choose the file of one test"))
         if channel.properties.get("ni_number_of_scales", 0):

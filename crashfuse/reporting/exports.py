@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
-from crashfuse.readers.isomme import Channel, IsommeTest
+from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate

@@ -5,7 +5,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from crashfuse.readers.isomme import NO_VALUE, Channel, IsommeTest, Pairs
+from crashfuse.readers.isomme_channels import NO_VALUE, Channel, IsommeTest, Pairs
 
 _NAME_WIDTH, _VALUE_WIDTH = 28, 51  # with the colon the 80 characters that a line may have
 

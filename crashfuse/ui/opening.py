@@ -6,6 +6,7 @@ from pathlib import Path
 import streamlit as st
 
 from crashfuse.errors import DataError, Problem
+from crashfuse.readers.formats import all_formats
 from crashfuse.ui import campaigns, frame
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import Source, begin, leave, source_at
@@ -15,7 +16,7 @@ from crashfuse.ui.uploads import open_uploads
 _ROUND = "uploads so far"
 
 
-def show_doors() -> None:
+def show_open_forms() -> None:
     """Both ways to open a campaign of one's own, and what was wrong with the last."""
     folder, upload = st.columns(2, gap="large")
     with folder.form("open folder", border=False):
@@ -32,14 +33,13 @@ def show_doors() -> None:
             "Or a zip of one, its files together, or test and CAE files to import",
             accept_multiple_files=True,
             key=f"files {st.session_state.get(_ROUND, 0)}",
-            help="A campaign is CSV and Parquet. Imported are NHTSA, ISO-MME, LS-DYNA (binout, nodout), TDMS, and CSV "
-            "or Excel tables of any form; what they are taken for is shown first. Files go to the computer that "
-            "crashfuse runs on, no further, and are deleted when it ends. Open what is larger than the limit as a "
-            "folder.",
+            help=f"A campaign is CSV and Parquet. Formats that can be imported: {all_formats()}; how they are read is "
+            "shown first. Files go to the computer that crashfuse runs on, no further, and are deleted when it ends. "
+            "Open what is larger than the limit as a folder.",
         )
         st.form_submit_button("Open upload", icon=":material/upload_file:", on_click=_open_upload)
     if problems := st.session_state.get(frame.REFUSED):
-        show_problems(problems, place="doors")
+        show_problems(problems, place="open")
     importing.show_unfinished()
     with st.expander("What does a campaign folder look like?", icon=":material/help:"):
         st.code(
@@ -78,7 +78,7 @@ def _open_folder() -> None:
 
 
 def _campaign_or_source(path: Path) -> str | Source:
-    """Put a campaign folder on the shelf; what is none, but can be imported, is a source."""
+    """Open a campaign folder; what is none, but can be imported, is a source."""
     if _is_file(path):
         return _source_or_advice(path)
     try:

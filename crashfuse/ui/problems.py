@@ -1,5 +1,6 @@
 """What was refused and why, row by row."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -11,6 +12,7 @@ from crashfuse.errors import Problem
 from crashfuse.ui.text import plain
 
 _MOST_ROWS = 50  # shown; the file to download has all
+_OPTION = re.compile(r" \([^()]*--[^()]*\)")
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
@@ -46,8 +48,14 @@ def _cells(problem: Problem, rows: str) -> dict[str, str]:
         "Column": problem.column or "",
         "Expected": problem.expected,
         "Found": problem.found,
-        "What to do": problem.advice[:1].upper() + problem.advice[1:],
+        "What to do": advice_on_page(problem),
     }
+
+
+def advice_on_page(problem: Problem) -> str:
+    """What to do, without the command line's options: here are fields for them."""
+    advice = _OPTION.sub("", problem.advice)
+    return advice[:1].upper() + advice[1:]
 
 
 def _rows(numbers: Sequence[int]) -> str:

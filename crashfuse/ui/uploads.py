@@ -13,8 +13,8 @@ import streamlit as st
 from crashfuse.campaign_folder.upload import lay_out, members_of_zip
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import DEFAULT_LIMITS
-from crashfuse.importing.sources import format_named
 from crashfuse.importing.unpacking import lay_out_source
+from crashfuse.readers.formats import formats_of
 from crashfuse.ui import campaigns
 from crashfuse.ui.importing.session import Source, source_at
 
@@ -31,7 +31,7 @@ class Upload(Protocol):
 
 
 def open_uploads(files: Sequence[Upload]) -> str | Source:
-    """Put what was uploaded on the shelf if it is a sound campaign; returns its name there.
+    """Open what was uploaded if it is a sound campaign; returns its name.
 
     Files of a foreign format are laid out to be imported instead.
 
@@ -71,7 +71,7 @@ def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
         names += (
             [member.path for member in members_of_zip(name, content, DEFAULT_LIMITS)] if zipped else [PurePath(name)]
         )
-    return not {"tests.csv", "cae.csv"} & {path.name for path in names} and format_named(names) is not None
+    return not {"tests.csv", "cae.csv"} & {path.name for path in names} and bool(formats_of(names))
 
 
 def _keep(lay_out_in: Callable[[Path], T]) -> T:
@@ -90,7 +90,7 @@ def _keep(lay_out_in: Callable[[Path], T]) -> T:
 
 @st.cache_resource
 def _opened() -> dict[str, str]:
-    """Names on the shelf of what was uploaded, by its content: a file dropped twice is one campaign."""
+    """Names of the campaigns that were uploaded, by their content: a file dropped twice is one campaign."""
     return {}
 
 

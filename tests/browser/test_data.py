@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.by import By
 
+from tests.importing.crash_files import german
 from tests.importing.crashes import clock, half_sine_g
-from tests.importing.test_import import german
 
 pytestmark = pytest.mark.slow
 

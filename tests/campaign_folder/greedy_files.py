@@ -13,7 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from crashfuse.campaign_folder.condition_tables import read_candidates
-from crashfuse.campaign_folder.pulse_files import PulseSource, read_pulse
+from crashfuse.campaign_folder.pulse_files import PulseFiles
+from crashfuse.campaign_folder.sample_tables import read_pulse
 from crashfuse.errors import DataError
 
 MIB = 1 << 20
@@ -56,7 +57,7 @@ def conditions() -> None:
 
 def tidy() -> None:
     """Read a table of pulses."""
-    source = PulseSource(PLACE, "cae", None)
+    source = PulseFiles(PLACE, "cae", None)
     source.read(["A"])
     if source.problems:
         raise DataError(source.problems)

@@ -417,7 +417,7 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     "wrong sign": (
         _edit("tests/T1.csv", lambda t: t.assign(acceleration_g=-t.acceleration_g)),
         "tests.csv, column id T1, row 2: expected a pulse that takes off about the impact speed of 15.0 mph (24.1 km/h)"
-        ", found a change of +16.5 mph (+26.6 km/h); flip the sign of the acceleration (braking is negative).",
+        ", found a change of +16.5 mph (+26.6 km/h); flip the sign of the acceleration (deceleration is negative).",
     ),
     "m/s² called g": (
         _edit("tests/T1.csv", lambda t: t.assign(acceleration_g=t.acceleration_g * G)),

@@ -4,11 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nptdms import ChannelObject
 
 from crashfuse import cli
 from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import KPH
+from tests.importing.crashes import clock, half_sine_g
+from tests.readers.test_tdms import written
 
 
 def foreign_table(path: Path) -> Path:
@@ -46,3 +49,29 @@ def test_what_a_source_does_not_tell_has_to_be_told(tmp_path: Path, capsys: pyte
     assert cli.main(["import", str(source), "--out", str(out), "--mass-kg", "1500", "--front-share", "0.6"]) == 1
     assert "speed" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_all_that_is_missing_is_asked_for_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Speed, weights, channel and unit: a line each that names the option, and nothing is left for a second round."""
+    wave = {"wf_increment": 1e-4, "wf_start_offset": -0.05}
+    channels = [ChannelObject("Car", name, half_sine_g(clock()), properties=wave) for name in ("CH1", "CH2")]
+    source, out = tmp_path / "car.tdms", tmp_path / "campaign"
+    source.write_bytes(written(channels))
+    assert cli.main(["import", str(source), "--out", str(out)]) == cli.WRONG_DATA
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1] == "4 problems found."
+    for line, options in zip(said[:4], ("--speed-kph", "--front-weight-kg", "--channel", "--unit"), strict=True):
+        assert options in line
+    given = ["--speed-kph", "56", "--front-weight-kg", "950", "--rear-weight-kg", "750", "--channel", "CH1"]
+    assert cli.main(["import", str(source), "--out", str(out), *given, "--unit", "g"]) == cli.DONE
+    assert "Choose one of 2 channels; none states its unit." in capsys.readouterr().out
+
+
+def test_the_sign_of_deceleration_is_an_option(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A sign that the record contradicts is refused, with the option to remove."""
+    source = foreign_table(tmp_path / "v.csv")
+    command = ["import", str(source), "--out", str(tmp_path / "c"), "--speed-kph", "50", "--mass-kg", "1500"]
+    command += ["--front-share", "0.6", "--deceleration-sign"]
+    assert cli.main([*command, "positive"]) == cli.WRONG_DATA
+    assert "remove --deceleration-sign" in capsys.readouterr().err
+    assert cli.main([*command, "negative"]) == cli.DONE

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from crashfuse.importing import Choices
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS, G
@@ -14,10 +15,11 @@ CRUSH_M = SPEED_MPS * STOP_S - PEAK_MPS2 * DURATION_S / np.pi * (
     STOP_S - DURATION_S / np.pi * np.sin(np.pi * STOP_S / DURATION_S)
 )
 CONDITION = PartialCondition(SPEED_MPS, 1700.0, 950.0, 750.0)
+GIVEN = Choices(condition=CONDITION)
 
 
 def half_sine_g(time_s: FloatArray) -> FloatArray:
-    """The pulse in g, contact at 0, braking negative."""
+    """The pulse in g, contact at 0, deceleration negative."""
     inside = (time_s >= 0) & (time_s <= DURATION_S)
     return np.asarray(np.where(inside, -PEAK_MPS2 / G * np.sin(np.pi * time_s / DURATION_S), 0.0))
 

@@ -8,16 +8,14 @@ import pytest
 from openpyxl import Workbook
 
 from crashfuse.errors import DataError, UsageError
-from crashfuse.importing import ColumnChoice, import_source, read_records
-from crashfuse.importing.draft import Reading, read_each
+from crashfuse.importing import ColumnChoice, Reading, import_source, read_each, read_records
 from crashfuse.readers.record import Record
 from crashfuse.readers.tables.mapping import propose
 from crashfuse.readers.tables.sheets import read_sheets
 from crashfuse.readers.tables.table_reader import apply_conditions
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS
-from tests.importing.crashes import clock, half_sine_g
-from tests.importing.test_import import GIVEN
+from tests.importing.crashes import GIVEN, clock, half_sine_g
 
 TIME_S = clock(-0.02, 0.15, 5000)
 PULSE_G = half_sine_g(TIME_S)
@@ -71,7 +69,7 @@ def side_by_side(folder: Path, headers: str) -> Path:
 def test_each_acceleration_has_the_time_to_its_left(tmp_path: Path) -> None:
     """Tests side by side, named above: both have their contact at 0 of their own time, and their titles as ids."""
     path = side_by_side(tmp_path, "Test 1;;Test 2;\nt [ms];ax [g];t [ms];ax [g]")
-    records = by_id(read_records(path))
+    records = by_id(read_records(Reading(path)))
     assert list(records) == ["Test 1", "Test 2"]
     for record, start_s, count in zip(records.values(), (-0.02, -0.04), (TIME_S.size, 1701), strict=True):
         (channel,) = record.channels
@@ -87,12 +85,15 @@ def test_each_acceleration_has_the_time_to_its_left(tmp_path: Path) -> None:
 def test_sensors_with_times_of_their_own_are_no_tests(tmp_path: Path) -> None:
     """Titles that name channels: refused, until the others are left out or conditions say that they are crashes."""
     path = side_by_side(tmp_path, "sill left;;sill right;\nt [ms];left [g];t [ms];right [g]")
-    assert "found left, right; if they are sensors of one crash, leave out the others (COLUMN=ignored)" in refusal(path)
-    (one,) = read_records(path, columns=[ColumnChoice("right [g]", "ignored")])
+    assert (
+        "found left, right; if they are sensors of one crash, leave out the others (--column COLUMN=ignored)"
+        in refusal(path)
+    )
+    (one,) = read_records(Reading(path, columns=(ColumnChoice("right [g]", "ignored"),)))
     assert one.id == "left"
     conditions = tmp_path / "of_both.txt"
     conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nleft;56;950;750\nRIGHT;56;950;750\n")
-    assert list(by_id(read_records(path, conditions=conditions))) == ["left", "right"]
+    assert list(by_id(read_records(Reading(path, conditions=conditions)))) == ["left", "right"]
 
 
 def test_one_time_in_two_units_is_one_time(tmp_path: Path) -> None:
@@ -110,8 +111,8 @@ def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
     """Left beside right: refused, averaged under an id, or two records if the conditions of both are there."""
     path = table(tmp_path, "t [ms];ax left [g];ax right [g]", TIME_S / MS, PULSE_G, PULSE_G)
     said = refusal(path)
-    assert "found ax left, ax right; if they are sensors of one crash, say so (--id ID, or --channel)" in said
-    assert "if they are crashes, give --conditions with their ids" in said
+    assert "found ax left, ax right; if they are sensors of one crash, say so (--id, or --channel)" in said
+    assert "if they are crashes, give a table of their conditions (--conditions)" in said
     (one,) = import_source(path, tmp_path / "one", GIVEN, record_id="T1")
     assert one.channels == ("ax left [g]", "ax right [g]")
     alike = table(tmp_path, "t [ms];ax [g];ax [g]", TIME_S / MS, PULSE_G, PULSE_G, name="alike.csv")
@@ -132,7 +133,7 @@ def test_filtered_beside_raw_is_one_pulse(tmp_path: Path, names: tuple[str, str]
     """The raw one, wherever it stands."""
     filtered, raw = names
     path = table(tmp_path, f"t [ms];{filtered} [g];{raw} [g]", TIME_S / MS, 0.9 * PULSE_G, PULSE_G)
-    (record,) = read_records(path)
+    (record,) = read_records(Reading(path))
     assert record.proposed == (f"{raw} [g]",)
 
 
@@ -227,9 +228,15 @@ def test_the_hour_of_a_test_is_not_the_time_of_a_pulse(tmp_path: Path) -> None:
     assert apply_conditions(sheet, propose(sheet))["V1"].speed_mps == pytest.approx(56.1 * KPH)
 
 
-@pytest.mark.parametrize("header", ["id;speed;VA [kg];HA [kg]", "id;v [km/h];VA [kg];HA [kg]"])
-def test_a_fault_among_conditions_is_told_once(tmp_path: Path, header: str) -> None:
-    """Without them no record lacks its speed or its weights."""
+@pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ("id;v [km/h];VA [kg];HA [kg]", {"HA [kg]"}),
+        ("id;speed;front load;HA [kg]", {"speed", "front load", "HA [kg]"}),
+    ],
+)
+def test_every_fault_among_conditions_is_told_once(tmp_path: Path, header: str, columns: set[str]) -> None:
+    """Units that are missing and a cell that is no number, all at once; no record is said to lack its speed."""
     folder = tmp_path / "in"
     folder.mkdir()
     for name in ("A.csv", "B.csv"):
@@ -237,8 +244,8 @@ def test_a_fault_among_conditions_is_told_once(tmp_path: Path, header: str) -> N
     (folder / "c.csv").write_text(f"{header}\nA;56;950;fast\nB;56;950;700\n")
     with pytest.raises(DataError) as caught:
         import_source(folder, tmp_path / "out")
-    (problem,) = caught.value.problems
-    assert problem.where == "c.csv"
+    assert {problem.column for problem in caught.value.problems} == columns
+    assert {problem.where for problem in caught.value.problems} == {"c.csv"}
 
 
 # --- the table itself ------------------------------------------------------------------------------------------------
@@ -263,8 +270,8 @@ def test_records_below_each_other_are_not_to_be_sorted(tmp_path: Path) -> None:
     path.write_text(f"Fahrzeug;Zeit [ms];a [g]\n{rows}\n")
     said = refusal(path)
     assert f"column Zeit [ms], row {TIME_S.size + 2}: expected time that increases" in said
-    assert "found -20.00 after 150.00; map the column of ids (COLUMN=id)" in said
-    assert list(by_id(read_records(path, columns=[ColumnChoice("Fahrzeug", "id")]))) == ["A", "B"]
+    assert "found -20.00 after 150.00; map the column of ids (--column COLUMN=id)" in said
+    assert list(by_id(read_records(Reading(path, columns=(ColumnChoice("Fahrzeug", "id"),))))) == ["A", "B"]
 
 
 def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
@@ -272,7 +279,7 @@ def test_a_preamble_with_numbers_is_not_the_data(tmp_path: Path) -> None:
     preamble = "".join(f"Key {number};{number}\n" for number in range(7))
     path = tmp_path / "x.csv"
     path.write_text(preamble + lines("Time;Accel\ns;g", TIME_S, PULSE_G))
-    (record,) = read_records(path)
+    (record,) = read_records(Reading(path))
     assert record.channels[0].values.size == TIME_S.size
     whole = lines("Time [s];Accel [g]", TIME_S, PULSE_G).split("\n")
     path.write_text("\n".join([*whole[:51], "# airbag", *whole[51:]]))
@@ -284,7 +291,7 @@ def test_decimal_commas_in_quotes_may_be_parted_by_commas(tmp_path: Path) -> Non
     path = tmp_path / "x.csv"
     rows = "\n".join(f'"{t / MS:.2f}","{a:.4f}"'.replace(".", ",") for t, a in zip(TIME_S, PULSE_G, strict=True))
     path.write_text(f'"Zeit [ms]","a [g]"\n{rows}\n')
-    (record,) = read_records(path)
+    (record,) = read_records(Reading(path))
     np.testing.assert_allclose(record.channels[0].values, PULSE_G, atol=1e-4)
 
 
@@ -300,7 +307,7 @@ def test_thousands_separators_are_no_decimal_signs(tmp_path: Path, separator: st
     assert "these are thousands separators; export without them" in refusal(path)
     fine = np.round(PULSE_G * 8) / 8  # halves and eighths, written as short as can be
     path.write_text("Zeit [ms];a [g]\n" + "\n".join(f"{t / MS:g};{a:g}" for t, a in zip(TIME_S, fine, strict=True)))
-    np.testing.assert_array_equal(read_records(path)[0].channels[0].values, fine)
+    np.testing.assert_array_equal(read_records(Reading(path))[0].channels[0].values, fine)
 
 
 def workbook(path: Path, rows: Sequence[Sequence[object]], hidden: Sequence[Sequence[object]] = ()) -> Path:
@@ -323,7 +330,7 @@ def workbook(path: Path, rows: Sequence[Sequence[object]], hidden: Sequence[Sequ
 def test_a_hidden_sheet_is_left_out(tmp_path: Path) -> None:
     """And said to be."""
     rows = [["t [ms]", "ax [g]"], *np.column_stack([TIME_S / MS, PULSE_G]).tolist()]
-    (record,) = read_records(workbook(tmp_path / "x.xlsx", rows, rows))
+    (record,) = read_records(Reading(workbook(tmp_path / "x.xlsx", rows, rows)))
     assert "Left out as hidden: rejected." in record.steps
 
 

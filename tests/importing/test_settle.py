@@ -44,9 +44,9 @@ def motion(settled: Settled) -> Kinematics:
     ],
 )
 def test_unit_and_sign_are_found(scale: float, unit: str | None, found: tuple[str, str]) -> None:
-    """Whatever the numbers are in and however they count braking, the pulse is the same, in closed form."""
+    """Whatever the numbers are in and whichever sign deceleration has, the pulse is the same, in closed form."""
     settled = settle(record(channel(scale=scale, unit=unit)))
-    assert (settled.unit, settled.braking) == found
+    assert (settled.unit, settled.deceleration_sign) == found
     assert settled.pulse.time_s[0] == 0
     assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
     assert motion(settled).t0_s == pytest.approx(STOP_S, abs=1e-5)
@@ -63,8 +63,8 @@ def test_a_unit_that_contradicts_the_speed_is_refused_until_the_user_says_so() -
     assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
     with pytest.raises(UsageError, match="no unit 'furlong'"):
         settle(mislabelled, Choices(unit="furlong"))
-    with pytest.raises(DataError, match="braking counted positive, as chosen"):
-        settle(record(channel()), Choices(braking="positive"))
+    with pytest.raises(DataError, match="positive deceleration, as chosen"):
+        settle(record(channel()), Choices(deceleration_sign="positive"))
 
 
 def test_time_zero_is_the_files_own_where_it_has_one() -> None:
@@ -77,7 +77,7 @@ def test_time_zero_is_the_files_own_where_it_has_one() -> None:
 
 @pytest.mark.parametrize("lead_s", [0.0, 0.002, 0.03, 0.5])
 def test_time_zero_is_found_by_its_onset_where_a_test_began_recording_early(lead_s: float) -> None:
-    """A test whose clock runs from 0 is moved to where braking begins, to 1.5 ms; a short lead is left as it is."""
+    """A test whose clock runs from 0 is moved to the onset of deceleration, to 1.5 ms; a short lead stays as it is."""
     time_s = clock(0.0, 0.3 + lead_s)
     late = RecordedChannel("X", "X", time_s, half_sine_g(time_s - lead_s), "g")
     settled = settle(record(late))
@@ -86,9 +86,9 @@ def test_time_zero_is_found_by_its_onset_where_a_test_began_recording_early(lead
 
 
 def test_a_time_zero_far_from_the_onset_is_pointed_out() -> None:
-    """What the user or file says is taken, but a contact 20 ms before any braking is told as suspicious."""
+    """What the user or file says is taken, but a contact 20 ms before any deceleration is told as suspicious."""
     settled = settle(record(channel()), Choices(time_zero_s=-0.02))
-    assert any(step.startswith("Careful: braking begins far") for step in settled.steps)
+    assert any(step.startswith("Careful: deceleration begins far") for step in settled.steps)
     with pytest.raises(DataError, match="time zero at 500 ms"):
         settle(record(channel()), Choices(time_zero_s=0.5))
 
@@ -141,7 +141,7 @@ def test_only_what_went_through_cfc_60_is_left_as_it_is(cfc: int, again: float |
     assert settle(record(RecordedChannel("X", "X", time_s, values, "g"))).channel_filter_class == again
 
 
-def test_a_filtered_record_that_was_cut_while_braking_is_not_taken_for_a_raw_one() -> None:
+def test_a_filtered_record_that_was_cut_before_the_stop_is_not_taken_for_a_raw_one() -> None:
     """Cut where the vehicle has just stopped, at 18 g: the jump from end to beginning is no noise."""
     time_s = clock()
     smooth = cfc_filter(half_sine_g(time_s) + ringing_g(time_s), cfc=60, dt_s=1e-4)
@@ -152,7 +152,7 @@ def test_a_filtered_record_that_was_cut_while_braking_is_not_taken_for_a_raw_one
 
 
 def test_what_reads_something_before_contact_is_pointed_out() -> None:
-    """A zero offset is told in g, as braking counts, and warned of from 0.3 g on; without 10 ms before, nothing is."""
+    """A zero offset is told in g, signed, and warned of from 0.3 g on; without 10 ms before contact, nothing is."""
     for offset_g, careful in ((0.1, False), (-0.4, True), (1.0, True)):
         time_s = clock(-0.02, 0.1)
         settled = settle(record(RecordedChannel("X", "X", time_s, -(half_sine_g(time_s) + offset_g), "g")))
@@ -301,8 +301,7 @@ def test_a_condition_is_completed_by_the_user() -> None:
         settle(bare)
     assert [problem.expected for problem in caught.value.problems] == [
         "the impact speed of T1",
-        "the front weight of T1",
-        "the rear weight of T1",
+        "the weights on both axles of T1",
     ]
     given = Choices(condition=PartialCondition(SPEED_MPS, 1700.0), front_share=0.6)
     weights = settle(bare, given).condition

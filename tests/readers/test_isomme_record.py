@@ -7,8 +7,8 @@ import pytest
 
 from crashfuse.errors import DataError
 from crashfuse.importing import Choices, settle
-from crashfuse.readers.isomme import Channel, IsommeTest
-from crashfuse.readers.isomme_record import isomme_record, record_of
+from crashfuse.readers.isomme_channels import Channel, IsommeTest
+from crashfuse.readers.isomme_record import read_isomme_record, record_of
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.units import KPH, G
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g
@@ -101,11 +101,11 @@ def test_a_test_becomes_a_pulse(tmp_path: Path) -> None:
     for name, content in isomme_files(isomme("10VEHC000000ACXP")).items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_bytes(content)
-    record = isomme_record(tmp_path / "T1")
-    with pytest.raises(DataError, match="the front weight of T1"):
+    (record,) = read_isomme_record(tmp_path / "T1")
+    with pytest.raises(DataError, match="the weights on both axles of T1"):
         settle(record)
     settled = settle(record, Choices(front_share=0.56))
-    assert (settled.unit, settled.braking, settled.time_zero_s) == ("m/s²", "negative", 0.0)
+    assert (settled.unit, settled.deceleration_sign, settled.time_zero_s) == ("m/s²", "negative", 0.0)
     assert settled.condition.front_weight_kg == pytest.approx(952)
     assert settled.pulse.kinematics(settled.condition.speed_mps).t0_s == pytest.approx(STOP_S, abs=1e-5)
 

@@ -1,10 +1,7 @@
 """LS-DYNA runs: whatever file, units and direction, the same pulse; damage is told in a sentence, never more."""
 
-import io
-import random
 import re
 import struct
-import time
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -67,7 +64,7 @@ def test_units_sign_and_speed_are_found_in_either_form(tmp_path: Path, form: str
     assert record.condition.mass_kg == (pytest.approx(MASS_KG, rel=1e-4) if form == "binout" else None)
     assert record.proposed == ("1001", "1002")
     settled = settle(record, WEIGHTS, role="cae")
-    assert (settled.unit, settled.braking) == (unit, "negative" if direction == 1 else "positive")
+    assert (settled.unit, settled.deceleration_sign) == (unit, "negative" if direction == 1 else "positive")
     assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
     motion = settled.pulse.kinematics(settled.condition.speed_mps)
     assert motion.t0_s == pytest.approx(STOP_S, abs=5e-5)
@@ -84,7 +81,7 @@ def test_a_model_in_inch_or_cm_is_not_taken_for_one_in_mm(
     assert (record.condition.speed_mps, record.condition.mass_kg) == (None, None)
     with pytest.raises(DataError, match=r"found a unit of length unknown: .* too fast for m and too slow for mm; give"):
         settle(record, WEIGHTS, role="cae")
-    with pytest.raises(DataError, match="give its unit, or convert it"):
+    with pytest.raises(DataError, match=r"give its unit \(--unit\), or convert it"):
         settle(record, replace(WEIGHTS, condition=replace(WEIGHTS.condition, speed_mps=SPEED_MPS)), role="cae")
 
 
@@ -296,34 +293,3 @@ def test_claims_beyond_the_file_cost_nothing(tmp_path: Path) -> None:
     moved = bytearray(sound)
     moved[entry + 1 : entry + 9] = struct.pack("<Q", 100)
     assert "x_acceleration" in problem(saved(tmp_path / "moved", binout=bytes(moved)))
-
-
-@pytest.mark.parametrize("form", ["binout", "nodout"])
-@pytest.mark.slow
-def test_no_flipped_byte_brings_a_traceback(tmp_path: Path, form: str) -> None:
-    """150 files with flipped and lost bytes are read or refused with a DataError, in a moment each."""
-    sound = SHORT.binout() if form == "binout" else SHORT.nodout()
-    chance = random.Random(0)  # noqa: S311 - no secret
-    path = tmp_path / form
-    for _ in range(150):
-        broken = bytearray(sound)
-        for _ in range(chance.randint(1, 20)):
-            broken[chance.randrange(len(broken))] = chance.randrange(256)
-        if chance.random() < 0.3:
-            del broken[chance.randrange(len(broken)) :]
-        path.write_bytes(broken)
-        began = time.monotonic()
-        try:
-            settle(only(path), WEIGHTS, role="cae")
-        except DataError as error:
-            assert str(error)  # noqa: PT017 - both outcomes are right
-        assert time.monotonic() - began < 2
-
-
-def test_a_bomb_in_a_zip_is_refused(tmp_path: Path) -> None:
-    """A binout that unpacks to thousands of times its size is never unpacked."""
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("run/binout", bytes(64 << 20))
-    (tmp_path / "run.zip").write_bytes(content.getvalue())
-    assert "zip bomb" in problem(tmp_path / "run.zip")

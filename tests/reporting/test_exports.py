@@ -14,7 +14,8 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.readers.isomme import Channel, read_isomme
+from crashfuse.readers.isomme import read_isomme
+from crashfuse.readers.isomme_channels import Channel
 from crashfuse.reporting.exports import isomme_prediction, parquet_bytes
 from crashfuse.reporting.result_tables import pulses_table
 from crashfuse.signals.pulse import GRID_S

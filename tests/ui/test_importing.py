@@ -15,9 +15,8 @@ from openpyxl import Workbook
 from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.ui import campaigns, uploads
 from crashfuse.units import KPH, MPH
+from tests.importing.crash_files import german, isomme, library, zipped
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g
-from tests.importing.test_draft import zipped
-from tests.importing.test_import import german, isomme, library
 from tests.readers.lsdyna_files import Run
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.readers.test_tdms import nhtsa_test

@@ -5,7 +5,7 @@ from typing import IO
 
 import numpy as np
 
-from crashfuse.files.archive import shown
+from crashfuse.errors import printable
 from crashfuse.readers.lsdyna.histories import MOST_NODES, MOST_VALUES, Histories, History, kept_of, too_much
 from crashfuse.readers.lsdyna.lsda import LsdaFile
 
@@ -105,13 +105,13 @@ def _titles(file: LsdaFile, database: str, prefix: str) -> dict[str, str]:
         return {}
     cut = range(0, min(len(text), _TITLE_BYTES * ids.size), _TITLE_BYTES)
     return {
-        f"{prefix}{int(number)}": shown(text[at : at + _TITLE_BYTES].strip())
+        f"{prefix}{int(number)}": printable(text[at : at + _TITLE_BYTES].strip())
         for number, at in zip(ids, cut, strict=False)
     }
 
 
 def _text(file: LsdaFile, folder: tuple[str, ...], name: str) -> str:
-    return shown(_raw_text(file, folder, name).strip())
+    return printable(_raw_text(file, folder, name).strip())
 
 
 def _raw_text(file: LsdaFile, folder: tuple[str, ...], name: str) -> str:

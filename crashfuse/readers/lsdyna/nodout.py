@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import shown
+from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.lsdyna.histories import MOST_NODES, MOST_VALUES, Histories, History, kept_of, too_much
 
 _LONGEST_LINE = 1 << 16
@@ -37,7 +36,7 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
     titles: dict[str, str] = {}
     series: dict[str, tuple[array[float], array[float]]] = {}
     lines = _lines(chunks, where)
-    title = shown(next(lines, b"").decode("latin-1").strip())
+    title = printable(next(lines, b"").decode("latin-1").strip())
     columns: list[bytes] = []
     now, total, in_legend = np.nan, 0, False
     for line in lines:
@@ -46,7 +45,7 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
         elif in_legend:
             node, _, text = line.decode("latin-1").strip().partition(" ")
             if node.isdecimal() and len(titles) < MOST_NODES:
-                titles[str(int(node))] = shown(text.strip())
+                titles[str(int(node))] = printable(text.strip())
         elif b"at time" in line and (header := _TIME.search(line)) is not None:
             columns, now = [], _number(header.group(1).decode(), where)
         elif b"nodal point" in line:
@@ -115,5 +114,5 @@ def _number(text: str, where: str) -> float:
     try:
         return float(plain if "E" in plain else _NO_EXPONENT_LETTER.sub(r"E\1", plain))
     except ValueError:
-        found = repr(shown(text, 40))
+        found = repr(printable(text, 40))
         raise DataError(Problem(where, "numbers", found, "copy it again from the run")) from None

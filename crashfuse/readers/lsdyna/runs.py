@@ -1,8 +1,7 @@
 """LS-DYNA runs: ``binout`` (one file or shards) or ASCII ``nodout``; one run, or a folder with one folder a run.
 
-LS-DYNA knows no units, so they are told from how long the run lasts and how fast it moves: mm, s, t; mm, ms, kg; and
-m, s, kg are what crash models are built in. Nor does it know which node is the accelerometer: titles
-(``*DATABASE_HISTORY_NODE_ID``) say so, and where there are none, nodes that travel as far as most do.
+LS-DYNA does not know which node is the accelerometer: titles (``*DATABASE_HISTORY_NODE_ID``) say so, and where there
+are none, nodes that travel as far as most do.
 """
 
 import re
@@ -11,16 +10,18 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from io import BytesIO
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import IO
 
 import numpy as np
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.lsdyna.binout import read_binout
 from crashfuse.readers.lsdyna.histories import Histories, History
 from crashfuse.readers.lsdyna.nodout import read_nodout
+from crashfuse.readers.lsdyna.unit_system import mass_kg, units_of
 from crashfuse.readers.members import opened_members
 from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record, RecordedChannel
 from crashfuse.signals.pulse import FloatArray
@@ -29,11 +30,8 @@ from crashfuse.units import MS
 LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
 """Sizes beyond which a library is refused; of a binout only what is needed is read, however long it is."""
 
-_BINOUT, _NODOUT = re.compile(r"binout[^.]*", re.IGNORECASE), re.compile(r"nodout[^.]*(\.(txt|asc))?", re.IGNORECASE)
 _MOST_UNZIPPED = 256 << 20  # bytes of a binout in a zip, which has to be in memory to be read
 _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept of one run, of a run among many, of all runs
-_LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # ends of runs in either unit
-_FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # between them could be inch or cm
 _ALIKE = 0.1  # of the median travel
 _ALIASED = 0.05  # of the velocity
 _DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
@@ -68,7 +66,7 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
         With what is wrong with each run that is.
     """
     kind = "binout or nodout of LS-DYNA"
-    with opened_members(path, _is_of_the_format, kind, limits) as (members, budget):
+    with opened_members(path, FORMATS["lsdyna"].has, kind, limits) as (members, budget):
         zipped = path.suffix.lower() == ".zip"
         runs = _runs(members, path)
         if not runs:
@@ -87,19 +85,15 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
     return tuple(records)
 
 
-def _is_of_the_format(path: PurePath) -> bool:
-    return _BINOUT.fullmatch(path.name) is not None or _NODOUT.fullmatch(path.name) is not None
-
-
 def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
     """Files by run: those of one folder belong together, and of a file that was chosen only its shards."""
     zipped = path.suffix.lower() == ".zip"
     single = path.is_file() and not zipped
-    family = _NODOUT if _NODOUT.fullmatch(path.name) else _BINOUT
+    family = path.name[:6].lower()
     by_folder: defaultdict[tuple[str, ...], list[Member]] = defaultdict(list)
     for member in members:
         *folder, name = member.path.parts
-        if not single or (not folder and family.fullmatch(name)):
+        if not single or (not folder and name.lower().startswith(family)):
             by_folder[tuple(folder)].append(member)
     home = path.stem if zipped else (path.parent if single else path).resolve().name
     folders = sorted(by_folder)
@@ -122,8 +116,8 @@ def _ids(folders: Sequence[tuple[str, ...]], home: str) -> list[str]:
 
 def _histories(files: Sequence[Member], budget: Budget, most: int, *, zipped: bool) -> Histories:
     """Read the binout of a run; where it has no nodes, its nodout."""
-    shards = sorted((file for file in files if _BINOUT.fullmatch(file.path.name)), key=lambda file: file.where)
-    text = [file for file in files if _NODOUT.fullmatch(file.path.name)]
+    shards = sorted(_named(files, "binout"), key=lambda file: file.where)
+    text = _named(files, "nodout")
     found = Histories("", (), 0)
     if shards:
         with ExitStack() as opened:
@@ -141,6 +135,10 @@ def _histories(files: Sequence[Member], budget: Budget, most: int, *, zipped: bo
     return found
 
 
+def _named(files: Sequence[Member], beginning: str) -> list[Member]:
+    return [file for file in files if file.path.name.lower().startswith(beginning)]
+
+
 def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
     content = BytesIO()
     for chunk in file.chunks(budget):
@@ -154,10 +152,10 @@ def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
 def _record(run_id: str, source: str, run: Histories) -> Record:
     nodes = [node for node in run.nodes if node.name.isdecimal()] or list(run.nodes)
     proposed, why = _proposed(nodes)
-    per_second, unit, units_told = _units(proposed, source)
+    per_second, unit, units_told = units_of(proposed, source)
     speed = float(np.median([abs(node.velocity[0]) for node in proposed])) * ACCELERATION_UNITS[unit or "m/s²"]
     speed *= 1.0 if per_second == 1 else MS  # a velocity is the acceleration's unit times the unit of time
-    mass = None if unit is None else _mass_kg(run.kinetic_energy, proposed)
+    mass = None if unit is None else mass_kg(run.kinetic_energy, proposed)
     aliased = [node.name for node in run.nodes if _is_aliased(node)]
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units_told, why]
     if aliased and {node.name for node in proposed} & set(aliased):
@@ -217,34 +215,6 @@ def _is_aliased(node: History) -> bool:
         return False
     error = np.abs(_integral(node.acceleration, node.time) - change).max()
     return bool(error > _ALIASED * np.abs(node.velocity).max()) and bool((np.diff(node.time) > 0).all())
-
-
-def _units(nodes: Sequence[History], source: str) -> tuple[float, str | None, str]:
-    """Tell the units: of time in s, the acceleration's, and a sentence."""
-    end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
-    if not 0 < end <= _LONGEST_MS:
-        expected = "a crash in seconds or milliseconds"
-        raise DataError(Problem(source, expected, f"a run that ends at {end:g}", "choose a run in mm, ms, kg or SI"))
-    seconds = end <= _LONGEST_S
-    lasts = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
-    if not seconds:
-        return MS, "mm/ms²", f"Units mm and ms: {lasts}."
-    if not fastest > 0:  # at rest or without velocities
-        return 1.0, None, f"Unit of length unknown: the run ends at {end:.4g} s, and its velocities do not tell."
-    if fastest <= _FASTEST_MPS:
-        return 1.0, "m/s²", f"SI units: {lasts}."
-    if fastest < _SLOWEST_MMPS:
-        return 1.0, None, f"Unit of length unknown: {lasts}, too fast for m and too slow for mm."
-    return 1.0, "mm/s²", f"Units mm and s: {lasts}."
-
-
-def _mass_kg(energy: float | None, nodes: Sequence[History]) -> float | None:
-    """Mass that has the kinetic energy at the nodes' speed; a vehicle's is told from t, kg and g by its size."""
-    speed = float(np.median([abs(node.velocity[0]) for node in nodes]))
-    if energy is None or not energy > 0 or not speed > 0:
-        return None
-    mass = 2 * energy / speed**2
-    return next((mass * unit for unit in (1.0, 1e3, 1e-3) if 300 <= mass * unit <= 60_000), None)
 
 
 def _channel(node: History, per_second: float, unit: str | None, *, derived: bool) -> RecordedChannel:

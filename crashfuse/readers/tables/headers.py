@@ -8,16 +8,7 @@ from typing import Literal
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 
 ColumnRole = Literal[
-    "id",
-    "time",
-    "acceleration",
-    "speed",
-    "mass",
-    "front_weight",
-    "rear_weight",
-    "front_share",
-    "factor",
-    "ignored",
+    "id", "time", "acceleration", "speed", "mass", "front_weight", "rear_weight", "front_share", "factor", "ignored"
 ]
 """What a column can be."""
 

@@ -10,8 +10,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from crashfuse.errors import UsageError
-from crashfuse.files.archive import shown
+from crashfuse.errors import UsageError, printable
 from crashfuse.readers.tables.headers import ColumnRole, ColumnUse, filter_order, place_of, use_of, why_no_acceleration
 from crashfuse.readers.tables.sheet import SAMPLE, Sheet
 from crashfuse.readers.unit_spelling import UNITS, unit_named
@@ -59,7 +58,7 @@ class Mapping:
             If there is no such column, role, or unit.
         """
         if column not in [use.column for use in self.uses]:
-            have = ", ".join(shown(use.column, 40) for use in self.uses[:20])
+            have = ", ".join(printable(use.column, 40) for use in self.uses[:20])
             raise UsageError(f"There is no column {column!r}; there are {have}.")
         if role not in get_args(ColumnRole):
             raise UsageError(f"A column can be {', '.join(get_args(ColumnRole))}, not {role!r}.")

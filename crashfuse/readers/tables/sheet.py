@@ -11,8 +11,8 @@ from itertools import zip_longest
 import numpy as np
 import pandas as pd
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import Limits, shown
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Limits
 from crashfuse.readers.unit_spelling import unit_named
 from crashfuse.signals.pulse import FloatArray
 
@@ -88,8 +88,8 @@ class Sheet:
         )
         if wrong.size:
             row = int(wrong[0])
-            found, advice = repr(shown(cells.iloc[row], 40)), "correct the cell, or map the column otherwise"
-            raise DataError(Problem(self.name, "a number", found, advice, shown(column), row + self.first_row))
+            found, advice = repr(printable(cells.iloc[row], 40)), "correct the cell, or map the column otherwise"
+            raise DataError(Problem(self.name, "a number", found, advice, printable(column), row + self.first_row))
         return numbers
 
 
@@ -106,7 +106,7 @@ class Header:
     def told(self) -> str:
         """What was taken for the header, for the user."""
         row_of_units = ", a row of units" if any(self.units) else ""
-        names = ", ".join(shown(name, 40) for name in self.columns[:12]) + (" …" if len(self.columns) > 12 else "")
+        names = ", ".join(printable(name, 40) for name in self.columns[:12]) + (" …" if len(self.columns) > 12 else "")
         return f"Data from row {self.begin + 1}{row_of_units}, columns: {names}."
 
 

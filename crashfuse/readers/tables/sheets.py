@@ -19,8 +19,6 @@ from crashfuse.readers.tables.sheet import SAMPLE, SHEET_LIMITS, Sheet, header_o
 from crashfuse.readers.tables.side_by_side import parted
 from crashfuse.readers.tables.workbook import read_workbook
 
-TEXT_ENDINGS = (".csv", ".tsv", ".txt", ".asc", ".dat")
-EXCEL_ENDINGS = (".xlsx", ".xlsm")
 _MOST_CELLS, _LONGEST_LINE = 20_000_000, 1 << 18
 _AGAIN = "export it again as CSV"
 _DIALECTS = (
@@ -49,7 +47,7 @@ def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
     if path.stat().st_size > limits.member_bytes:
         expected, found = f"at most {limits.member_bytes >> 20} MiB a table", f"{path.stat().st_size >> 20} MiB"
         raise DataError(Problem(path.name, expected, found, "export a shorter record"))
-    if path.suffix.lower() in EXCEL_ENDINGS:
+    if path.suffix.lower() in (".xlsx", ".xlsm"):
         return tuple(part for sheet in read_workbook(path, limits) for part in parted(sheet))
     if path.suffix.lower() == ".xls":
         raise DataError(Problem(path.name, "a workbook of Excel 2007 or later", "an .xls file", "save it as .xlsx"))

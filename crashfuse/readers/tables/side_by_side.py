@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from crashfuse.files.archive import shown
+from crashfuse.errors import printable
 from crashfuse.readers.tables.headers import bare_name, names_a_test
 from crashfuse.readers.tables.mapping import Mapping, propose
 from crashfuse.readers.tables.sheet import Sheet
@@ -40,12 +40,11 @@ def _named(mapping: Mapping, block: Sequence[int]) -> str:
 
 def _part(sheet: Sheet, block: Sequence[int], name: str, part_of: str) -> Sheet:
     columns = tuple(sheet.columns[number] for number in block)
-    told = (
-        f"One of several times side by side, with the columns right of it: {', '.join(shown(c, 40) for c in columns)}."
-    )
+    names = ", ".join(printable(column, 40) for column in columns)
+    told = f"One of several times side by side, with the columns right of it: {names}."
     return replace(
         sheet,
-        name=f"{sheet.name}: {shown(name, 60)}",
+        name=f"{sheet.name}: {printable(name, 60)}",
         columns=columns,
         units=tuple(sheet.units[number] for number in block),
         cells=sheet.cells.iloc[:, list(block)],

@@ -2,14 +2,13 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import shown
+from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.tables.headers import bare_name, cutoff_of
 from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole, ColumnUse, Mapping
@@ -46,14 +45,9 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
         records without ids.
     """
     times, accelerations, ids = mapping.of("time"), mapping.of("acceleration"), mapping.of("id")
-    for role, found, fine in (
-        ("time", times, len(times) == 1),
-        ("acceleration", accelerations, bool(accelerations)),
-        ("id", ids, len(ids) <= 1),
-    ):
-        if not fine:
-            have = ", ".join(shown(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
-            raise DataError(Problem(sheet.name, f"one column that is the {role}", have, "map the columns"))
+    wanted: dict[ColumnRole, bool] = {"time": len(times) == 1, "acceleration": bool(accelerations), "id": len(ids) <= 1}
+    if not all(wanted.values()):
+        raise DataError([_one_column(sheet, role, mapping.of(role)) for role, fine in wanted.items() if not fine])
     time, told = _seconds(sheet, times[0])
     values = {use.column: _decimal(sheet, use.column) for use in accelerations}
 
@@ -89,16 +83,23 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     """
     ids = mapping.of("id")
     if len(ids) != 1:
-        found = ", ".join(use.column for use in ids) or f"none in {', '.join(sheet.columns[:12])}"
-        raise DataError(Problem(sheet.name, "one column that is the id", found, "map the columns"))
+        raise DataError(_one_column(sheet, "id", ids))
     names = sheet.text(ids[0].column)
     name, times = Counter(filter(None, names)).most_common(1)[0] if any(names) else ("", 0)
     if times != 1:
-        found = f"{shown(name, 40)!r} {times} times" if times else "none"
+        found = f"{printable(name, 40)!r} {times} times" if times else "none"
         raise DataError(Problem(sheet.name, "each id once", found, "correct the ids", ids[0].column))
     roles: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
-    values = {role: _quantity(sheet, mapping, role) for role in roles}
-    share = _quantity(sheet, mapping, "front_share")
+    values: dict[ColumnRole, FloatArray | None] = {}
+    problems: list[Problem] = []
+    for role in (*roles, "front_share"):
+        try:
+            values[role] = _quantity(sheet, mapping, role)
+        except DataError as error:
+            problems += error.problems
+    if problems:
+        raise DataError(problems)
+    share = values.pop("front_share")
     factors = [(use.column, sheet.text(use.column)) for use in mapping.of("factor")]
     conditions = {}
     for row, name in enumerate(names):
@@ -118,6 +119,11 @@ def told_of(mapping: Mapping) -> tuple[str, ...]:
     return tuple(_told(use) for use in mapping.uses if use.role in ("id", *QUANTITIES))
 
 
+def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> Problem:
+    have = ", ".join(printable(use.column, 40) for use in found) or f"none in {', '.join(sheet.columns[:12])}"
+    return Problem(sheet.name, f"one column that is the {role}", have, "map the columns (--column COLUMN=ROLE:UNIT)")
+
+
 def _decimal(sheet: Sheet, column: str) -> FloatArray:
     """Numbers whose decimal sign is one: ``-441.234`` among ``119`` and never ``-44.1`` means −441 234."""
     numbers = sheet.numbers(column)
@@ -129,7 +135,7 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
         if all(map(grouped.fullmatch, cells)):
             found = f"numbers such as {next(cell for cell in cells if sheet.decimal in cell)} among whole ones"
             advice = "these are thousands separators; export without them"
-            raise DataError(Problem(sheet.name, "a decimal sign that is one", found, advice, shown(column)))
+            raise DataError(Problem(sheet.name, "a decimal sign that is one", found, advice, printable(column)))
     return numbers
 
 
@@ -138,10 +144,10 @@ def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> 
     back = np.flatnonzero(np.diff(time[rows]) < 0)
     if back.size:
         before, after = (sheet.text(use.column)[row] for row in rows[back[0] : back[0] + 2].tolist())
-        expected, found = "time that increases from row to row", f"{shown(after, 20)} after {shown(before, 20)}"
-        advice = "map the column of ids (COLUMN=id) if the rows are of several records, else sort them by time"
+        expected, found = "time that increases from row to row", f"{printable(after, 20)} after {printable(before, 20)}"
+        advice = "map the column of ids (--column COLUMN=id) if the rows are of several records, else sort them by time"
         row = int(rows[back[0] + 1]) + sheet.first_row
-        raise DataError(Problem(sheet.name, expected, found, advice, shown(use.column), row))
+        raise DataError(Problem(sheet.name, expected, found, advice, printable(use.column), row))
 
 
 def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]:
@@ -158,8 +164,8 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
     if not uses:
         return None
     if len(uses) > 1:
-        found = " and ".join(shown(use.column, 40) for use in uses)
-        advice = "say which one it is by mapping the others (COLUMN=factor)"
+        found = " and ".join(printable(use.column, 40) for use in uses)
+        advice = "say which one it is by mapping the others (--column COLUMN=factor)"
         raise DataError(Problem(sheet.name, f"one column that is the {role}", found, advice))
     use, quantity = uses[0], QUANTITIES[role]
     values = sheet.numbers(use.column)
@@ -168,7 +174,7 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
     if use.unit is not None:
         return values * UNITS[quantity][use.unit]
     expected = f"a unit in the header ({', '.join(UNITS[quantity])})"
-    raise DataError(Problem(sheet.name, expected, "none", "name the unit in the mapping", use.column))
+    raise DataError(Problem(sheet.name, expected, "none", "give its unit (--column COLUMN=ROLE:UNIT)", use.column))
 
 
 def _groups(names: list[str], rows: Rows) -> Iterator[tuple[str, Rows]]:
@@ -188,4 +194,4 @@ def _as_id(name: str) -> str:
 
 def _told(use: ColumnUse) -> str:
     unit = f" in {use.unit}" if use.unit else ""
-    return f"Column {shown(use.column, 60)} is the {use.role.replace('_', ' ')}{unit}: {use.why}."
+    return f"Column {printable(use.column, 60)} is the {use.role.replace('_', ' ')}{unit}: {use.why}."

@@ -7,8 +7,8 @@ from zipfile import BadZipFile
 
 import pandas as pd
 
-from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import Budget, Limits, shown, zip_members
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.archive import Budget, Limits, zip_members
 from crashfuse.readers.tables.sheet import SAMPLE, Sheet, header_of, is_number, sheet_of
 
 _MOST_CELLS = 500_000
@@ -38,9 +38,9 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
         book = load_workbook(path, read_only=True, data_only=True)
         try:
             shown_sheets = [sheet for sheet in book.worksheets if sheet.sheet_state == "visible"]
-            hidden = [shown(sheet.title, 40) for sheet in book.worksheets if sheet not in shown_sheets]
+            hidden = [printable(sheet.title, 40) for sheet in book.worksheets if sheet not in shown_sheets]
             for sheet in shown_sheets:
-                name = path.name if len(book.worksheets) == 1 else f"{path.name}: {shown(sheet.title)}"
+                name = path.name if len(book.worksheets) == 1 else f"{path.name}: {printable(sheet.title)}"
                 rows = [
                     [_shown_cell(cell) for cell in row] for row in _bounded(sheet.iter_rows(values_only=True), name)
                 ]
@@ -52,7 +52,7 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
         finally:
             book.close()
     except (BadZipFile, KeyError, ValueError, TypeError, AttributeError, IndexError, SyntaxError, OSError) as error:
-        reason = shown(" ".join(str(error).split())) or type(error).__name__
+        reason = printable(" ".join(str(error).split())) or type(error).__name__
         raise DataError(Problem(path.name, "a sound workbook", reason, "save it again as .xlsx or CSV")) from None
     if not found:
         none = f"hidden ones alone ({', '.join(hidden)})" if hidden and not problems else "none"

@@ -42,7 +42,7 @@ def imported_pulse(
     scale = accel_scale(unit, deceleration)
     factor, zero_s = 1.0, 0.0
     if settled is not None:
-        factor = ACCELERATION_UNITS[settled.unit] * (1 if settled.braking == "negative" else -1) * scale
+        factor = ACCELERATION_UNITS[settled.unit] * (1 if settled.deceleration_sign == "negative" else -1) * scale
         zero_s = settled.time_zero_s
     for number, channel in enumerate(channels[:_MOST_CHANNELS]):
         time = channel.time_s - zero_s

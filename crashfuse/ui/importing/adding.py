@@ -7,10 +7,10 @@ from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.campaign_folder.condition_tables import read_conditions
+from crashfuse.campaign_folder.condition_tables import Role, read_conditions
+from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem
-from crashfuse.importing import Choices, Role, Settled, add_settled, own_filter_class
-from crashfuse.importing.draft import Reading
+from crashfuse.importing import Choices, Reading, Settled, add_settled
 from crashfuse.ui import campaigns, frame
 from crashfuse.ui.importing.session import NEXT_ROLE, REFUSED, UNFINISHED, Source, leave, settled_of
 from crashfuse.ui.problems import show_problems
@@ -23,13 +23,7 @@ _FACTOR_PX = 260
 _adding = threading.Lock()
 
 
-def show_door(
-    source: Source,
-    reading: Reading,
-    choices: Choices,
-    role: Role,
-    settled: Sequence[Settled],
-) -> None:
+def show_add_form(source: Source, reading: Reading, choices: Choices, role: Role, settled: Sequence[Settled]) -> None:
     """Where to, and the button."""
     st.subheader("Add to a campaign")
     if refused := st.session_state.get(REFUSED):
@@ -172,7 +166,7 @@ def _turn_to(folder: Path, sentence: str) -> None:
 
 def _open_folder() -> Path | None:
     """The folder of the open campaign, if it is one that can be added to."""
-    folder = campaigns.shelf().get(st.session_state.get("campaign") or "")
+    folder = campaigns.open_campaigns().get(st.session_state.get("campaign") or "")
     return None if folder is None or is_scratch(folder) or campaigns.is_sample(folder) else folder
 
 

@@ -6,11 +6,12 @@ from pathlib import Path
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
 
+from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import DataError, UsageError
-from crashfuse.importing import Choices, ColumnChoice, Role, Settled, settle
-from crashfuse.importing.draft import Reading
+from crashfuse.importing import Choices, ColumnChoice, Reading, Settled, settle
 from crashfuse.importing.sources import tables_of
 from crashfuse.importing.table_forms import TableForm
+from crashfuse.readers.formats import TABLES
 from crashfuse.readers.record import ACCELERATION_UNITS, Record
 from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole
 from crashfuse.readers.unit_spelling import UNITS
@@ -36,13 +37,13 @@ _CLASSES: dict[str, float | str] = {
     **{f"CFC {cfc}": float(cfc) for cfc in (60, 180, 600, 1000)},
     "Not filtered": "none",
 }
-_BRAKING = {"Braking negative": "negative", "Braking positive": "positive"}
+_SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positive"}
 
 
 def reading_of(source: Source) -> Reading:
     """Ask how a source is to be read: of tables what their columns are, else which table has the conditions."""
     forms = forms_of(source)
-    if source.fmt == "csv":
+    if source.fmt == TABLES:
         columns = tuple(choice for form in forms[:_MOST_FORMS] for choice in _columns(form, source.key))
         if len(forms) > _MOST_FORMS:
             st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read as their headers say.")
@@ -165,7 +166,8 @@ def choices_of(
     found = _found(first, Choices(channels=channels, condition=condition, front_share=share), role)
     left, right = st.columns(2)
     unit = _field(left, "Unit", list(ACCELERATION_UNITS), found.unit if found else None, source)
-    braking = _field(right, "Sign", list(_BRAKING), f"Braking {found.braking}" if found else None, source)
+    detected_sign = f"Deceleration {found.deceleration_sign}" if found else None
+    sign = _field(right, "Sign", list(_SIGNS), detected_sign, source)
     left, right = st.columns(2)
     zero_ms = left.number_input(
         "Time zero (ms)",
@@ -188,7 +190,7 @@ def choices_of(
     choices = Choices(
         channels,
         unit,
-        _BRAKING.get(braking or ""),  # type: ignore[arg-type]
+        _SIGNS.get(sign or ""),  # type: ignore[arg-type]
         None if zero_ms is None else zero_ms * MS,
         cfc,  # type: ignore[arg-type]
         condition,

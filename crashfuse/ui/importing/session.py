@@ -9,11 +9,12 @@ from typing import Any
 
 import streamlit as st
 
+from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import DataError, Problem
-from crashfuse.importing import Choices, Format, Role, Settled, format_of
-from crashfuse.importing.draft import Reading, read_each, settle_each
+from crashfuse.importing import Choices, Reading, Settled, format_of, read_each, settle_each
 from crashfuse.importing.sources import tables_of
 from crashfuse.importing.table_forms import TableForm, table_forms
+from crashfuse.readers.formats import TABLES
 from crashfuse.readers.record import Record
 
 _SOURCE = "import"  # in the session, as the next two
@@ -29,7 +30,8 @@ class Source:
     Parameters
     ----------
     path : Path
-    fmt : Format
+    fmt : str
+        A key of :data:`crashfuse.readers.formats.FORMATS`.
     key : str
         Of this import: begins the keys of its widgets.
     scratch : Path, optional
@@ -37,7 +39,7 @@ class Source:
     """
 
     path: Path
-    fmt: Format
+    fmt: str
     key: str
     scratch: Path | None = None
 
@@ -59,7 +61,7 @@ def source_at(path: Path, scratch: Path | None = None) -> Source:
         advice = "name the folder of the tests or runs itself, or use crashfuse import"
         raise DataError(Problem(str(path), f"at most {_MOST_FILES} files", "more", advice))
     fmt = format_of(path)
-    if fmt == "csv" and path.suffix.lower() == ".zip":  # its tables' columns are asked for one by one
+    if fmt == TABLES and path.suffix.lower() == ".zip":  # its tables' columns are asked for one by one
         advice = "upload it, or unpack it and name its folder"
         raise DataError(Problem(path.name, "a file or folder to import", "tables in a zip", advice))
     return Source(path, fmt, uuid.uuid4().hex, scratch)
@@ -125,5 +127,6 @@ def settled_of(
 ) -> tuple[tuple[Settled, ...], tuple[Problem, ...]]:
     """What comes of the records of a source, as :func:`settle_each` has it."""
     records, problems = records_of(source, reading)
-    settled, refused = settle_each(records, choices, role=role, raw=raw)
+    refused: list[Problem] = []
+    settled = settle_each(records, refused, choices, role=role, raw=raw, tolerant=True)
     return settled, (*problems, *refused)

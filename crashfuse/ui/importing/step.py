@@ -1,34 +1,28 @@
 """The step between foreign files and a campaign: what was recognised, what comes of it, and adding it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import streamlit as st
 
+from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import Problem
-from crashfuse.importing import Choices, Role, Settled
+from crashfuse.importing import Choices, Settled
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.reporting.plots.canvas import Unit
 from crashfuse.reporting.plots.imports import imported_pulse
 from crashfuse.signals.pulse import kinematics
 from crashfuse.ui import evidence, frame
-from crashfuse.ui.importing.adding import WHAT, counted, own_class, show_door
+from crashfuse.ui.importing.adding import WHAT, counted, own_class, show_add_form
 from crashfuse.ui.importing.condition import Units
 from crashfuse.ui.importing.fields import choices_of, reading_of
 from crashfuse.ui.importing.session import NEXT_ROLE, UNFINISHED, Source, leave, records_of, settled_of
-from crashfuse.ui.problems import show_problems
+from crashfuse.ui.problems import advice_on_page, show_problems
 from crashfuse.ui.text import plain
 from crashfuse.units import MS, G
 
-_FORMATS = {
-    "csv": "tables",
-    "nhtsa": "NHTSA vehicle crash test",
-    "isomme": "ISO-MME",
-    "lsdyna": "LS-DYNA",
-    "tdms": "TDMS",
-}
 _MOST_ROWS = 100
 _KEY = "import-step"
 # fields and figure stand side by side only where both have room; Streamlit looks at the window, not at what is left
@@ -37,7 +31,6 @@ _STACKED = f"""<style>
     min-width: min(100%, 23rem);
 }}
 </style>"""
-_COMMAND_LINE = " (COLUMN=ROLE:UNIT)"  # how columns are mapped there; here they are chosen
 
 
 def show_unfinished() -> None:
@@ -58,7 +51,7 @@ def show(source: Source, view: frame.View | None) -> None:
 
 def _show_step(source: Source, view: frame.View | None) -> None:
     st.title("Import files" if source.several else f"Import {plain(source.path.name)}")
-    st.caption(f"Recognised: {_FORMATS[source.fmt]}. Nothing is added before you say so.")
+    st.caption(f"Recognised: {FORMATS[source.fmt].label}. Nothing is added before you say so.")
     st.button("Back without importing", icon=":material/arrow_back:", on_click=leave)
     left, right = st.columns([2, 3], gap="large")
     with left:
@@ -68,7 +61,6 @@ def _show_step(source: Source, view: frame.View | None) -> None:
     with right:
         first = _looked_at(source, records)
     if first is None:
-        unread = tuple(replace(one, advice=one.advice.removesuffix(_COMMAND_LINE)) for one in unread)
         show_problems(unread, "Nothing of it can be read", "Correct the fields or the files.")
         return
     with left:
@@ -89,14 +81,14 @@ def _show_step(source: Source, view: frame.View | None) -> None:
         elif problems:
             can = f"{counted(len(settled), role)} can be added without." if settled else ""
             show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
-    show_door(source, reading, choices, role, settled)
+    show_add_form(source, reading, choices, role, settled)
 
 
 def _role(source: Source) -> Role:
     role: Role = st.segmented_control(
         "Take it as",
         list(WHAT),
-        default="cae" if source.fmt == "lsdyna" else st.session_state.get(NEXT_ROLE, "tests"),
+        default=st.session_state.get(NEXT_ROLE) or FORMATS[source.fmt].role,
         required=True,
         format_func={"tests": "Tests", "cae": "CAE runs"}.__getitem__,
         key=f"{source.key} role",
@@ -159,6 +151,7 @@ def _table(settled: Sequence[Settled], units: Units) -> None:
 
 
 def _need(problem: Problem) -> str:
-    lacks = problem.found == "none"
-    told = problem.advice if lacks else f"{problem.advice}: expected {problem.expected}, found {problem.found}"
-    return plain(f"{told[:1].upper()}{told[1:]}.")
+    told = advice_on_page(problem)
+    return plain(
+        f"{told}." if problem.found == "none" else f"{told}: expected {problem.expected}, found {problem.found}."
+    )

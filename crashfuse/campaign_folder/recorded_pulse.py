@@ -11,13 +11,16 @@ from crashfuse.errors import Problem
 from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.units import MS
 
-_SLOWEST_S = 1e-3
-_SHORTEST_S = 60e-3  # the longest rated window by default
-_UNEVEN = 0.02  # of a step: what rounding the times to five digits can do
+UNEVEN = 0.02
+"""Of a step: what rounding the times to a few digits can do."""
+SLOWEST_S = 1e-3 * (1 + UNEVEN)
+"""Longest time step of a record."""
+SHORTEST_S = 60e-3
+"""Shortest record from contact: the longest rated window by default."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Signal:
+class RecordedPulse:
     """Samples of a record as they stand in a file.
 
     Attributes
@@ -31,21 +34,21 @@ class Signal:
     accel_mps2: FloatArray
     rows: npt.NDArray[np.integer[Any]]
 
-    def __getitem__(self, part: slice) -> "Signal":
-        return Signal(self.time_s[part], self.accel_mps2[part], self.rows[part])
+    def __getitem__(self, part: slice) -> "RecordedPulse":
+        return RecordedPulse(self.time_s[part], self.accel_mps2[part], self.rows[part])
 
 
-def joined(parts: Sequence[Signal]) -> Signal:
+def joined(parts: Sequence[RecordedPulse]) -> RecordedPulse:
     """Put the parts of a record one after the other."""
     if len(parts) == 1:
         return parts[0]
     columns = ([getattr(part, name) for part in parts] for name in ("time_s", "accel_mps2", "rows"))
-    return Signal(*map(np.concatenate, columns))
+    return RecordedPulse(*map(np.concatenate, columns))
 
 
-def time_trouble(signal: Signal, where: str) -> Problem | None:
+def time_trouble(record: RecordedPulse, where: str) -> Problem | None:
     """Say what makes the time of a record unfit, if anything."""
-    time, rows = signal.time_s, signal.rows
+    time, rows = record.time_s, record.rows
     if time.size < 2:
         return Problem(where, "at least two samples", f"{time.size}", "export the whole record", "time")
     steps = np.diff(time)
@@ -56,11 +59,11 @@ def time_trouble(signal: Signal, where: str) -> Problem | None:
         return Problem(where, expected, found, advice, "time", int(rows[at + 1]))
     step = np.median(steps)
     off = np.abs(steps - step)
-    if off.max() > _UNEVEN * step:
+    if off.max() > UNEVEN * step:
         at = int(off.argmax())
         found = f"a step of {steps[at] / MS:.4g} ms among steps of {step / MS:.4g} ms"
         return Problem(where, "evenly sampled time", found, "resample the record", "time", int(rows[at + 1]))
-    if step > _SLOWEST_S * (1 + _UNEVEN):
+    if step > SLOWEST_S:
         found = f"{1 / step:.0f} Hz"
         return Problem(where, "at least 1000 samples a second", found, "export at a higher rate", "time")
     return None
@@ -74,7 +77,7 @@ def ends_early(time_s: FloatArray) -> bool:
 def cover_trouble(time_s: FloatArray, where: str) -> Problem | None:
     """Say what part of the study grid a record misses, if too much."""
     step = time_s[1] - time_s[0]
-    if time_s[0] <= step and time_s[-1] >= _SHORTEST_S - step:
+    if time_s[0] <= step and time_s[-1] >= SHORTEST_S - step:
         return None
     found = f"{time_s[0] / MS:.4g} to {time_s[-1] / MS:.4g} ms"
     advice = "export the whole record, with time zero at first contact"

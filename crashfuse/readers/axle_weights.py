@@ -8,7 +8,7 @@ _UNEQUAL = 0.01  # of the mass: what rounding and a scale can do
 
 
 @dataclass(frozen=True, slots=True)
-class Weights:
+class AxleWeights:
     """What one source, a file or a user, says of a vehicle's weights; None where it says nothing.
 
     Parameters
@@ -28,7 +28,7 @@ class Weights:
         """How many of the four it says."""
         return sum(value is not None for value in (self.mass_kg, self.front_kg, self.rear_kg, self.front_share))
 
-    def overruled(self, by: "Weights") -> "Weights":
+    def overruled(self, by: "AxleWeights") -> "AxleWeights":
         """Put what another says in the place of what is said here, so that nothing contradicts it.
 
         Two weights tell everything. A mass alone keeps the share of the front axle, a share the mass, and the weight of
@@ -42,12 +42,14 @@ class Weights:
         whole = None if front is None or rear is None else front + rear
         if by.mass_kg is not None:
             if front is not None and whole:
-                return Weights(by.mass_kg, front_share=front / whole)
-            return Weights(by.mass_kg, front, rear, self.front_share)
+                return AxleWeights(by.mass_kg, front_share=front / whole)
+            return AxleWeights(by.mass_kg, front, rear, self.front_share)
         if by.front_share is not None:
-            return Weights(self.mass_kg if whole is None else whole, front_share=by.front_share)
-        pair = Weights(None, front if by.front_kg is None else by.front_kg, rear if by.rear_kg is None else by.rear_kg)
-        return pair if pair.told > 1 else Weights(self.mass_kg, by.front_kg, by.rear_kg, self.front_share)
+            return AxleWeights(self.mass_kg if whole is None else whole, front_share=by.front_share)
+        pair = AxleWeights(
+            None, front if by.front_kg is None else by.front_kg, rear if by.rear_kg is None else by.rear_kg
+        )
+        return pair if pair.told > 1 else AxleWeights(self.mass_kg, by.front_kg, by.rear_kg, self.front_share)
 
     def axles(self) -> tuple[float | None, float | None]:
         """Front and rear weight in kg, as far as they follow."""

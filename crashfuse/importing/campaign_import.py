@@ -1,0 +1,153 @@
+"""Foreign files into a campaign: read, settle, add."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from crashfuse.campaign_folder.additions import Addition, add_to_campaign
+from crashfuse.campaign_folder.condition_tables import Role
+from crashfuse.campaign_folder.settings import own_filter_class
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.files.archive import refuse
+from crashfuse.importing.choices import Choices
+from crashfuse.importing.joined_tables import ColumnChoice
+from crashfuse.importing.settle import Settled, settle
+from crashfuse.importing.sources import Reading, each_record
+from crashfuse.readers.record import Record
+from crashfuse.units import MS
+
+
+def import_source(
+    source: Path,
+    out: Path,
+    choices: Choices = Choices(),
+    *,
+    role: Role = "tests",
+    fmt: str | None = None,
+    record_id: str | None = None,
+    columns: Sequence[ColumnChoice] = (),
+    conditions: Path | None = None,
+) -> tuple[Settled, ...]:
+    """Add everything in a source to a campaign, or begin one with it: all of it or, if anything is wrong, nothing.
+
+    Parameters
+    ----------
+    source : Path
+        A file, a folder of one test or of several, or a zip.
+    out : Path
+        The campaign folder. If its ``campaign.toml`` sets ``channel_filter_class``, records go in raw and whole, to be
+        filtered with the others when the campaign is read; else they are filtered here.
+    choices : Choices
+        What is not to be left to be detected; it holds for every record of the source.
+    role : {"tests", "cae"}
+    fmt : str, optional
+        A key of :data:`crashfuse.readers.formats.FORMATS`; by default what the names in the source say.
+    record_id : str, optional
+        Id for the one record in the source; columns of a table are then channels of one record.
+    columns, conditions
+        See :class:`crashfuse.importing.sources.Reading`.
+
+    Returns
+    -------
+    tuple of Settled
+        What was added, each with the steps that led to it; ``campaign.toml`` tells them, too.
+
+    Raises
+    ------
+    DataError
+        With every problem of every record; the campaign is as it was.
+    UsageError
+        If a choice does not exist.
+    """
+    own = own_filter_class(out)
+    if own is not None and choices.channel_filter_class not in (None, own):
+        raise UsageError(f"The campaign filters every record with CFC {own:g}; remove --channel-filter-class.")
+    together = record_id is not None or bool(choices.channels)
+    problems: list[Problem] = []
+    records = each_record(Reading(source, fmt, tuple(columns), together, conditions, record_id), problems)
+    settled = settle_each(records, problems, choices, role=role, raw=own is not None)
+    refuse(problems, source.name)
+    add_settled(out, settled, role=role)
+    return settled
+
+
+def settle_each(
+    records: Iterable[Record],
+    problems: list[Problem],
+    choices: Choices = Choices(),
+    *,
+    role: Role = "tests",
+    raw: bool = False,
+    tolerant: bool = False,
+) -> tuple[Settled, ...]:
+    """Settle every record that can be settled; what is wrong with the others is appended to ``problems``.
+
+    Parameters
+    ----------
+    records : iterable of Record
+    problems : list of Problem
+    choices, role, raw
+        See :func:`crashfuse.importing.settle`.
+    tolerant : bool
+        Take a choice that does not exist for a problem of the record, as choices that fit one may not fit another.
+
+    Raises
+    ------
+    UsageError
+        If a choice does not exist, unless tolerant.
+    """
+    settled: list[Settled] = []
+    for record in records:
+        try:
+            settled.append(settle(record, choices, role=role, raw=raw))
+        except DataError as error:
+            problems += [_named(record, problem) for problem in error.problems]
+        except UsageError as error:
+            if not tolerant:
+                raise
+            problems.append(Problem(record.source, f"choices that fit {record.id}", str(error), "choose otherwise"))
+    return tuple(settled)
+
+
+def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") -> None:
+    """Add settled records to a campaign, or begin one with them: all of them or, if anything is wrong, none.
+
+    Parameters
+    ----------
+    out : Path
+        The campaign folder; for one that filters its records itself (:func:`own_filter_class`) they are settled raw.
+    settled : sequence of Settled
+    role : {"tests", "cae"}
+
+    Raises
+    ------
+    DataError
+        If an id is there already or cannot name a file; the campaign is as it was.
+    OSError
+        If it cannot be written.
+    """
+    additions = [Addition(one.id, one.condition, one.pulse, _told(one)) for one in settled]
+    with Cache().alone("campaign", {"folder": str(out.resolve())}):  # of two that add to its table, one comes second
+        add_to_campaign(out, role, additions)
+
+
+def _named(record: Record, problem: Problem) -> Problem:
+    """The problem with its record named: many records may have one source."""
+    told = re.search(rf"(?<!\w){re.escape(record.id)}(?!\w)", f"{problem.where} {problem.expected}")
+    return problem if told else replace(problem, where=f"{problem.where}, {record.id}")
+
+
+def _told(settled: Settled) -> dict[str, str | float | Sequence[str]]:
+    """What campaign.toml says of a record."""
+    cfc = settled.channel_filter_class
+    return {
+        "source": settled.source,
+        "channels": settled.channels,
+        "unit": settled.unit,
+        "deceleration_sign": settled.deceleration_sign,
+        "time_zero_ms": settled.time_zero_s / MS,
+        "channel_filter_class": "none" if cfc is None else cfc,
+        "steps": settled.steps,
+    }

@@ -1,0 +1,43 @@
+"""In which units a run is: LS-DYNA knows none, so they are told from how long it lasts and how fast it moves.
+
+Crash models are built in mm, s, t; in mm, ms, kg; or in m, s, kg.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.readers.lsdyna.histories import History
+from crashfuse.units import MS
+
+_LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # ends of runs in either unit
+_FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # between them could be inch or cm
+
+
+def units_of(nodes: Sequence[History], source: str) -> tuple[float, str | None, str]:
+    """Tell the units: of time in s, the acceleration's, and a sentence."""
+    end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
+    if not 0 < end <= _LONGEST_MS:
+        expected = "a crash in seconds or milliseconds"
+        raise DataError(Problem(source, expected, f"a run that ends at {end:g}", "choose a run in mm, ms, kg or SI"))
+    seconds = end <= _LONGEST_S
+    lasts = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
+    if not seconds:
+        return MS, "mm/ms²", f"Units mm and ms: {lasts}."
+    if not fastest > 0:  # at rest or without velocities
+        return 1.0, None, f"Unit of length unknown: the run ends at {end:.4g} s, and its velocities do not tell."
+    if fastest <= _FASTEST_MPS:
+        return 1.0, "m/s²", f"SI units: {lasts}."
+    if fastest < _SLOWEST_MMPS:
+        return 1.0, None, f"Unit of length unknown: {lasts}, too fast for m and too slow for mm."
+    return 1.0, "mm/s²", f"Units mm and s: {lasts}."
+
+
+def mass_kg(energy: float | None, nodes: Sequence[History]) -> float | None:
+    """Mass that has the kinetic energy at the nodes' speed; a vehicle's is told from t, kg and g by its size."""
+    speed = float(np.median([abs(node.velocity[0]) for node in nodes]))
+    if energy is None or not energy > 0 or not speed > 0:
+        return None
+    mass = 2 * energy / speed**2
+    return next((mass * unit for unit in (1.0, 1e3, 1e-3) if 300 <= mass * unit <= 60_000), None)

@@ -1,0 +1,63 @@
+"""Crashes as files of foreign formats, in memory, and how they get onto the disk."""
+
+import io
+import tomllib
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from crashfuse.readers.isomme_channels import Channel, IsommeTest
+from crashfuse.reporting.isomme_writer import isomme_files
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import KPH, MS, G
+from tests.importing.crashes import SPEED_MPS, clock, half_sine_g
+
+
+def write(folder: Path, files: dict[str, bytes]) -> Path:
+    """Write files into a folder."""
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return folder
+
+
+def german(time_s: FloatArray, *pulses: FloatArray, header: str = "Zeit [ms];a_x [g]") -> bytes:
+    """A table with semicolons and decimal commas."""
+    rows = np.column_stack([time_s / MS, *pulses])
+    lines = [header, *(";".join(f"{cell:.6f}" for cell in row) for row in rows.tolist())]
+    return "\n".join(lines).replace(".", ",").encode("cp1252")
+
+
+def isomme(name: str) -> dict[str, bytes]:
+    """Files of an ISO-MME test."""
+    descriptors = [("Velocity test object 1", f"{SPEED_MPS:.9g}"), ("Mass test object 1", "1700")]
+    channel = Channel("10VEHC000000ACXP", "X", "g", half_sine_g(clock()), 1e-4, -0.05)
+    return isomme_files(IsommeTest(name, descriptors, (channel,)))
+
+
+def library(folder: Path) -> Path:
+    """Twelve CAE runs in one foreign table, deceleration positive, and their conditions in another."""
+    time_s = clock(0.0, 0.12)
+    speeds = np.linspace(30, 60, 12)
+    header = "Time [s];" + ";".join(f"Run {i} [m/s^2]" for i in range(12))
+    pulses = [-G * half_sine_g(time_s) * v * KPH / SPEED_MPS for v in speeds]
+    table = german(time_s * MS, *pulses, header=header)
+    rows = [f"Run {i};{v:.6f};950;750".replace(".", ",") for i, v in enumerate(speeds.tolist())]
+    conditions = "\n".join(["Lauf;v0 [km/h];Gewicht VA [kg];Gewicht HA [kg]", *rows])
+    return write(folder, {"runs.csv": table, "conditions.csv": conditions.encode()})
+
+
+def zipped(files: dict[str, bytes]) -> bytes:
+    """A zip of these files."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def imported(folder: Path) -> list[dict[str, object]]:
+    """What campaign.toml tells."""
+    found: list[dict[str, object]] = tomllib.loads((folder / "campaign.toml").read_text())["imported"]
+    return found

@@ -1,0 +1,181 @@
+"""From a source to a campaign: all of it goes in or nothing, and where it came from is kept."""
+
+import random
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.settings import own_filter_class
+from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError
+from crashfuse.importing import Choices, Reading, add_settled, import_source, read_each, settle_each
+from crashfuse.readers.record import PartialCondition
+from crashfuse.signals.pulse import GRID_S
+from crashfuse.units import KPH
+from tests.conftest import SHARED, needs_shared
+from tests.importing.crash_files import german, imported, isomme, library, write
+from tests.importing.crashes import GIVEN, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g
+from tests.readers.lsdyna_files import MASS_KG, Run
+from tests.readers.nhtsa_files import nhtsa_files
+
+REAL = SHARED / "real/nhtsa_10146_camry2018"
+
+
+def test_a_campaign_grows_from_four_formats(tmp_path: Path) -> None:
+    """NHTSA, ISO-MME and a German CSV as tests and a foreign table as CAE runs make a campaign without a warning."""
+    write(tmp_path / "v00005", nhtsa_files())
+    write(tmp_path / "mme", isomme("M1"))
+    write(tmp_path, {"T7.csv": german(clock(), half_sine_g(clock()))})
+    out = tmp_path / "campaign"
+    import_source(tmp_path / "v00005", out)
+    import_source(tmp_path / "mme", out, Choices(front_share=0.56))
+    import_source(tmp_path / "T7.csv", out, GIVEN)
+    import_source(library(tmp_path / "cae"), out, role="cae")
+    campaign = load_campaign(out)
+    assert campaign.test_ids == ("00005", "M1", "T7")
+    assert campaign.cae.ids == tuple(f"Run {i}" for i in range(12))
+    assert not campaign.warnings
+    for test in campaign.tests:
+        assert test.condition.speed_mps == pytest.approx(SPEED_MPS, rel=1e-6)
+        assert test.pulse.kinematics(test.condition.speed_mps).t0_s == pytest.approx(STOP_S, abs=1e-3)
+    assert [one["id"] for one in imported(out)][:3] == ["00005", "M1", "T7"]
+    assert imported(out)[3]["deceleration_sign"] == "positive"
+    assert imported(out)[0]["channel_filter_class"] == 60
+    assert all(one["steps"] for one in imported(out))
+
+
+def test_a_record_goes_raw_into_a_campaign_that_filters(campaign_folder: Path, tmp_path: Path) -> None:
+    """Filtered once, by the campaign, whole: as if it had been filtered on the way in."""
+    raw = write(tmp_path, {"T9.csv": german(clock(), half_sine_g(clock()) + ringing_g(clock()))}) / "T9.csv"
+    (campaign_folder / "campaign.toml").write_text("channel_filter_class = 60\n")
+    import_source(raw, campaign_folder, GIVEN)
+    import_source(raw, tmp_path / "other", GIVEN)
+    once = load_campaign(campaign_folder).test("T9").pulse.accel_mps2
+    table = np.loadtxt(tmp_path / "other" / "tests" / "T9.csv", delimiter=",", skiprows=1)
+    np.testing.assert_allclose(once, np.interp(GRID_S, *table.T), atol=0.02)
+    with pytest.raises(UsageError, match="filters every record with CFC 60"):
+        import_source(raw, campaign_folder, Choices(channel_filter_class=180), record_id="T10")
+
+
+def test_all_of_a_source_or_nothing(tmp_path: Path) -> None:
+    """One bad record among good ones keeps all out, and every problem is told."""
+    bad = german(clock(), 0.1 * half_sine_g(clock()))
+    write(tmp_path / "in", {"A.csv": german(clock(), half_sine_g(clock())), "B.csv": bad, "C.csv": bad})
+    with pytest.raises(DataError) as caught:
+        import_source(tmp_path / "in", tmp_path / "out", GIVEN)
+    assert [problem.where for problem in caught.value.problems] == ["B.csv", "C.csv"]
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_lsdyna_runs_is_a_library(tmp_path: Path) -> None:
+    """Speed from the nodes, mass from the energy, the front axle's share from the user: runs become CAE runs."""
+    runs = write(tmp_path / "lib", {"r1/binout0000": Run().binout(), "r2/binout": Run(direction=-1).binout()})
+    settled = import_source(runs, tmp_path / "out", Choices(front_share=0.56), role="cae")
+    assert [one.id for one in settled] == ["r1", "r2"]
+    for one in settled:
+        assert one.condition.mass_kg == pytest.approx(MASS_KG, rel=1e-3)
+        assert one.pulse.kinematics(one.condition.speed_mps).t0_s == pytest.approx(STOP_S, abs=1e-4)
+
+
+def test_conditions_are_joined_by_id(tmp_path: Path) -> None:
+    """From a table beside the pulses or elsewhere; conditions that fit none of the pulses are a mistake."""
+    table = "ID;speed [km/h];front [kg];rear [kg];drive\nt7;56;950;750;AWD\nT8;50;950;750;FWD\n"
+    write(tmp_path, {"in/T7.csv": german(clock(), half_sine_g(clock())), "conditions.csv": table.encode()})
+    (one,) = import_source(tmp_path / "in", tmp_path / "out", conditions=tmp_path / "conditions.csv")
+    assert one.condition.factors == (("drive", "AWD"),)
+    write(tmp_path, {"conditions.csv": table.replace("t7", "t6").encode()})
+    with pytest.raises(DataError, match="conditions for T7, found those of t6, T8"):
+        import_source(tmp_path / "in", tmp_path / "out2", conditions=tmp_path / "conditions.csv")
+
+
+def test_many_who_add_at_once_lose_nothing(tmp_path: Path) -> None:
+    """Eight imports into one campaign at the same time: each test has its row, its pulse and its history."""
+    ids = [f"T{number}" for number in range(8)]
+    for test_id in ids:
+        write(tmp_path / "files", {f"{test_id}.csv": german(clock(), half_sine_g(clock()))})
+
+    def add(test_id: str) -> None:
+        import_source(tmp_path / "files" / f"{test_id}.csv", tmp_path / "campaign", GIVEN)
+
+    with ThreadPoolExecutor(len(ids)) as pool:
+        list(pool.map(add, ids))
+    campaign = tmp_path / "campaign"
+    assert sorted(path.stem for path in (campaign / "tests").iterdir()) == ids
+    rows = (campaign / "tests.csv").read_text(encoding="utf-8").splitlines()[1:]
+    assert sorted(row.partition(",")[0].strip('"') for row in rows) == ids
+    assert sorted(str(each["id"]) for each in imported(campaign)) == ids
+
+
+def test_an_id_is_the_one_in_the_table_of_conditions(tmp_path: Path) -> None:
+    """The record is called what the user says before its conditions are looked up."""
+    write(tmp_path, {"record 17.csv": german(clock(), half_sine_g(clock()))})
+    write(tmp_path, {"conditions.csv": b"id,speed_kph,front_weight_kg,rear_weight_kg\nV7,56,950,700\n"})
+    conditions = tmp_path / "conditions.csv"
+    (test,) = import_source(tmp_path / "record 17.csv", tmp_path / "car", record_id="V7", conditions=conditions)
+    assert (test.id, test.condition.front_weight_kg) == ("V7", 950)
+
+
+@pytest.mark.slow
+def test_a_damaged_source_never_gives_half_a_campaign(tmp_path: Path) -> None:
+    """Whatever is cut off or flipped in a table or a test: our own error and no folder, or a campaign that is whole."""
+    dice = random.Random(7)  # noqa: S311  (no secret)
+    time_s = clock(0.0, 0.12, 2000)
+    names = {"x.csv": german(time_s, half_sine_g(time_s)), "M1/Channel/M1.001": isomme("M1")["M1/Channel/M1.001"]}
+    wholes = {**isomme("M1"), **names}
+    refused = 0
+    for round_ in range(120):
+        name = dice.choice(list(names))
+        content = bytearray(wholes[name])
+        for _ in range(dice.choice([1, 3, 30])):
+            content[dice.randrange(len(content))] = dice.randrange(256)
+        source = write(tmp_path / str(round_), {**wholes, name: bytes(content[: dice.randrange(1, len(content) * 2)])})
+        out = tmp_path / f"out{round_}"
+        try:
+            import_source(source / "x.csv" if name == "x.csv" else source / "M1", out, GIVEN)
+            assert len(list((out / "tests").iterdir())) == len((out / "tests.csv").read_text().splitlines()) - 1
+        except CrashfuseError:
+            refused += 1
+            assert not out.exists()
+    assert refused > 20
+
+
+@needs_shared
+@pytest.mark.parametrize("name", ["tidy_10kHz_raw_and_cfc60.csv", "tidy_cfc60_12p5kHz_0_100ms.csv"])
+def test_a_real_test_as_a_table_is_what_it_is_in_its_own_format(tmp_path: Path, name: str) -> None:
+    """Raw with what came before contact, or filtered and cut by somebody else: the same car stops alike."""
+    whole = PartialCondition(57.09 * KPH, 1719.0)
+    sensors = [
+        f"floor_{side}_rear_xmember_X_{rank}_{'raw' if 'raw' in name else 'cfc60'}_g"
+        for side in "LR"
+        for rank in ("primary", "redundant")
+    ]
+    choices = Choices(channels=tuple(sensors), condition=whole, front_share=0.56)
+    (table,) = import_source(REAL / name, tmp_path / "table", choices, record_id="camry")
+    (own,) = import_source(REAL, tmp_path / "own")
+    assert table.channel_filter_class == (60 if "raw" in name else None)
+    mean = [one.pulse.kinematics(one.condition.speed_mps) for one in (table, own)]
+    assert mean[0].t0_s == pytest.approx(mean[1].t0_s, abs=2e-5)
+    assert mean[0].displacement_m.max() == pytest.approx(mean[1].displacement_m.max(), abs=5e-4)
+
+
+def test_the_good_are_told_from_the_bad(tmp_path: Path) -> None:
+    """One test without its speed, one table that is none: the rest can be added."""
+    for number, speed in ((5, "56.0"), (6, "")):
+        write(tmp_path / "in" / f"v{number}", nhtsa_files(number, speed=speed))
+    records, unread = read_each(Reading(tmp_path / "in"))
+    refused: list[Problem] = []
+    settled = settle_each(records, refused)
+    assert [one.id for one in settled] == ["00005"]
+    (problem,) = (*unread, *refused)
+    assert "00006" in f"{problem.where} {problem.expected}"
+    add_settled(tmp_path / "out", settled)
+    assert [path.name for path in (tmp_path / "out" / "tests").iterdir()] == ["00005.csv"]
+    assert own_filter_class(tmp_path / "out") is None
+    misled = Choices(channels=("7",))
+    with pytest.raises(UsageError, match="no channel 7"):
+        settle_each(records[:1], [], misled)
+    why: list[Problem] = []
+    assert settle_each(records[:1], why, misled, tolerant=True) == ()
+    assert "no channel 7" in why[0].found

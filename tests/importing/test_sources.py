@@ -1,0 +1,127 @@
+"""Sources: the format is told by the names, and every record in a file, folder or zip is read."""
+
+import os
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from crashfuse.errors import DataError, UsageError
+from crashfuse.importing import ColumnChoice, Reading, format_of, import_source, read_each, read_records, settle_each
+from tests.importing.crash_files import german, imported, isomme, write
+from tests.importing.crashes import GIVEN, clock, half_sine_g
+from tests.readers.nhtsa_files import nhtsa_files
+
+
+def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
+    """In files, folders and zips; what is none of them is refused."""
+    write(tmp_path / "n", nhtsa_files() | {"readme.csv": b"a"})
+    write(tmp_path / "i", isomme("M1"))
+    write(tmp_path / "d", {"binout0000": b"", "notes.txt": b""})
+    write(tmp_path / "t", {"x.tdms": b""})
+    write(tmp_path / "c", {"x.XLSX": b""})
+    write(tmp_path / "e", {"x.pdf": b""})
+    with zipfile.ZipFile(tmp_path / "i.zip", "w") as archive:
+        for name, content in isomme("M1").items():
+            archive.writestr(name, content)
+    found = {name: format_of(tmp_path / name) for name in ("n", "i", "d", "t", "c", "i.zip")}
+    assert found == {"n": "nhtsa", "i": "isomme", "d": "lsdyna", "t": "tdms", "c": "csv", "i.zip": "isomme"}
+    for path, message in (("e", "none of these"), ("nowhere", "nothing there")):
+        with pytest.raises(DataError, match=message):
+            format_of(tmp_path / path)
+    assert read_records(Reading(tmp_path / "i.zip"))[0].id == "M1"
+
+
+@pytest.mark.parametrize("fmt", [None, "nhtsa", "csv", "tdms"])
+def test_a_folder_that_cannot_be_read_is_not_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fmt: str | None
+) -> None:
+    """Tests in it would silently lack."""
+    write(tmp_path, {"x.csv": german(clock(), half_sine_g(clock())), "closed/y.csv": b"", "v/v00005.EV5": b""})
+    listed = os.scandir
+
+    def scandir(folder: str) -> object:
+        if Path(folder).name == "closed":
+            raise PermissionError(13, "Permission denied", folder)
+        return listed(folder)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    with pytest.raises(DataError, match="closed: expected a folder that can be read, found Permission denied"):
+        read_records(Reading(tmp_path, fmt))
+
+
+def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
+    """One import for a whole download."""
+    for number in (5, 6):
+        write(tmp_path / "in" / f"v{number}", nhtsa_files(number))
+    write(tmp_path / "mme", isomme("M1") | isomme("M2"))
+    assert [record.id for record in read_records(Reading(tmp_path / "in"))] == ["00005", "00006"]
+    assert [record.id for record in read_records(Reading(tmp_path / "mme"))] == ["M1", "M2"]
+    assert len(import_source(tmp_path / "in", tmp_path / "out")) == 2
+
+
+def test_a_zip_of_several_gives_them_all(tmp_path: Path) -> None:
+    """Tables, or tests of a format whose reader takes one: unpacked, read, and nothing of it stays."""
+    tables = {f"{name}.csv": german(clock(), half_sine_g(clock())) for name in ("A", "B")}
+    for name, files in (("tables", tables), ("isomme", {**isomme("C"), **isomme("D")})):
+        with zipfile.ZipFile(tmp_path / f"{name}.zip", "w") as archive:
+            for path, content in files.items():
+                archive.writestr(path, content)
+        import_source(tmp_path / f"{name}.zip", tmp_path / "campaign", GIVEN)
+    assert [each["id"] for each in imported(tmp_path / "campaign")] == ["A", "B", "C", "D"]
+
+
+def test_formats_are_not_mixed_without_a_word(tmp_path: Path) -> None:
+    """A folder of two formats is refused, or read as the one that is named; tables may lie beside any."""
+    write(tmp_path / "mixed", {**isomme("A"), "notes.csv": b"Name;Value\nA;B\n"})
+    assert format_of(tmp_path / "mixed") == "isomme"
+    write(tmp_path / "mixed" / "old", nhtsa_files())
+    with pytest.raises(DataError, match="expected records of one format, found nhtsa and isomme"):
+        import_source(tmp_path / "mixed", tmp_path / "campaign", GIVEN)
+    (test,) = import_source(tmp_path / "mixed", tmp_path / "campaign", GIVEN, fmt="isomme")
+    assert test.id == "A"
+
+
+def test_columns_are_mapped_by_the_user(tmp_path: Path) -> None:
+    """COLUMN=ROLE:UNIT overrules the proposal; channels of one table are averaged under one id."""
+    time_s = clock()
+    source = write(tmp_path, {"x.csv": german(time_s, half_sine_g(time_s), half_sine_g(time_s), header="c1;c2;c3")})
+    columns = [ColumnChoice.parsed(text) for text in ("c1=time:ms", "c2=acceleration:g", "c3=acceleration:g")]
+    (one,) = import_source(source / "x.csv", tmp_path / "out", GIVEN, record_id="T1", columns=columns)
+    assert (one.id, one.channels) == ("T1", ("c2", "c3"))
+    table = (
+        write(tmp_path, {"c.csv": b"id;speed [km/h];front [kg];rear [kg]\nc2;56;950;750\nc3;56;950;750\n"}) / "c.csv"
+    )
+    two = import_source(source / "x.csv", tmp_path / "out", columns=columns, conditions=table)
+    assert [settled.id for settled in two] == ["c2", "c3"]
+    with pytest.raises(UsageError, match="no column c9; there are c1, c2, c3"):
+        read_records(Reading(source / "x.csv", columns=(ColumnChoice("c9", "time"),)))
+    with pytest.raises(UsageError, match="COLUMN=ROLE or COLUMN=ROLE:UNIT, not 'c1'"):
+        ColumnChoice.parsed("c1")
+    with pytest.raises(UsageError, match="COLUMN=ROLE"):
+        ColumnChoice.parsed("c1=colour")
+
+
+def test_one_id_is_for_one_record(tmp_path: Path) -> None:
+    """A source of two tests cannot share it."""
+    for number in (5, 6):
+        write(tmp_path / "in", nhtsa_files(number))
+    with pytest.raises(UsageError, match="One id is not enough: in holds several"):
+        import_source(tmp_path / "in", tmp_path / "out", record_id="T1")
+
+
+def test_a_table_without_pulses_says_what_it_lacks(tmp_path: Path) -> None:
+    """The columns that are there are named, and how to map them."""
+    write(tmp_path, {"x.csv": b"p,q\n1,2\n1,5\n2,4\n"})
+    with pytest.raises(DataError, match=r"x\.csv with the columns p, q; map the columns"):
+        import_source(tmp_path / "x.csv", tmp_path / "out", GIVEN)
+
+
+def test_one_bad_table_among_good_ones_is_one_problem(tmp_path: Path) -> None:
+    """The others are read."""
+    good = german(clock(), half_sine_g(clock()))
+    write(tmp_path, {"a.csv": good, "b.csv": good.replace(b"\n100,000000;", b"\nhundred;"), "c.csv": good})
+    records, problems = read_each(Reading(tmp_path))
+    assert [record.id for record in records] == ["a", "c"]
+    assert [problem.found for problem in problems] == ["'hundred'"]
+    assert len(settle_each(records, [], GIVEN)) == 2
