@@ -98,3 +98,18 @@ def test_what_a_person_typed_is_read_as_meant(tmp_path: Path) -> None:
     after = pd.read_csv(path, skip_blank_lines=True)
     assert list(after) == ["id", "time_ms", "acceleration_g"]
     assert [str(run).strip() for run in after["id"]] == ["B", "A", "A", "A"]
+
+
+def test_a_table_that_cannot_be_finished_stays_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All of the new one is on the disk before it takes the old one's place."""
+    path = table(tmp_path / "cae_pulses.csv")
+    before = path.read_bytes()
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        append_to_table(path, [("A", NEW)])
+    assert path.read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 1

@@ -49,12 +49,14 @@ def study_folder(
     return out
 
 
+@pytest.mark.slow
 def test_a_study_writes_the_five_files_and_nothing_else(study_folder: Path) -> None:
     """No temporary file stays."""
     names = {path.name for path in study_folder.iterdir()}
     assert names == {"scores.csv", "pulses.csv", "metrics.csv", "study.json", "report.html"}
 
 
+@pytest.mark.slow
 def test_scores_have_a_row_for_each_test_approach_and_window(study_folder: Path) -> None:
     """The columns are the contract's, the overall rating is the weighted sum of its parts."""
     scores = pd.read_csv(study_folder / "scores.csv")
@@ -67,6 +69,7 @@ def test_scores_have_a_row_for_each_test_approach_and_window(study_folder: Path)
     np.testing.assert_allclose(scores["overall"], parts, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_pulses_are_on_the_study_grid_with_a_band_where_there_is_one(study_folder: Path) -> None:
     """12.5 kHz over 0–100 ms; the raw CAE and the LF TCN have no band, the displacement domain has."""
     pulses = pd.read_csv(study_folder / "pulses.csv", dtype={"held_out": str})
@@ -78,6 +81,7 @@ def test_pulses_are_on_the_study_grid_with_a_band_where_there_is_one(study_folde
     assert pulses[pulses["approach"].isin(["cae", "lf_tcn"])][["lower_g", "upper_g"]].isna().all(axis=None)
 
 
+@pytest.mark.slow
 def test_metrics_hold_the_measured_test_beside_the_predictions(study_folder: Path) -> None:
     """Positive numbers, each with its unit; the measured ΔV is the impact speed and a tenth, as the pulse was made."""
     metrics = pd.read_csv(study_folder / "metrics.csv")
@@ -89,6 +93,7 @@ def test_metrics_hold_the_measured_test_beside_the_predictions(study_folder: Pat
     assert measured["value"] == pytest.approx(1.1 * 25 * 1.609344, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_record_says_what_made_the_numbers(study_folder: Path) -> None:
     """Versions, seed, settings, fingerprint, seconds, and what each fit found."""
     record = json.loads((study_folder / "study.json").read_text())
@@ -102,6 +107,7 @@ def test_the_record_says_what_made_the_numbers(study_folder: Path) -> None:
     assert {fit["approach"] for fit in record["fits"]} == set(APPROACHES)
 
 
+@pytest.mark.slow
 def test_the_report_needs_no_network(study_folder: Path) -> None:
     """No address is loaded; tests, tables and fingerprint are inside."""
     text = (study_folder / "report.html").read_text()

@@ -89,7 +89,7 @@ def test_a_cache_knows_what_it_was_used_for(tmp_path: Path) -> None:
 
 def test_one_thread_waits_for_another_that_computes_the_same(tmp_path: Path) -> None:
     """It says so until it is its turn; afterwards no lock stays."""
-    begun, go_on = threading.Event(), threading.Event()
+    begun, go_on, too_long = (threading.Event() for _ in range(3))
 
     def compute() -> None:
         with Cache(tmp_path).alone("kind", {}):
@@ -101,11 +101,13 @@ def test_one_thread_waits_for_another_that_computes_the_same(tmp_path: Path) -> 
     def listen(progress: Progress) -> None:
         said.append((progress.step, progress.done, progress.total))
         go_on.set()
+        if len(said) > 50:
+            too_long.set()
 
     first = threading.Thread(target=compute)
     first.start()
     assert begun.wait(30)
-    with Cache(tmp_path).alone("kind", {}, Watch(listen)):
+    with Cache(tmp_path).alone("kind", {}, Watch(listen, too_long)):
         first.join(30)
         assert [path.suffix for path in (tmp_path / "kind").iterdir()] == [".lock"]
     waiting = "Waiting for another process that computes the same"

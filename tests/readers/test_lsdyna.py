@@ -204,6 +204,7 @@ def test_ascii_nodout_serves_where_the_binout_has_no_nodes(tmp_path: Path) -> No
     assert record.condition.mass_kg == pytest.approx(MASS_KG, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_folder_of_runs_becomes_a_library_with_conditions_from_a_table(tmp_path: Path) -> None:
     """One folder a run, in a folder or a zip, and a table with the weights: a campaign's CAE library."""
     ids = [f"run_{number}" for number in range(10)]

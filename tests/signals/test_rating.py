@@ -210,6 +210,14 @@ def test_equal_fit_prefers_the_left_shift() -> None:
     assert rating.slope == pytest.approx(1 - (spike + spike_on_the_end / 16) / spike / 2)
 
 
+def test_a_shift_is_found_where_others_leave_a_flat_overlap() -> None:
+    """A spike near the start is cut off by shifts to the right of more than 20 samples: nothing correlates there."""
+    reference, comparison = np.zeros((2, 300))
+    reference[20], comparison[35] = 1, 1
+    rating = rate_iso18571(reference, comparison, dt_s=DT_S)
+    assert (rating.phase, rating.magnitude, rating.slope) == pytest.approx((1 - 15 / 60, 1, 1))
+
+
 @pytest.mark.parametrize("factor", [0.2, 0.7, 1.0, 1.3, 2.9])
 def test_scaled_curve_has_the_slope_of_its_factor(factor: float) -> None:
     """A comparison of k T differs in slope by |k − 1|, so it scores 1 − |k − 1|/2."""

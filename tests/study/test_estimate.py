@@ -46,6 +46,7 @@ def test_far_beyond_the_library_the_vehicle_still_stops(campaign: Campaign, appr
     assert any("Extrapolation" in note for note in prediction.notes)
 
 
+@pytest.mark.slow
 def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is kept is kept by the settings, not by the preset's name."""
     condition = campaign.tests[0].condition
@@ -99,6 +100,7 @@ def test_several_approaches_say_together_what_each_says_alone(
         assert one.prediction.notes == other.prediction.notes
 
 
+@pytest.mark.slow
 def test_parts_with_other_settings_are_not_shared(campaign: Campaign) -> None:
     """A time domain with another seed is not what fused is made of."""
     condition = campaign.tests[1].condition

@@ -157,6 +157,7 @@ def test_a_second_run_is_answered_from_the_cache(campaign: Campaign, monkeypatch
     assert a.prediction.notes == b.prediction.notes
 
 
+@pytest.mark.slow
 def test_a_damaged_cache_is_computed_again(campaign: Campaign, tmp_path: Path) -> None:
     """With a byte flipped in every entry of every kind, the same study gives the same bits and mends the cache."""
     config = StudyConfig(approaches=("displacement_domain",))
@@ -189,6 +190,7 @@ def test_two_studies_on_one_cache_learn_once(campaign: Campaign, monkeypatch: py
         assert one.accel_mps2.tobytes() == other.accel_mps2.tobytes()
 
 
+@pytest.mark.slow
 def test_a_study_that_was_stopped_goes_on_where_it_was(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cancelling between two folds keeps the first: only the second is computed afterwards."""
     fits = _count_fits(monkeypatch)
@@ -251,6 +253,7 @@ def test_a_single_test_cannot_be_left_out(campaign: Campaign) -> None:
         run_study(campaign.without(["T1", "T2", "T3"]))
 
 
+@pytest.mark.slow
 def test_both_ways_to_leave_out_give_one_study_beside_the_other(campaign: Campaign) -> None:
     """Each with the numbers that it has alone."""
     config = StudyConfig(approaches=("displacement_domain",), windows_ms=(60.0,))

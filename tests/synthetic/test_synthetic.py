@@ -137,6 +137,7 @@ def test_a_finer_time_step_changes_nothing(vehicle: Vehicle) -> None:
     assert (drift < 0.005 * np.array([condition.speed_mps for condition in CONDITIONS])).all()
 
 
+@pytest.mark.slow
 def test_the_tests_stand_in_table_1(sample: Campaign) -> None:
     """Eleven tests have the conditions that the paper lists, powertrain and drive included."""
     assert sample.test_ids == tuple(f"T{number:02d}" for number in range(1, 12))
@@ -221,6 +222,7 @@ def test_a_test_does_not_depend_on_those_that_follow() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_seed_decides_everything(sample: Campaign) -> None:
     """The same seed gives the same campaign to the bit, another one another."""
     assert sample_campaign(0).fingerprint == sample.fingerprint
@@ -235,6 +237,7 @@ def test_the_cae_runs_have_no_scatter() -> None:
     assert np.array_equal(repeated[0], repeated[1])
 
 
+@pytest.mark.slow
 def test_the_folder_holds_the_campaign(sample: Campaign, written: Path) -> None:
     """What is written and read again is the campaign, to the resolution that it is stored with."""
     read = load_campaign(written)
@@ -264,6 +267,7 @@ def test_the_shipped_sample_is_what_the_generator_writes(written: Path) -> None:
     assert sum(file.stat().st_size for file in SAMPLE_DATA.rglob("*") if file.is_file()) <= 6_000_000
 
 
+@pytest.mark.slow
 def test_writing_twice_gives_the_same_bytes(written: Path, tmp_path: Path) -> None:
     """Every file of two samples is the same, and an empty folder may be there already."""
     write_sample(tmp_path)

@@ -90,6 +90,7 @@ def open_folder(session: "Session", text: str) -> "Session":
     return session.press("Open folder")
 
 
+@pytest.mark.slow
 def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, campaign: Campaign) -> None:
     """Numbers, tests, conditions, CAE runs and the rating before any correction."""
     session = open_folder(visit(), str(campaign_folder))
@@ -148,6 +149,7 @@ def test_a_file_in_the_field_for_a_folder_is_said_to_be_one(
     assert (table["Found"].tolist(), table["What to do"].tolist()) == ([found], [advice])
 
 
+@pytest.mark.slow
 def test_the_same_problems_are_shown_at_two_places(visit: Visit, open_campaign: Path) -> None:
     """The open campaign went bad, and is opened again."""
     session = visit()
@@ -155,6 +157,7 @@ def test_the_same_problems_are_shown_at_two_places(visit: Visit, open_campaign: 
     assert len(open_folder(session, str(open_campaign)).tables) == 2
 
 
+@pytest.mark.slow
 def test_a_campaign_whose_files_change_is_read_anew(visit: Visit, open_campaign: Path) -> None:
     """Nobody looks at yesterday's data."""
     session = visit()
@@ -166,6 +169,7 @@ def test_a_campaign_whose_files_change_is_read_anew(visit: Visit, open_campaign:
 # --- an upload -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> None:
     """The same data as in the folder; dropped twice it is one campaign."""
     content = zipped(campaign_folder)
@@ -177,6 +181,7 @@ def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> 
     assert list(campaigns.open_campaigns()) == ["sample", "sled"]
 
 
+@pytest.mark.slow
 def test_the_files_of_a_campaign_are_opened_together(visit: Visit, campaign_folder: Path) -> None:
     """CSV and Parquet side by side; the field is empty afterwards."""
     files = [(path.name, path.read_bytes()) for path in campaign_folder.rglob("*") if path.is_file()]
@@ -260,6 +265,7 @@ def test_problems_that_differ_by_the_row_alone_are_shown_as_one() -> None:
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_the_filter_is_drawn_over_what_was_read(visit: Visit, campaign: Campaign) -> None:
     """Two curves a test, and the peak that the filter leaves of the held-out one; every other page stays unfiltered."""
     session = visit(held_out="T2 · 25.0 mph")
@@ -275,6 +281,7 @@ def test_the_filter_is_drawn_over_what_was_read(visit: Visit, campaign: Campaign
     assert session.app.button_group(key="filter").value == "CFC 60"
 
 
+@pytest.mark.slow
 def test_what_a_single_test_allows_is_said_on_every_page(visit: Visit, open_campaign: Path) -> None:
     """It is shown, and can be learned from; the pages that leave tests out say why they can't."""
     table = open_campaign / "tests.csv"

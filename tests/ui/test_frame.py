@@ -119,6 +119,7 @@ def test_folders_of_one_name_are_told_apart_without_their_paths(
     assert not [name for name in campaigns.open_campaigns() if "/" in name]
 
 
+@pytest.mark.slow
 def test_a_campaign_that_goes_bad_while_open_is_refused_on_every_page(visit: Visit, open_campaign: Path) -> None:
     """What is wrong stands where the page would be."""
     session = visit()
@@ -129,6 +130,7 @@ def test_a_campaign_that_goes_bad_while_open_is_refused_on_every_page(visit: Vis
         assert session.tables[0]["File"].tolist() == ["cae.csv"]
 
 
+@pytest.mark.slow
 def test_the_notice_of_a_synthetic_campaign_stands_on_every_page(visit: Visit, open_campaign: Path) -> None:
     """It says plainly that no real car is shown; whatever else its words do, they are text."""
     notice = "Synthetic: no real vehicle. ![x](https://example.org/x.png)"

@@ -80,6 +80,7 @@ def added(folder: Path) -> list[str]:
 # --- every format --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -> None:
     """Condition and channels are found and shown; the peak of the preview is that of the crash."""
     session = drop(visit(), v5_zip=zipped(nhtsa_files()))
@@ -135,6 +136,7 @@ def test_weights_that_do_not_add_up_are_a_sentence(visit: Visit) -> None:
     assert "The vehicle stops at" in session.words
 
 
+@pytest.mark.slow
 def test_lsdyna_runs_become_cae_runs(visit: Visit, tmp_path: Path) -> None:
     """A zip of a folder a run: each a record, taken as CAE runs unless told otherwise."""
     runs = {f"lib/r{i}/binout0000": Run(step_s=5e-4).binout() for i in range(3)}
@@ -193,6 +195,7 @@ def load_stop(path: Path) -> float:
     return float(time_s[np.argmax(velocity <= 0)])
 
 
+@pytest.mark.slow
 def test_what_is_filled_in_overrules_what_was_found(visit: Visit, tmp_path: Path) -> None:
     """Channel, filter, time zero, speed in mph and id."""
     session = drop(visit(), v5_zip=zipped(nhtsa_files()))
@@ -302,6 +305,7 @@ def test_records_without_conditions_are_told_of_the_table_that_gives_them(visit:
     assert "A table of conditions, dropped along with the files, gives each record its own" in session.words
 
 
+@pytest.mark.slow
 def test_two_lists_of_problems_stand_on_one_page(visit: Visit, tmp_path: Path) -> None:
     """A record that is left out, and a folder that is refused."""
     files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)}
@@ -349,6 +353,7 @@ def test_the_open_campaign_is_added_to(visit: Visit, open_campaign: Path) -> Non
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_a_factor_of_the_campaign_is_asked_for(visit: Visit, open_campaign: Path) -> None:
     """Its tests are told apart by the drive: the new one says what it has."""
     session = drop(visit(), v5_zip=zipped(nhtsa_files()))
@@ -360,6 +365,7 @@ def test_a_factor_of_the_campaign_is_asked_for(visit: Visit, open_campaign: Path
 
 
 @pytest.mark.parametrize("bad_id", ["=1+1", "-20C Versuch"])
+@pytest.mark.slow
 def test_an_id_that_would_spoil_the_campaign_is_refused(visit: Visit, open_campaign: Path, bad_id: str) -> None:
     """It stays open."""
     session = drop(visit(), v5_zip=zipped(nhtsa_files()))
@@ -369,6 +375,7 @@ def test_an_id_that_would_spoil_the_campaign_is_refused(visit: Visit, open_campa
     assert len(load_campaign(open_campaign).tests) == 4
 
 
+@pytest.mark.slow
 def test_a_campaign_that_filters_gets_the_record_raw(visit: Visit, open_campaign: Path) -> None:
     """The preview is filtered as the campaign will; what is added is whole, with what came before contact."""
     (open_campaign / "campaign.toml").write_text("channel_filter_class = 60\n")

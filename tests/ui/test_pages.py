@@ -185,6 +185,7 @@ def test_training_shows_progress_and_can_be_cancelled() -> None:
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_a_second_session_joins_the_job_of_the_first(gate: threading.Event) -> None:
     """The same study is not computed twice; leaving the page changes nothing."""
     first = press(start("train"), "Start")
@@ -213,6 +214,7 @@ def test_a_failed_training_shows_its_sentence(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.usefixtures("open_campaign", "nothing_cached")
+@pytest.mark.slow
 def test_the_settings_reach_the_study_and_hold_on_other_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     """Approaches, preset and seed are those that were chosen; Compare asks for the same."""
     asked: list[StudyConfig] = []
@@ -268,6 +270,7 @@ def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
+@pytest.mark.slow
 def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     """From the empty state to figure, ratings, metrics, notes and files by one button."""
     app = start("compare")

@@ -135,6 +135,7 @@ def test_velocity_and_energy_agree_with_the_pulse(campaign: Campaign) -> None:
     assert work == pytest.approx(0.5 * condition.speed_mps**2, rel=0.005)
 
 
+@pytest.mark.slow
 def test_notes_tell_where_the_cae_pulse_comes_from(campaign: Campaign) -> None:
     """Paired or emulated, and what is extrapolated."""
     model = DisplacementDomain(FEW).fit(campaign)
@@ -268,6 +269,7 @@ def test_the_band_after_the_stop_holds_tests_that_rebound_in_their_own_way() -> 
     assert np.mean(inside) > 0.85
 
 
+@pytest.mark.slow
 def test_of_many_tests_as_many_are_learned_from_as_an_exact_posterior_bears(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -140,6 +140,7 @@ def test_nothing_is_known_of_what_a_new_test_has_alone_but_its_size() -> None:
     assert own.upper_mps2[0] > 3 * alike.upper_mps2[0]
 
 
+@pytest.mark.slow
 def test_a_factor_that_tells_tests_apart_is_used() -> None:
     """The bias of vehicles with the other powertrain is predicted for a new test with it, and no other."""
     effect = np.asarray(40 * np.sin(12 * S))
@@ -156,6 +157,7 @@ def test_a_factor_that_tells_tests_apart_is_used() -> None:
     assert any("powertrain" in note for note in model.notes)
 
 
+@pytest.mark.slow
 def test_a_factor_without_effect_is_left_out() -> None:
     """Telling tests apart that are alike only makes each less certain."""
     model = with_factor("ABABABAB", 0 * S)

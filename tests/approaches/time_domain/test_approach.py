@@ -112,6 +112,7 @@ def test_the_same_seed_gives_the_same_bits(campaign: Campaign, mf: TimeDomain) -
     assert first.draws_mps2.tobytes() == again.draws_mps2.tobytes()
 
 
+@pytest.mark.slow
 def test_one_test_is_enough_to_predict_from(campaign: Campaign) -> None:
     """Then nothing can be chosen or left out, but there is a finite pulse and a band."""
     single = campaign.without(["T1", "T3", "T4"])
@@ -177,6 +178,7 @@ def test_a_training_that_is_cancelled_ends_at_its_next_report(campaign: Campaign
         TimeDomain(replace(config, epochs=5, min_steps=0)).fit(campaign, Watch(stop, cancel))
 
 
+@pytest.mark.slow
 def test_progress_carries_the_losses(campaign: Campaign) -> None:
     """The learning curve can be drawn while it grows."""
     reports: list[Progress] = []

@@ -30,6 +30,7 @@ def _error(predicted: FloatArray, true: FloatArray) -> float:
     return float(np.sqrt(np.mean((predicted - true) ** 2) / np.mean(true**2)))
 
 
+@pytest.mark.slow
 def test_the_lf_network_learns_the_cae_runs(campaign: Campaign, lf: LfTcn) -> None:
     """Its loss falls to a hundredth, and it gives the CAE pulses back to within 15 % at the tests' conditions."""
     assert lf.losses_.shape[0] == 2

@@ -103,6 +103,7 @@ def test_a_training_that_is_cancelled_leaves_what_it_had(campaign: Campaign, mon
     assert reports[0].done == 6
 
 
+@pytest.mark.slow
 def test_other_data_or_another_seed_does_not_take_the_checkpoint(campaign: Campaign) -> None:
     """It belongs to one training."""
     _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
