@@ -164,10 +164,11 @@ class Emulator:
         """What was learned, for the cache."""
         return {name: getattr(self, name) for name in _LEARNED}
 
-    def restore(self, learned: Entry) -> None:
+    def restore(self, learned: Entry) -> Self:
         """Take up what was learned before."""
         for name in _LEARNED:
             setattr(self, name, learned[name])
+        return self
 
 
 def _eigen(x: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, FloatArray]:

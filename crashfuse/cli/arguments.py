@@ -50,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
         "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
     )
     study.add_argument(
-        "--hold-out",
+        "--leave-out",
         choices=("test", "speed-group", "both"),
         help="leave each test out alone, with all tests at about its speed, or both, one study after the other "
         "(default: both, but test alone with --held-out or --preset paper)",

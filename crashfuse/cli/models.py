@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from crashfuse.cli.output import replacing, require_output
+from crashfuse.cli.output import replacing, require_output, say_written
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def predict(arguments: argparse.Namespace) -> None:
     for sentence in dict.fromkeys((*advice, *nearest_sentences(campaign, condition), *notes, campaign.notice)):
         if sentence:
             print(sentence)
-    print(f"Written to {arguments.out}: pulses.csv, pulses.parquet, metrics.csv, report.html, prediction.json, isomme/")
+    say_written(arguments.out, "prediction")
 
 
 def sweep(arguments: argparse.Namespace) -> None:
@@ -89,7 +89,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     write_sweep(campaign, sweeps, fits[0].config, arguments.out)
     print(f"{len(speeds)} speeds from {speeds[0] / MPH:.1f} to {speeds[-1] / MPH:.1f} mph.")
     print(weights_sentence(condition, campaign.tests))
-    print(f"Written to {arguments.out}: sweep.csv, report.html")
+    say_written(arguments.out, "sweep")
 
 
 def next_test(arguments: argparse.Namespace) -> None:
@@ -123,7 +123,7 @@ def next_test(arguments: argparse.Namespace) -> None:
     write_next_tests(campaign, over, ranked, fit.config, arguments.out)
     print(f"The band of the displacement domain over {over.low} to {over.high}:")
     print(next_tests_table(ranked[:_BEST]).to_string(index=False))
-    print(f"Written to {arguments.out}: next_tests.csv, report.html")
+    say_written(arguments.out, "ranking of next tests")
 
 
 def _require_positive(arguments: argparse.Namespace, *names: str) -> None:

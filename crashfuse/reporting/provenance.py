@@ -41,8 +41,8 @@ def study_command(campaign: Campaign, held_out: Sequence[str], config: StudyConf
     """The command line that makes a study again; folders are the reader's own."""
     tests = "" if tuple(held_out) == campaign.test_ids else f" --held-out {' '.join(map(_quoted, held_out))}"
     windows = " ".join(f"{window:g}" for window in config.windows_ms)
-    way = config.hold_out.replace(" ", "-")
-    return f"crashfuse study CAMPAIGN --out DIR{tests}{_settings(config)} --windows-ms {windows} --hold-out {way}"
+    way = config.leave_out.replace(" ", "-")
+    return f"crashfuse study CAMPAIGN --out DIR{tests}{_settings(config)} --windows-ms {windows} --leave-out {way}"
 
 
 def prediction_command(condition: Condition, config: StudyConfig) -> str:

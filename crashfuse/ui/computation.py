@@ -5,10 +5,11 @@ from collections.abc import Callable, Hashable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
+from weakref import WeakValueDictionary
 
 import streamlit as st
 
-from crashfuse.approaches.fit_cache import is_kept
+from crashfuse.approaches.fit_cache import is_cached
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -16,8 +17,9 @@ from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate
-from crashfuse.study.study import Study, run_study
+from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
+from crashfuse.study.fold import Fold
+from crashfuse.study.study import Study, fold_key, run_study
 from crashfuse.study.sweep import Sweep, sweep_speed, usual_speeds
 from crashfuse.ui.jobs import Job, Jobs
 
@@ -61,6 +63,12 @@ def _find(key: Hashable, title: str, in_cache: Callable[[], bool], work: Callabl
     return job
 
 
+@st.cache_resource(show_spinner=False)
+def _folds() -> WeakValueDictionary[Hashable, Fold]:
+    """Folds of all studies that the server still has: one that was rated for some list of tests serves any other."""
+    return WeakValueDictionary()
+
+
 def chosen_config() -> StudyConfig:
     """The settings made on the page Train, or the defaults where nobody has been there."""
     state = st.session_state
@@ -68,7 +76,7 @@ def chosen_config() -> StudyConfig:
         approaches=tuple(name for name in APPROACHES if name in (state.get("approaches") or APPROACHES)),
         preset=state.get("preset", "fast"),
         seed=int(state.get("seed", 0)),
-        hold_out=state.get("hold_out", "test"),
+        leave_out=state.get("leave_out", "test"),
         device=state.get("device", "auto"),
     )
 
@@ -101,19 +109,18 @@ class StudyRequest:
         return _find(self.key, self.title, self._in_cache, self._work)
 
     def _work(self, watch: Watch) -> Study:
-        return run_study(self.campaign, self.config, held_out=self.held_out, watch=watch)
+        return run_study(self.campaign, self.config, held_out=self.held_out, watch=watch, folds=_folds())
 
     def _in_cache(self) -> bool:
+        return all(self._is_known(way, test_id) for way in self.config.split_configs for test_id in self.held_out)
+
+    def _is_known(self, way: StudyConfig, test_id: str) -> bool:
+        """Whether another study has this fold, or its predictions are in the cache on disk."""
+        if fold_key(self.campaign, way, test_id) in _folds():
+            return True
+        training, condition = way.training_campaign(self.campaign, test_id), self.campaign.test(test_id).condition
         cache = Cache()
-        return all(
-            find_estimate(
-                way.rest(self.campaign, test_id), self.campaign.test(test_id).condition, name, way, cache=cache
-            )
-            is not None
-            for way in reversed(self.config.each)
-            for test_id in self.held_out
-            for name in reversed(self.config.approaches)
-        )
+        return all(is_estimate_cached(training, condition, name, way, cache) for name in way.approaches)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +167,7 @@ class FitRequest:
 
     def _in_cache(self) -> bool:
         cache = Cache()
-        return all(is_kept(self.config.create(name, cache), self.campaign, cache) for name in self.config.approaches)
+        return all(is_cached(self.config.create(name, cache), self.campaign, cache) for name in self.config.approaches)
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)

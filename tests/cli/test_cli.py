@@ -254,7 +254,7 @@ def test_what_older_results_of_the_same_kind_had_more_does_not_stay(campaign_on_
     assert cli.main(command) == cli.DONE
     (study / "notes.txt").write_text("")
     assert (study / "speed_groups.csv").is_file()
-    assert cli.main([*command, "--hold-out", "test"]) == cli.DONE
+    assert cli.main([*command, "--leave-out", "test"]) == cli.DONE
     names = {"notes.txt", "scores.csv", "pulses.csv", "metrics.csv", "study.json", "report.html"}
     assert {path.name for path in study.iterdir()} == names
 
@@ -514,7 +514,7 @@ def test_a_whole_study_leaves_speed_groups_out_too(
     assert list(scores) == list(groups)
     assert len(scores) == len(groups)
     record = json.loads((out / "study.json").read_text())
-    assert record["config"]["hold_out"] == "both"
+    assert record["config"]["leave_out"] == "both"
     assert record["recommendation"]["campaign"]["approach"] == "cae"
     assert set(record["recommendation"]["tests"]) == {"T1", "T2", "T3", "T4"}
     assert record["recommendation"]["tests"]["T2"]["expected_rating"]["tests"] == ["T3", "T4", "T1"]

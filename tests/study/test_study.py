@@ -21,8 +21,9 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_iso18571
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import estimate_at
+from crashfuse.study.plan import StudyPlan
 from crashfuse.study.recommendation import recommend_for
-from crashfuse.study.study import Study, check_study, run_study
+from crashfuse.study.study import Study, run_study
 
 CONFIG = StudyConfig(windows_ms=(20.0, 60.0))
 
@@ -99,7 +100,7 @@ def test_another_training_pulse_does_reach_the_prediction(campaign: Campaign, fi
 
 def test_leaving_a_speed_group_out_learns_from_other_speeds_only(campaign: Campaign) -> None:
     """T2 at 25 mph is predicted as if T3 at 26 mph did not exist; T4 has no companion, so nothing changes for it."""
-    config = StudyConfig(approaches=("displacement_domain",), hold_out="speed group")
+    config = StudyConfig(approaches=("displacement_domain",), leave_out="speed group")
     study = run_study(campaign, config, held_out=["T2", "T4"], workers=1)
     for held_out, left_out in (("T2", ["T2", "T3"]), ("T4", ["T4"])):
         alone = estimate_at(campaign.without(left_out), campaign.test(held_out).condition, "displacement_domain")
@@ -111,7 +112,7 @@ def test_one_speed_group_cannot_be_left_out(campaign: Campaign) -> None:
     """Nothing would remain to learn from."""
     alike = campaign.without(["T1", "T4"])
     with pytest.raises(UsageError, match="All tests are of one speed group"):
-        run_study(alike, StudyConfig(hold_out="speed group"))
+        run_study(alike, StudyConfig(leave_out="speed group"))
 
 
 @pytest.mark.slow
@@ -254,9 +255,9 @@ def test_a_single_test_cannot_be_left_out(campaign: Campaign) -> None:
 def test_both_ways_to_leave_out_give_one_study_beside_the_other(campaign: Campaign) -> None:
     """Each with the numbers that it has alone."""
     config = StudyConfig(approaches=("displacement_domain",), windows_ms=(60.0,))
-    both = run_study(campaign, replace(config, hold_out="both"), held_out=["T2"], workers=1)
+    both = run_study(campaign, replace(config, leave_out="both"), held_out=["T2"], workers=1)
     assert both.speed_groups is not None
-    for found, way in zip((both, both.speed_groups), both.config.each, strict=True):
+    for found, way in zip((both, both.speed_groups), both.config.split_configs, strict=True):
         alone = run_study(campaign, way, held_out=["T2"], workers=1)
         assert found.mean_rating("displacement_domain", 60.0) == alone.mean_rating("displacement_domain", 60.0)
     assert both.mean_rating("displacement_domain", 60.0) != both.speed_groups.mean_rating("displacement_domain", 60.0)
@@ -265,7 +266,7 @@ def test_both_ways_to_leave_out_give_one_study_beside_the_other(campaign: Campai
 def test_tests_of_one_speed_group_are_left_out_one_by_one_only(campaign: Campaign) -> None:
     """There is no other group to learn from, and that is no error where both was asked for."""
     alike = campaign.without(["T1", "T4"])
-    study = run_study(alike, StudyConfig(approaches=("cae",), hold_out="both"), workers=1)
+    study = run_study(alike, StudyConfig(approaches=("cae",), leave_out="both"), workers=1)
     assert study.speed_groups is None
 
 
@@ -289,6 +290,6 @@ def test_a_window_beyond_the_end_of_a_held_out_record_is_refused(campaign: Campa
     tests = (replace(campaign.tests[0], recorded_s=0.0799), *campaign.tests[1:])
     cut = replace(campaign, tests=tests)
     for windows, held_out in (((80.0,), ("T1",)), ((100.0,), ("T2",))):
-        check_study(cut, StudyConfig(windows_ms=windows), held_out)
+        StudyPlan(cut, StudyConfig(windows_ms=windows), held_out)
     with pytest.raises(DataError, match=r"T1: expected a record over 0–90 ms, found 79\.9 ms; rate a shorter window"):
-        check_study(cut, StudyConfig(windows_ms=(60.0, 90.0)), ("T2", "T1"))
+        StudyPlan(cut, StudyConfig(windows_ms=(60.0, 90.0)), ("T2", "T1"))
