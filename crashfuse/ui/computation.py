@@ -1,6 +1,8 @@
 """What has been computed on this server, and how to have it computed: the jobs behind the pages."""
 
+import io
 import threading
+import zipfile
 from collections.abc import Callable, Hashable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -19,6 +21,7 @@ from crashfuse.execution.progress import Watch
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
 from crashfuse.study.fold import Fold
+from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Study, fold_key, run_study
 from crashfuse.study.sweep import Sweep, sweep_speed, usual_speeds
 from crashfuse.ui.jobs import Job, Jobs
@@ -133,18 +136,27 @@ class Fitted:
         """What each of them expects at a condition."""
         return estimates_at(self.fits, condition)
 
+    def models(self, campaign: Campaign) -> bytes:
+        """The fitted approaches as files, zipped: unpacked into a folder, ``crashfuse predict --models`` takes them."""
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w") as archive:
+            for fit in self.fits:
+                archive.writestr(model_file(fit.approach.name), model_bytes(fit, campaign))
+        return buffer.getvalue()
+
 
 @dataclass(frozen=True)
 class FitRequest:
-    """Fit every approach on all tests of a campaign."""
+    """Fit approaches on all tests of a campaign, for predictions at new conditions and for saved models."""
 
     campaign: Campaign
     config: StudyConfig
 
     @property
     def key(self) -> Hashable:
-        """Equal for equal data and settings."""
-        return "fit", self.campaign.fingerprint, self.config
+        """Equal for equal data and for equal settings of those that decide a fit."""
+        config = self.config
+        return "fit", self.campaign.fingerprint, config.approaches, config.preset, config.seed, config.device
 
     @property
     def title(self) -> str:

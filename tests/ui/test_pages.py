@@ -251,11 +251,11 @@ def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
 ) -> None:
     """The second waits for the first one's answer."""
 
-    def slow(*_: object, **__: object) -> str:
+    def slow(*_: object) -> bool:
         time.sleep(0.3)
-        return "found"
+        return True
 
-    monkeypatch.setattr(computation, "find_estimate", slow)
+    monkeypatch.setattr(computation, "is_estimate_cached", slow)
     request = computation.StudyRequest(campaign, ("T1",), StudyConfig(approaches=("cae",)))
     with ThreadPoolExecutor(2) as sessions:
         first, second = sessions.map(lambda _: request.find(), range(2))

@@ -92,7 +92,9 @@ def _fold(study: Study, fold: Fold) -> dict[str, object]:
     window = max(study.config.windows_ms)
     predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
     speed = test.condition.speed_mps
-    advice = recommend_for(fold.estimates, study.config.training_campaign(study.campaign, test.id), test.condition, window)
+    advice = recommend_for(
+        fold.estimates, study.config.training_campaign(study.campaign, test.id), test.condition, window
+    )
     return {
         "test": test,
         "advice": advice.sentences,
