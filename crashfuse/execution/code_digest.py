@@ -2,9 +2,12 @@
 
 import ast
 import hashlib
+import platform
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+
+from crashfuse.execution.cache import Cache
 
 _PACKAGE = Path(__file__).parents[1]
 _NOT_COMPUTING = {"execution", "files", "errors", "version"}  # they run, store and report, but decide no number
@@ -23,6 +26,23 @@ def code_digest(module: str, package: Path = _PACKAGE) -> str:
     package : Path
         Folder of the package.
     """
+    key = {"module": module, "sources": _sources_digest(package), "python": platform.python_version()}
+
+    def compute() -> tuple[str, dict[str, str]]:
+        digest = _parsed_digest(module, package)
+        return digest, {"digest": digest}
+
+    return Cache().get_or_compute("code", key, compute, lambda entry: str(entry["digest"]))  # parsing takes a while
+
+
+@cache
+def _sources_digest(package: Path) -> str:
+    """Digest of all files of the package as they are."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(package.rglob("*.py")))).hexdigest()
+
+
+def _parsed_digest(module: str, package: Path) -> str:
+    """Digest of a module and of all that it imports, from their syntax trees."""
     waiting, digests = [module], {}
     while waiting:
         name = waiting.pop()
