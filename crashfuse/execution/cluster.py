@@ -22,7 +22,7 @@ from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT
-from crashfuse.execution.workers import RESUME, Done, Future, R, T, Work, Workers
+from crashfuse.execution.workers import GLANCE_S, RESUME, R, T, Work, Workers
 from crashfuse.version import __version__
 
 try:
@@ -33,7 +33,6 @@ except ModuleNotFoundError as error:
 _ADDRESS = re.compile(r"tcp://(\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
 _ANSWER_S = 5.0  # within which a scheduler answers
 _WORKER_S = 30.0  # within which one without workers gets some
-_GLANCE_S = 0.2
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "torch")  # that decide the last bits
 _TASKS = "crashfuse.study.study"  # the module whose functions compute the tasks
 
@@ -99,7 +98,7 @@ class Cluster(Workers):
     @contextmanager
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
-    ) -> Iterator[dict[int, Future[Done[R]]]]:
+    ) -> Iterator[dict[int, Any]]:
         """As :class:`Workers` has it; a task that was begun is not interrupted, and its worker stores the result."""
         self.check()
         (shared,) = self.client.scatter([(campaign, cache.pack(cache.used))], broadcast=True, hash=False)
@@ -118,7 +117,7 @@ class Cluster(Workers):
     def check(self) -> None:
         """Wait for a lost scheduler to answer again, and for a worker."""
         while self.client.status == "connecting":
-            time.sleep(_GLANCE_S)
+            time.sleep(GLANCE_S)
         if self.client.status != "running":
             raise CrashfuseError(f"The Dask scheduler at {self.scheduler} is gone. {RESUME}.")
         try:
@@ -146,7 +145,7 @@ def _compare(worker: str, found: Mapping[str, str], wanted: Mapping[str, str]) -
 
 def _at_worker(
     work: Work[T, R], shared: tuple[Campaign, Mapping[str, bytes]], task: T, wanted: Mapping[str, str]
-) -> Done[R]:
+) -> tuple[list[R], dict[str, bytes]]:
     """Compute a task with what is cached on this machine; returns the caller's share of that, too."""
     _compare(distributed.get_worker().address, versions(), wanted)  # it may have come late
     campaign, files = shared

@@ -19,7 +19,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import joblib
 from joblib.externals.loky import get_reusable_executor
@@ -34,27 +34,14 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 R = TypeVar("R")
-D = TypeVar("D", covariant=True)
 
 Work = Callable[[Campaign, T, Cache, Watch], list[R]]
 """Computes one task of a campaign; importable in another process, as its tasks can be pickled."""
-Done = tuple[list[R], Mapping[str, bytes]]
-"""What came out of a task, and files for the caller's cache."""
 
 RESUME = "What was finished is in the cache: the same command with --resume goes on from there"
 _LIVES = 3  # how often in a row workers may die before anything gets done
-_GLANCE_S = 0.1
+GLANCE_S = 0.1  # between two looks at what is awaited
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-
-
-class Future(Protocol[D]):
-    """What joblib's and Dask's futures have in common."""
-
-    def done(self) -> bool: ...  # noqa: D102
-
-    def result(self) -> D: ...  # noqa: D102
-
-    def cancel(self) -> object: ...  # noqa: D102
 
 
 class Workers(ABC):
@@ -71,8 +58,11 @@ class Workers(ABC):
     @abstractmethod
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
-    ) -> AbstractContextManager[dict[int, Future[Done[R]]]]:
-        """Submit tasks; when the context ends, those that are still among its futures are cancelled."""
+    ) -> AbstractContextManager[dict[int, Any]]:
+        """Submit tasks; returns joblib's or Dask's futures. Those that are left when the context ends are cancelled.
+
+        The result of a future is what the work returned, and files for the caller's cache.
+        """
 
     def check(self) -> None:  # noqa: B027 - processes of this machine can always be started
         """Raise if no worker is left and none will come."""
@@ -116,7 +106,7 @@ class Workers(ABC):
                             yield result
                         if not done:
                             self.check()
-                            time.sleep(_GLANCE_S)
+                            time.sleep(GLANCE_S)
                             yield []  # the caller may want to stop
             except self.deaths as error:
                 lives -= 1
@@ -152,7 +142,7 @@ class Local(Workers):
     @contextmanager
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
-    ) -> Iterator[dict[int, Future[Done[R]]]]:
+    ) -> Iterator[dict[int, Any]]:
         """As :class:`Workers` has it; the processes share the campaign's memory, and live on for the next study."""
         n = min(self.processes or joblib.cpu_count(), len(tasks))
         executor = get_reusable_executor(n, timeout=60, initializer=_begin, initargs=(os.getpid(),), env=_ONE_THREAD)
@@ -168,7 +158,7 @@ class Local(Workers):
                     raise
 
 
-def _in_process(work: Work[T, R], file: Path, task: T, cache: Cache) -> Done[R]:
+def _in_process(work: Work[T, R], file: Path, task: T, cache: Cache) -> tuple[list[R], dict[str, bytes]]:
     return work(_campaign(file), task, cache, SILENT), {}
 
 
