@@ -1,4 +1,4 @@
-"""The command that leaves tests out: of one campaign, or of many with several presets and seeds."""
+"""The command that leaves tests out: one study, or a series over campaigns, presets and seeds."""
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
@@ -119,7 +119,7 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 
 
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
-    """Compute a study, write it and tell what came out; returns its means."""
+    """Compute a study, write it and print what came out; returns its means."""
     from crashfuse.cli.progress_bar import ProgressBar
     from crashfuse.execution.progress import Watch
     from crashfuse.reporting.result_tables import scores_table, studies_table
@@ -147,7 +147,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
 
 
 def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
-    """Write what is known of the series so far, and keep what earlier ones in this folder found beside it."""
+    """Write the series so far, and keep what earlier series in this folder found."""
     import pandas as pd
 
     study = ["campaign", "preset", "seed"]
@@ -178,14 +178,14 @@ def _summary(tables: Sequence["pd.DataFrame"]) -> str:
 
 @contextmanager
 def _writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
-    """Where to write a set of results, which get to their folder together or not at all."""
+    """Where to write a set of results, which reach their folder together or not at all."""
     try:
         with written_together(folder, last=last) as staging:
             yield staging
     except OSError as error:
         raise CrashfuseError(
             f"Nothing was written to {folder}: {error.strerror or error}. "
-            "What was computed is in the cache: once there is room, the same command goes on from there."
+            "Whatever was computed is in the cache: once there is room, the same command continues from there."
         ) from error
 
 

@@ -38,7 +38,7 @@ R = TypeVar("R")
 Work = Callable[[Campaign, T, Cache, Watch], list[R]]
 """Computes one task of a campaign; importable in another process, as its tasks can be pickled."""
 
-RESUME = "What was finished is in the cache: the same command with --resume goes on from there"
+RESUME = "Whatever was finished is in the cache: the same command with --resume continues from there"
 _LIVES = 3  # how often in a row workers may die before anything gets done
 GLANCE_S = 0.1  # between two looks at what is awaited
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")

@@ -1,4 +1,4 @@
-"""The numbers of a study or a prediction as tables with one row a number, as they stand in the files."""
+"""The numbers of a study or a prediction as the tables that are written to files."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict

@@ -1,4 +1,4 @@
-"""The files that a study and a prediction write: tables, settings and report, each whole or not at all."""
+"""Writes the files of a study, a prediction, a sweep or a ranking: tables, settings and report."""
 
 import json
 from collections.abc import Mapping, Sequence

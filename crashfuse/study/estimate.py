@@ -1,4 +1,4 @@
-"""What an approach expects at a condition, once it has learned from a campaign; both are kept in the cache."""
+"""What an approach expects at a condition, once it has learned from a campaign; both are cached."""
 
 import json
 import time
@@ -25,7 +25,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
-"""What is predicted at most; no barrier test comes near."""
+"""The limits of what is predicted; no barrier test comes near."""
 
 _KIND = "predictions"  # of entries in the cache
 _LEFT_OUT = "left out "  # before the id of a test, in the names of arrays there
@@ -108,7 +108,7 @@ class Fit:
             return self.approach.state
 
     def estimate(self, condition: Condition) -> Estimate:
-        """What the approach expects at a condition, with numbers as they are kept.
+        """What the approach expects at a condition, with numbers as they are stored.
 
         Raises
         ------
@@ -169,7 +169,7 @@ def estimate_at(
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> Estimate:
-    """Fit an approach on the whole campaign that is handed over and predict at a condition; kept in the cache.
+    """Fit an approach on the whole campaign that is handed over and predict at a condition; cached.
 
     Raises
     ------

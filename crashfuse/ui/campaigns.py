@@ -1,4 +1,4 @@
-"""Which campaigns this server has open, and reading them once for all sessions."""
+"""The campaigns that this server has open, each read once for all sessions."""
 
 import os
 import tempfile
@@ -15,14 +15,14 @@ from crashfuse.synthetic import write_sample
 
 SAMPLE = "sample"
 _SHIPPED = Path(__file__).parents[2] / "sample_data"
-_shelving = threading.Lock()
+_opening = threading.Lock()
 
 
 @st.cache_resource
-def shelf() -> dict[str, Path | None]:
+def open_campaigns() -> dict[str, Path | None]:
     """Folders that can be chosen, by their names: the sample, the one named at the start, those opened since.
 
-    These names, never a path, are what a link to a view can ask for.
+    A link to a view can ask for one of these names, never for a path.
     """
     folders: dict[str, Path | None] = {SAMPLE: None}
     if at_start := os.environ.get("CRASHFUSE_CAMPAIGN"):
@@ -32,11 +32,11 @@ def shelf() -> dict[str, Path | None]:
 
 def at_start() -> str | None:
     """Name of the campaign that the server was started with, if any."""
-    return list(shelf())[1] if os.environ.get("CRASHFUSE_CAMPAIGN") else None
+    return list(open_campaigns())[1] if os.environ.get("CRASHFUSE_CAMPAIGN") else None
 
 
 def open_folder(folder: Path) -> str:
-    """Read a folder and, if it holds a sound campaign, put it on the shelf; returns its name there.
+    """Open the campaign in a folder, if nothing is wrong with it; returns its name among the open ones.
 
     Raises
     ------
@@ -48,19 +48,19 @@ def open_folder(folder: Path) -> str:
     except (OSError, RuntimeError, ValueError) as error:  # no such home, a name that no folder can have
         raise _unreadable(folder, error) from error
     read(folder)
-    with _shelving:
-        return _put(folder, shelf())
+    with _opening:
+        return _put(folder, open_campaigns())
 
 
 def load(name: str) -> Campaign:
-    """The campaign of this name on the shelf, read anew only if its files have changed.
+    """The open campaign of this name, read again only if its files have changed.
 
     Raises
     ------
     DataError
-        If it is not sound (any more).
+        With everything that is (by now) wrong with it.
     """
-    return read(shelf()[name] or _sample_folder())
+    return read(open_campaigns()[name] or _sample_folder())
 
 
 def read(folder: Path) -> Campaign:
@@ -78,12 +78,12 @@ def read(folder: Path) -> Campaign:
 
 
 def is_sample(folder: Path) -> bool:
-    """Whether a folder is the sample's, or in it: nothing is ever added there."""
+    """Whether a folder is the sample's or lies in it: nothing is ever added there."""
     return bool({folder, *folder.parents} & {_SHIPPED.resolve(), (default_folder() / SAMPLE).resolve()})
 
 
 def _put(folder: Path, folders: dict[str, Path | None]) -> str:
-    """Shelve a folder under its own name, numbered if another has it; returns the name."""
+    """Add a folder under its own name, numbered if another has it; returns the name."""
     for name, other in folders.items():
         if other == folder:
             return name

@@ -1,4 +1,4 @@
-"""What has been computed on this server, and how to have it computed: the jobs behind the pages."""
+"""What this server has computed, and how a page has something computed: the jobs behind the pages."""
 
 import io
 import threading
@@ -39,7 +39,7 @@ _PATIENCE_S = 3.0  # for what is in the cache; if it takes longer, its progress 
 
 
 class _Lookups:
-    """Searches of the cache on disk: one at a time, each key again only when a job has ended since."""
+    """Searches of the cache on disk: one at a time, and each key again only once another job has ended."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
@@ -52,7 +52,7 @@ def _lookups() -> _Lookups:
 
 
 def _find(key: Hashable, title: str, in_cache: Callable[[], bool], work: Callable[[Watch], T]) -> Job[T] | None:
-    """The job of this key; without one, it is done at once if the cache on disk holds what takes long."""
+    """The job of this key; if there is none, it starts at once where the cache on disk has what takes long."""
     if (job := jobs().get(key)) is not None:
         return job
     with _lookups().lock:  # who comes second waits for the answer
@@ -73,7 +73,7 @@ def _folds() -> WeakValueDictionary[Hashable, Fold]:
 
 
 def chosen_config() -> StudyConfig:
-    """The settings made on the page Train, or the defaults where nobody has been there."""
+    """The settings made on the page Train, else the defaults."""
     state = st.session_state
     return StudyConfig(
         approaches=tuple(name for name in APPROACHES if name in (state.get("approaches") or APPROACHES)),
@@ -104,11 +104,11 @@ class StudyRequest:
         return f"{self.campaign.name}: predict {tests} from the others"
 
     def start(self) -> None:
-        """Queue it, or join whoever had it queued before."""
+        """Queue it, unless it is queued or done already."""
         jobs().start(self.key, self.title, self._work)
 
     def find(self) -> Job[Study] | None:
-        """The job, if there was one; what an earlier run left in the cache on disk is fetched from there."""
+        """The job, if there is one; what an earlier run left in the cache on disk is fetched from there."""
         return _find(self.key, self.title, self._in_cache, self._work)
 
     def _work(self, watch: Watch) -> Study:
@@ -164,11 +164,11 @@ class FitRequest:
         return f"{self.campaign.name}: learn from all {len(self.campaign.tests)} tests"
 
     def start(self) -> None:
-        """Queue it, or join whoever had it queued before."""
+        """Queue it, unless it is queued or done already."""
         jobs().start(self.key, self.title, self._work)
 
     def find(self) -> Job[Fitted] | None:
-        """The job, if there was one; what was learned in an earlier run is fetched from the cache on disk."""
+        """The job, if there is one; what was learned in an earlier run is fetched from the cache on disk."""
         return _find(self.key, self.title, self._in_cache, self._work)
 
     def _work(self, watch: Watch) -> Fitted:
@@ -184,7 +184,7 @@ class FitRequest:
 
 @st.cache_resource(max_entries=8, show_spinner=False)
 def answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - who was fitted
-    """What each approach expects at a condition, kept for a while: a page asks again whenever anything is clicked."""
+    """What each approach expects at a condition, kept for a while: a page asks again at every click."""
     return _fitted.estimates(condition)
 
 
@@ -202,7 +202,7 @@ class SweepRequest:
         return "sweep", self.request.key, replace(self.condition, speed_mps=1.0)
 
     def start(self) -> None:
-        """Queue it, or join whoever had it queued before."""
+        """Queue it, unless it is queued or done already."""
         jobs().start(self.key, f"{self.request.campaign.name}: predict over speed", self._work)
 
     def find(self) -> Job[tuple[Sweep, ...]] | None:

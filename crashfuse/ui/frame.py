@@ -137,7 +137,7 @@ def offer_sample() -> None:
 
 
 def choose_campaign(name: str) -> None:
-    """Select a campaign of the shelf; to be called from a callback, before the sidebar is drawn."""
+    """Select an open campaign; to be called from a callback, before the sidebar is drawn."""
     st.session_state["campaign"] = name
     _forget()
 
@@ -166,7 +166,7 @@ def _open_first_page() -> None:
 def _sidebar() -> _Choice:
     choice = _Choice()
     with st.sidebar:
-        names = list(campaigns.shelf())
+        names = list(campaigns.open_campaigns())
         first = campaigns.at_start()
         _note_if_missing("campaign", names, "The campaign {} of this link is not open on this server. "
                  "Open its folder, or upload it, on the page Data.")  # fmt: skip

@@ -31,7 +31,7 @@ class Upload(Protocol):
 
 
 def open_uploads(files: Sequence[Upload]) -> str | Source:
-    """Put what was uploaded on the shelf if it is a sound campaign; returns its name there.
+    """Open an uploaded campaign, if nothing is wrong with it; returns its name among the open ones.
 
     Files of a foreign format are laid out to be imported instead.
 
@@ -90,7 +90,7 @@ def _keep(lay_out_in: Callable[[Path], T]) -> T:
 
 @st.cache_resource
 def _opened() -> dict[str, str]:
-    """Names on the shelf of what was uploaded, by its content: a file dropped twice is one campaign."""
+    """Names of the open campaigns that were uploaded, by content: a file dropped twice is one campaign."""
     return {}
 
 

@@ -126,7 +126,7 @@ def test_ctrl_c_is_one_sentence_and_leaves_no_process(campaign_on_disk: Path, tm
         os.killpg(study.pid, signal.SIGINT)
         _, said = study.communicate(timeout=30)
     assert study.returncode == cli.INTERRUPTED
-    assert b"goes on from there" in said
+    assert b"continues there" in said
     assert b"Traceback" not in said
     assert not psutil.wait_procs(workers, timeout=20)[1]
 

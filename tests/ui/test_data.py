@@ -174,7 +174,7 @@ def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> 
         assert session.app.sidebar.selectbox(key="campaign").value == "sled"
         assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
         assert len(kept()) == 1
-    assert list(campaigns.shelf()) == ["sample", "sled"]
+    assert list(campaigns.open_campaigns()) == ["sample", "sled"]
 
 
 def test_the_files_of_a_campaign_are_opened_together(visit: Visit, campaign_folder: Path) -> None:
@@ -200,7 +200,7 @@ def test_a_bad_upload_is_refused_row_by_row_and_not_kept(visit: Visit, campaign_
     assert cells["What to do"] == "Correct the cell"
     assert table["Expected"].str.contains("T2").any()
     assert kept() == []
-    assert list(campaigns.shelf()) == ["sample"]
+    assert list(campaigns.open_campaigns()) == ["sample"]
 
 
 def test_a_strangers_file_name_is_shown_as_text(visit: Visit) -> None:

@@ -172,7 +172,7 @@ def _turn_to(folder: Path, sentence: str) -> None:
 
 def _open_folder() -> Path | None:
     """The folder of the open campaign, if it is one that can be added to."""
-    folder = campaigns.shelf().get(st.session_state.get("campaign") or "")
+    folder = campaigns.open_campaigns().get(st.session_state.get("campaign") or "")
     return None if folder is None or is_scratch(folder) or campaigns.is_sample(folder) else folder
 
 
