@@ -13,7 +13,7 @@ import numpy as np
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.reporting.paper_tables import TABLE_3, best, rating_table
-from crashfuse.study.config import HoldOut, StudyConfig
+from crashfuse.study.config import LeaveOut, StudyConfig
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study, run_study
 
@@ -25,14 +25,14 @@ def main() -> None:
     """Run the studies and print Markdown tables."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("campaigns", type=Path, nargs="*", default=[Path("sample_data")])
-    hold_outs: tuple[HoldOut, ...] = ("test", "speed group")
+    ways: tuple[LeaveOut, ...] = ("test", "speed group")
     for folder in arguments.parse_args().campaigns:
         campaign = load_campaign(folder)
-        for hold_out in hold_outs:
-            study = run_study(campaign, StudyConfig(hold_out=hold_out))
-            print(f"\n### {campaign.name}, one {hold_out} left out\n")
+        for leave_out in ways:
+            study = run_study(campaign, StudyConfig(leave_out=leave_out))
+            print(f"\n### {campaign.name}, one {leave_out} left out\n")
             _print_summary(study)
-            if hold_out == "test":
+            if leave_out == "test":
                 _print_tests(study)
                 _print_table_3(study)
                 _print_recommendations(study)
@@ -83,7 +83,7 @@ def _print_recommendations(study: Study) -> None:
     errors, inside = [], 0
     for fold in study.folds:
         condition = study.campaign.test(fold.held_out).condition
-        rest = study.config.rest(study.campaign, fold.held_out)
+        rest = study.config.training_campaign(study.campaign, fold.held_out)
         advice = recommend_for(fold.estimates, rest, condition, _WINDOW_MS)
         rated = fold.ratings[advice.approach][_WINDOW_MS].overall
         if (expected := advice.expected) is None:

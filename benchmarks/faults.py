@@ -36,7 +36,7 @@ def main() -> None:
     chance = random.Random(given.seed)  # noqa: S311
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        options = ["--approach", *given.approach, "--hold-out", "test", "--workers", "2"]
+        options = ["--approach", *given.approach, "--leave-out", "test", "--workers", "2"]
         start = time.monotonic()
         undisturbed = _Study(given.campaign, options, folder / "undisturbed", resume=False)
         if undisturbed.process.wait():

@@ -64,7 +64,7 @@ def _prepare() -> Truth:
     """Have everything in the cache that the pages show, as on a server that has been in use for a while."""
     campaign = load_campaign(ROOT / "sample_data")
     config = StudyConfig()
-    study = run_study(campaign, replace(config, hold_out="both"))
+    study = run_study(campaign, replace(config, leave_out="both"))
     for name in config.approaches:
         Fit.of(campaign, name, config)
     ratings = {

@@ -35,7 +35,7 @@ test, campaign, config = view.held_out, view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
 st.subheader(f"Test {plain(test.id)}: {test.condition}")
 
-rest = config.rest(campaign, test.id)
+rest = config.training_campaign(campaign, test.id)
 request = StudyRequest(campaign, (test.id,), config)
 study = result_of(
     request,

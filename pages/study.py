@@ -28,7 +28,7 @@ st.markdown(
     "all others, and rated; then once more without any other test at about its speed."
 )
 if config.preset == "fast":  # a paper fit takes minutes, or a GPU
-    config = replace(config, hold_out="both")
+    config = replace(config, leave_out="both")
 study = result_of(
     StudyRequest(campaign, campaign.test_ids, config),
     invitation=f"The study of all {len(campaign.tests)} tests has not been run yet. "
@@ -42,7 +42,7 @@ study = result_of(
 def open_test(test_id: str, study: Study) -> None:
     """Turn to a test as this study left it out."""
     frame.choose_held_out(campaign.test(test_id))
-    st.session_state["hold_out"] = study.config.hold_out if study.config.hold_out == "speed group" else "test"
+    st.session_state["leave_out"] = study.config.leave_out if study.config.leave_out == "speed group" else "test"
 
 
 def show_ratings(study: Study, way: str) -> None:

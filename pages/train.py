@@ -50,7 +50,7 @@ with right.expander("Advanced", icon=":material/tune:"):
         "Leave out with a test",
         ["test", "speed group"],
         format_func={"test": "Nothing else", "speed group": "All tests at about its speed"}.__getitem__,
-        key="hold_out",
+        key="leave_out",
         persist_state="session",
         help="Without any test at about its speed the prediction is a step to a new speed: the harder question. "
         "Tests less than 2 mph apart are at about one speed.",

@@ -6,16 +6,19 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.campaign import Campaign
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.cache import Cache, Entry
+from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch
 
 A = TypeVar("A", bound=Approach)
 
 _KIND = "fits"  # of entries in the cache
+_TEXT = "text"  # the array there that holds all that is not an array
 
 
 def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = SILENT) -> tuple[A, float]:
@@ -43,50 +46,38 @@ def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = 
     Cancelled
         If the watch was told to stop.
     """
+
+    def learn() -> tuple[float, Mapping[str, npt.ArrayLike]]:
+        start = time.perf_counter()
+        approach.fit(campaign, watch)
+        seconds = time.perf_counter() - start
+        learned = approach.learned()
+        text = json.dumps({"values": learned.values, "seconds": seconds})
+        return seconds, {**learned.arrays, _TEXT: np.array(text)}
+
+    def restore(entry: Entry) -> float:
+        text = json.loads(str(entry.pop(_TEXT)))
+        approach.restore(campaign, FittedState(text["values"], entry))
+        return float(text["seconds"])
+
     if cache is None:
-        return approach, _learn(approach, campaign, watch)
-    key = _key(approach, campaign)
-    seconds = _restore(approach, campaign, cache, key)
-    if seconds is None:
-        with cache.alone(_KIND, key, watch):
-            seconds = _restore(approach, campaign, cache, key)  # another process may have come first
-            if seconds is None:
-                seconds = _learn(approach, campaign, watch)
-                learned = approach.learned()
-                text = json.dumps({"values": learned.values, "seconds": seconds})
-                cache.put(_KIND, key, {**learned.arrays, "text": np.array(text)})
-    return approach, seconds
+        return approach, learn()[0]
+    return approach, cache.get_or_compute(_KIND, _key(approach, campaign), learn, restore, watch)
 
 
-def is_kept(approach: Approach, campaign: Campaign, cache: Cache) -> bool:
+def is_cached(approach: Approach, campaign: Campaign, cache: Cache) -> bool:
     """Whether :func:`fitted` would find in the cache what was learned from this campaign."""
-    return cache.path(_KIND, _key(approach, campaign)).is_file()
+    return cache.is_cached(_KIND, _key(approach, campaign))
 
 
 def _key(approach: Approach, campaign: Campaign) -> dict[str, object]:
     return {**settings(approach), "campaign": campaign.fingerprint}
 
 
-def _learn(approach: Approach, campaign: Campaign, watch: Watch) -> float:
-    """Fit it; returns the seconds that took."""
-    start = time.perf_counter()
-    approach.fit(campaign, watch)
-    return time.perf_counter() - start
-
-
-def _restore(approach: Approach, campaign: Campaign, cache: Cache, key: Mapping[str, object]) -> float | None:
-    """Take up what is kept; returns the seconds that took when it was learned, or None if nothing is kept."""
-    entry = cache.get(_KIND, key)
-    if entry is None:
-        return None
-    text = json.loads(str(entry.pop("text")))
-    approach.restore(campaign, FittedState(text["values"], entry))
-    return float(text["seconds"])
-
-
 def settings(approach: Approach) -> dict[str, object]:
     """All that decides an approach's numbers, beside the data."""
     return {
+        "code": code_digest(type(approach).__module__),
         "approach": approach.name,
         "config": getattr(approach, "config", None),
         "seed": getattr(approach, "seed", 0),

@@ -164,10 +164,11 @@ class Emulator:
         """The fitted state, for the cache."""
         return {name: getattr(self, name) for name in _LEARNED}
 
-    def restore(self, learned: Entry) -> None:
+    def restore(self, learned: Entry) -> Self:
         """Restore a fitted state."""
         for name in _LEARNED:
             setattr(self, name, learned[name])
+        return self
 
 
 def _eigen(x: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, FloatArray]:

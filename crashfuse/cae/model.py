@@ -10,6 +10,7 @@ from crashfuse.cae.emulator import Emulator
 from crashfuse.campaign import CaeLibrary
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import FloatArray
@@ -121,15 +122,14 @@ class CaeModel:
         Cancelled
             If the watch was told to stop.
         """
-        self.cae_ = cae
-        self.emulator_ = Emulator()
-        key = {"cae": cae.fingerprint, "config": self.emulator_.config}
-        if self.cache and (entry := self.cache.get("emulator", key)) is not None:
-            self.emulator_.restore(entry)
+        self.cae_, self.emulator_ = cae, (emulator := Emulator())
+        if self.cache is None:
+            emulator.fit(cae, watch)
             return self
-        self.emulator_.fit(cae, watch)
-        if self.cache:
-            self.cache.put("emulator", key, self.emulator_.arrays())
+        key = {"cae": cae.fingerprint, "config": emulator.config, "code": code_digest(Emulator.__module__)}
+        self.cache.get_or_compute(
+            "emulator", key, lambda: (emulator.fit(cae, watch), emulator.arrays()), emulator.restore, watch
+        )
         return self
 
     def pulse(self, condition: Condition) -> CaePulse:

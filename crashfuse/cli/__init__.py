@@ -19,7 +19,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 the data are wrong, 2 wrong usage)."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a name in letters that the terminal lacks
+            stream.reconfigure(errors="backslashreplace")  # a name with letters that the terminal lacks
     argv = sys.argv[1:] if argv is None else argv
     arguments = parser().parse_args(argv)
     if any(argument == "" or (argument.startswith("--") and argument.endswith("=")) for argument in argv):
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         command(arguments)
         sys.stdout.flush()
-    except BrokenPipeError:  # who read what is printed (head, say) has seen enough
+    except BrokenPipeError:  # whoever reads this (head, say) has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CUT_OFF
     except DataError as error:
@@ -46,7 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say(f"crashfuse: {_about_the_system(error)}")
         return WRONG_DATA
     except KeyboardInterrupt:
-        _say("Stopped. What was finished is in the cache: the same command goes on from there (a study with --resume).")
+        _say(
+            "Stopped. Whatever was finished is in the cache: the same command (a study with --resume) continues there."
+        )
         return INTERRUPTED
     return DONE
 

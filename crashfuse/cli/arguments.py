@@ -29,11 +29,11 @@ def parser() -> argparse.ArgumentParser:
     sample.add_argument("folder", type=Path, metavar="DIR", help="folder to make; it must not hold anything yet")
     sample.set_defaults(run=data.sample)
 
-    check = commands.add_parser("check", help="say what a campaign holds and what is wrong with it")
+    check = commands.add_parser("check", help="show what a campaign holds and what is wrong with it")
     check.add_argument("campaign", type=Path, metavar="CAMPAIGN")
     check.set_defaults(run=data.check)
 
-    imports.add_options(commands.add_parser("import", help="take foreign files into a campaign"))
+    imports.add_options(commands.add_parser("import", help="import files of other formats into a campaign"))
 
     study = commands.add_parser("study", help="leave out each test in turn, predict it, rate the prediction")
     study.add_argument("campaigns", type=Path, nargs="+", metavar="CAMPAIGN")
@@ -42,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
         type=Path,
         required=True,
         metavar="DIR",
-        help="folder for the results; of several campaigns, presets or seeds each study has a folder in it",
+        help="folder for the results; with several campaigns, presets or seeds each study has a folder in it",
     )
     study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
     _add_model_options(study, several=True)
@@ -50,17 +50,17 @@ def parser() -> argparse.ArgumentParser:
         "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
     )
     study.add_argument(
-        "--hold-out",
+        "--leave-out",
         choices=("test", "speed-group", "both"),
         help="leave each test out alone, with all tests at about its speed, or both, one study after the other "
-        "(default: both, but test alone with --held-out or --preset paper)",
+        "(default: both, but only test with --held-out or --preset paper)",
     )
     where = study.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one a core)")
+    where.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one for each core)")
     where.add_argument(
-        "--scheduler", metavar="tcp://HOST:PORT", help="of a Dask cluster that you trust, whose workers do the work"
+        "--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster that you trust, to compute on its workers"
     )
-    study.add_argument("--resume", action="store_true", help="go on with the study that was begun in DIR")
+    study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
     study.set_defaults(run=studies.study)
 
     predict = commands.add_parser("predict", help="predict the pulse at a condition that was never tested")
@@ -70,7 +70,7 @@ def parser() -> argparse.ArgumentParser:
     _add_prediction_options(predict)
     predict.set_defaults(run=models.predict)
 
-    train = commands.add_parser("train", help="learn from all tests and CAE runs, and save the models")
+    train = commands.add_parser("train", help="learn from all tests and CAE runs and save the models")
     train.add_argument("campaign", type=Path, metavar="CAMPAIGN")
     train.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the models")
     _add_model_options(train)
@@ -116,7 +116,7 @@ def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
     preset, seed = _one_of("fast", "paper"), _whole(0, 2**32 - 1)
-    more = "; several with commas between them" if several else ""
+    more = "; several separated by commas" if several else ""
     parser.add_argument(
         "--approach",
         nargs="+",
@@ -151,7 +151,7 @@ class _Approaches:
 
 
 def _listed(parse: Callable[[str], T]) -> Callable[[str], list[T]]:
-    """Parser of values with commas between them: a list of words would take the campaign after it for one more."""
+    """Parser of values separated by commas: a list of words would take the campaign after it for one more."""
 
     def values(text: str) -> list[T]:
         return [parse(part) for part in text.split(",")]
@@ -176,7 +176,8 @@ def _whole(low: int, high: int | None = None) -> Callable[[str], int]:
     def whole_number(text: str) -> int:
         number = int(text)
         if number < low or (high is not None and number > high):
-            raise argparse.ArgumentTypeError(f"must be {low} or more" if high is None else f"must be {low} to {high}")
+            allowed = f"{low} or more" if high is None else f"between {low} and {high}"
+            raise argparse.ArgumentTypeError(f"must be {allowed}, got {number}")
         return number
 
     return whole_number

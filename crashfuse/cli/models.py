@@ -3,10 +3,9 @@
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from crashfuse.cli.output import replacing, require_output
+from crashfuse.cli.output import replacing, require_output, say_written
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ def train(arguments: argparse.Namespace) -> None:
     from crashfuse.cli.progress_bar import ProgressBar
     from crashfuse.execution.progress import Watch
     from crashfuse.study.estimate import Fit
-    from crashfuse.study.saved_models import save_model
+    from crashfuse.study.saved_models import model_file, save_model
 
     require_output(arguments.out, arguments.campaign)
     campaign = load_campaign(arguments.campaign)
@@ -32,9 +31,9 @@ def train(arguments: argparse.Namespace) -> None:
     with ProgressBar() as bar:
         for name in config.approaches:
             fit = Fit.of(campaign, name, config, watch=Watch(bar.show))
-            save_model(fit, campaign, _model_path(arguments.out, name))
+            save_model(fit, campaign, arguments.out / model_file(name))
     print(f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs of {campaign.name}.")
-    print(f"Written to {arguments.out}: {', '.join(_model_path(Path(), name).name for name in config.approaches)}")
+    print(f"Written to {arguments.out}: {', '.join(model_file(name) for name in config.approaches)}")
 
 
 def predict(arguments: argparse.Namespace) -> None:
@@ -59,7 +58,7 @@ def predict(arguments: argparse.Namespace) -> None:
     for sentence in dict.fromkeys((*advice, *nearest_sentences(campaign, condition), *notes, campaign.notice)):
         if sentence:
             print(sentence)
-    print(f"Written to {arguments.out}: pulses.csv, pulses.parquet, metrics.csv, report.html, prediction.json, isomme/")
+    say_written(arguments.out, "prediction")
 
 
 def sweep(arguments: argparse.Namespace) -> None:
@@ -89,7 +88,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     write_sweep(campaign, sweeps, fits[0].config, arguments.out)
     print(f"{len(speeds)} speeds from {speeds[0] / MPH:.1f} to {speeds[-1] / MPH:.1f} mph.")
     print(weights_sentence(condition, campaign.tests))
-    print(f"Written to {arguments.out}: sweep.csv, report.html")
+    say_written(arguments.out, "sweep")
 
 
 def next_test(arguments: argparse.Namespace) -> None:
@@ -123,7 +122,7 @@ def next_test(arguments: argparse.Namespace) -> None:
     write_next_tests(campaign, over, ranked, fit.config, arguments.out)
     print(f"The band of the displacement domain over {over.low} to {over.high}:")
     print(next_tests_table(ranked[:_BEST]).to_string(index=False))
-    print(f"Written to {arguments.out}: next_tests.csv, report.html")
+    say_written(arguments.out, "ranking of next tests")
 
 
 def _require_positive(arguments: argparse.Namespace, *names: str) -> None:
@@ -140,10 +139,6 @@ def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mph: f
     return Condition(speed_mph * MPH, arguments.front_weight_lb * LB, arguments.rear_weight_lb * LB, factors)
 
 
-def _model_path(folder: Path, approach: str) -> Path:
-    return folder / f"{approach}.safetensors"
-
-
 def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     """The approaches that are asked for, from saved models if there is a folder of them, else trained."""
     from crashfuse.approaches.registry import APPROACHES
@@ -151,7 +146,7 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     from crashfuse.execution.cache import Cache
     from crashfuse.execution.progress import Watch
     from crashfuse.study.estimate import Fit
-    from crashfuse.study.saved_models import load_model
+    from crashfuse.study.saved_models import load_model, model_file
 
     if arguments.models is None:
         config = _config(arguments)
@@ -159,11 +154,11 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
             return [Fit.of(campaign, name, config, watch=Watch(bar.show)) for name in config.approaches]
     if any(value is not None for value in (arguments.preset, arguments.seed, arguments.device)):
         raise UsageError("Saved models have their preset and seed in them; leave out --preset, --seed and --device.")
-    saved = tuple(name for name in APPROACHES if _model_path(arguments.models, name).is_file())
+    saved = tuple(name for name in APPROACHES if (arguments.models / model_file(name)).is_file())
     if not saved:
         raise UsageError(f"There is no saved model in {arguments.models}; make some with crashfuse train.")
     names = tuple(dict.fromkeys(arguments.approach or saved))
-    fits = [load_model(_model_path(arguments.models, name), campaign, cache=Cache()) for name in names]
+    fits = [load_model(arguments.models / model_file(name), campaign, cache=Cache()) for name in names]
     if len({(fit.config.preset, fit.config.seed) for fit in fits}) > 1:
         raise UsageError(f"The models in {arguments.models} were trained with different presets or seeds.")
     return fits

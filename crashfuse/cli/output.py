@@ -11,15 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from crashfuse.errors import UsageError
-
-_KINDS = {
-    "series of studies": ("studies.csv", ()),
-    "study": ("study.json", ("scores.csv", "speed_groups.csv", "pulses.csv", "metrics.csv", "report.html")),
-    "prediction": ("prediction.json", ("pulses.csv", "pulses.parquet", "metrics.csv", "report.html", "isomme/**/*")),
-    "sweep": ("sweep.csv", ("report.html",)),
-    "ranking of next tests": ("next_tests.csv", ("report.html",)),
-}
-"""Each kind of result: the file that it is known by, and patterns of what else belongs to it."""
+from crashfuse.reporting.result_files import RESULT_FILES
 
 
 def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
@@ -36,7 +28,7 @@ def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
         )
     if any((out / table).exists() for table in ("tests.csv", "cae.csv")):
         raise UsageError(f"{out} is a campaign folder; name another for --out.")
-    for other, (mark, _) in _KINDS.items():
+    for other, (mark, *_) in RESULT_FILES.items():
         if kind not in (None, other) and (out / mark).exists():
             raise UsageError(f"{out} holds a {other} ({mark}); name another folder for the {kind}.")
     there = next(path for path in (out.resolve(), *out.resolve().parents) if path.exists())
@@ -49,10 +41,17 @@ def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
 @contextmanager
 def replacing(out: Path, kind: str) -> Iterator[None]:
     """Write results of this kind in this context; what it leaves as it was of older ones is removed at its end."""
-    mark, parts = _KINDS[kind]
-    older = [path for part in parts for path in out.glob(part) if path.is_file()] if (out / mark).is_file() else []
+    mark, *others = RESULT_FILES[kind]
+    older = [path for part in others for path in out.glob(part) if path.is_file()] if (out / mark).is_file() else []
     stamps = {path: path.stat() for path in older}
     yield
     for path, stamp in stamps.items():
         if path.exists() and (path.stat().st_ino, path.stat().st_mtime_ns) == (stamp.st_ino, stamp.st_mtime_ns):
             path.unlink()
+
+
+def say_written(out: Path, kind: str) -> None:
+    """Print which files of this kind of result are in a folder."""
+    mark, *others = RESULT_FILES[kind]
+    names = (part.partition("**")[0] for part in (*others, mark))
+    print(f"Written to {out}: {', '.join(name for name in names if (out / name).exists())}")

@@ -1,4 +1,4 @@
-"""Progress on standard error: one line a step, with the time that remains."""
+"""Progress on standard error: a bar for each step on a terminal, else a few plain lines that a log can hold."""
 
 import sys
 from types import TracebackType
@@ -8,12 +8,16 @@ from tqdm import tqdm
 
 from crashfuse.execution.progress import Progress
 
+_LINES = 4  # a step that is written as lines: at its beginning, and after each of as many parts of it
+
 
 class ProgressBar:
-    """Shows each :class:`Progress` that it is handed, a line a step; as a context it closes its bars at the end."""
+    """Shows each :class:`Progress` that it is handed; as a context it closes its bars at the end."""
 
     def __init__(self) -> None:
         self._bars: dict[str, tqdm[None]] = {}
+        self._written: dict[str, int] = {}
+        self._draw = sys.stderr.isatty()
 
     def __enter__(self) -> Self:
         return self
@@ -25,6 +29,13 @@ class ProgressBar:
             bar.close()
 
     def show(self, progress: Progress) -> None:
+        """Show how far a step is."""
+        if self._draw:
+            self._move_bar(progress)
+        else:
+            self._write_line(progress)
+
+    def _move_bar(self, progress: Progress) -> None:
         """Move the bar of this step; a step that begins anew (for the next test) takes its line again."""
         bar = self._bars.get(progress.step)
         if bar is None:
@@ -37,3 +48,10 @@ class ProgressBar:
         if progress.values:
             bar.set_postfix({name: f"{value:.3g}" for name, value in progress.values.items()}, refresh=False)
         bar.update(progress.done - bar.n)
+
+    def _write_line(self, progress: Progress) -> None:
+        """Write a line if a step has come far enough; one that begins anew (for the next test) is not told again."""
+        part = int(_LINES * progress.fraction)
+        if part > self._written.get(progress.step, -1):
+            self._written[progress.step] = part
+            print(f"{progress.step}: {progress.done} of {progress.total}", file=sys.stderr, flush=True)

@@ -1,13 +1,13 @@
-"""The command that leaves tests out: of one campaign, or of many with several presets and seeds."""
+"""The command that leaves tests out: one study, or a series over campaigns, presets and seeds."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crashfuse.cli.output import replacing, require_output
+from crashfuse.cli.output import replacing, require_output, say_written
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.atomic import written_together
 
@@ -15,68 +15,35 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from crashfuse.campaign import Campaign
-    from crashfuse.study.config import StudyConfig
+    from crashfuse.study.plan import StudyPlan
 
-_FILES = ("scores.csv", "speed_groups.csv", "pulses.csv", "metrics.csv", "study.json", "report.html")
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
 
 
 @dataclass(frozen=True)
 class _Run:
-    """What one study of the command computes, and where it is written."""
+    """One study of the command, checked, and where it is written."""
 
     name: str
-    campaign: Path
     out: Path
-    given: dict[str, Any]
-    held_out: list[str] | None
-    resume: bool
-
-    def planned(self) -> tuple["Campaign", "StudyConfig", Sequence[str]]:
-        """The campaign, the settings and the tests to leave out; raises what makes the study impossible."""
-        from crashfuse.campaign_folder.folder import load_campaign
-        from crashfuse.reporting.results import read_record
-        from crashfuse.study.config import StudyConfig
-        from crashfuse.study.study import check_study
-
-        require_output(self.out, self.campaign, "study")
-        campaign = load_campaign(self.campaign)
-        whole = not self.held_out and self.given.get("preset") != "paper"  # a paper fit takes minutes, or a GPU
-        config = StudyConfig(**{"hold_out": "both" if whole else "test", **self.given})
-        held_out: Sequence[str] = self.held_out or campaign.test_ids
-        if self.resume:
-            record = read_record(self.out)
-            differing = [name for name, value in self.given.items() if getattr(record.config, name) != value]
-            if self.held_out and tuple(self.held_out) != record.held_out:
-                differing.append("held_out")
-            if record.fingerprint != campaign.fingerprint:
-                differing.append("the campaign's data")
-            if differing:
-                raise UsageError(
-                    f"The study in {self.out} was begun with other settings ({', '.join(differing)}); "
-                    "resume it with its own, or start another without --resume."
-                )
-            config, held_out = record.config, record.held_out
-        check_study(campaign, config, held_out)
-        return campaign, config, held_out
+    plan: "StudyPlan"
 
 
 def study(arguments: argparse.Namespace) -> None:
     """Leave tests out, predict and rate them: of each campaign, with each preset and seed."""
-    runs = _runs(arguments)
+    runs = _runs(arguments)  # what is wrong with the last should be known before the first is computed
     if len(runs) == 1:
-        print(f"Written to {arguments.out}: {', '.join(_finish(runs[0], arguments)[1])}")
+        _finish(runs[0], arguments)
+        say_written(arguments.out, "study")
         return
-    for run in runs:
-        run.planned()  # what is wrong with the last should be known before the first is computed
     tables: list[pd.DataFrame] = []
     for number, run in enumerate(runs, start=1):
         print(f"Study {number} of {len(runs)}: {run.out.relative_to(arguments.out)}", flush=True)
-        tables.append(_finish(run, arguments)[0])
+        tables.append(_finish(run, arguments))
         _write_series(arguments.out, tables)
     print(f"\nMean rating over 0–{tables[0]['window_ms'].max():g} ms, each test left out, range over the seeds")
     print(_summary(tables))
-    print(f"Written to {arguments.out}: studies.csv, and in a folder of its own each study")
+    print(f"Written to {arguments.out}: studies.csv, and each study in a folder of its own")
 
 
 def _runs(arguments: argparse.Namespace) -> list[_Run]:
@@ -86,7 +53,7 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
         for name, value in (
             ("approaches", arguments.approach and tuple(arguments.approach)),
             ("windows_ms", arguments.windows_ms and tuple(arguments.windows_ms)),
-            ("hold_out", arguments.hold_out and arguments.hold_out.replace("-", " ")),
+            ("leave_out", arguments.leave_out and arguments.leave_out.replace("-", " ")),
             ("device", arguments.device),
         )
         if value is not None
@@ -96,19 +63,47 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
         for preset in dict.fromkeys(arguments.preset or [None])
         for seed in dict.fromkeys(arguments.seed or [None])
     ]
-    campaigns = _named(arguments.campaigns)
-    alone = len(campaigns) == len(ways) == 1
+    folders = _named(arguments.campaigns)
+    alone = len(folders) == len(ways) == 1
+    for folder in folders.values():
+        require_output(arguments.out, folder, "study" if alone else "series of studies")
+    from crashfuse.campaign_folder.folder import load_campaign
+
     runs = []
-    for name, campaign in campaigns.items():
-        require_output(arguments.out, campaign, "study" if alone else "series of studies")
+    for name, folder in folders.items():
+        campaign = load_campaign(folder)
         for way in ways:
             out = arguments.out
             if not alone:
                 out = out / name / f"{way.get('preset', 'fast')}-seed-{way.get('seed', 0)}"
+                require_output(out, folder, "study")
             # of a series that was killed, some may not have been begun
             resume = arguments.resume and (alone or (out / "study.json").is_file())
-            runs.append(_Run(name, campaign, out, way, arguments.held_out, resume))
+            runs.append(_Run(name, out, _plan(campaign, way, arguments.held_out or (), out if resume else None)))
     return runs
+
+
+def _plan(campaign: "Campaign", given: Mapping[str, Any], held_out: Sequence[str], resumed: Path | None) -> "StudyPlan":
+    """What a study computes, with what is not given from the study that is to be resumed; raises if it cannot be."""
+    from crashfuse.reporting.results import read_record
+    from crashfuse.study.config import StudyConfig
+    from crashfuse.study.plan import StudyPlan
+
+    if resumed is None:
+        whole = not held_out and given.get("preset") != "paper"  # a paper fit takes minutes, or a GPU
+        return StudyPlan(campaign, StudyConfig(**{"leave_out": "both" if whole else "test", **given}), tuple(held_out))
+    record = read_record(resumed)
+    differing = [name for name, value in given.items() if getattr(record.config, name) != value]
+    if held_out and tuple(held_out) != record.held_out:
+        differing.append("held_out")
+    if record.fingerprint != campaign.fingerprint:
+        differing.append("the campaign's data")
+    if differing:
+        raise UsageError(
+            f"The study in {resumed} was begun with other settings ({', '.join(differing)}); "
+            "resume it with its own, or start another without --resume."
+        )
+    return StudyPlan(campaign, record.config, record.held_out)
 
 
 def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
@@ -123,43 +118,36 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
     return named
 
 
-def _finish(run: _Run, arguments: argparse.Namespace) -> tuple["pd.DataFrame", list[str]]:
-    """Compute a study, write it and tell what came out; returns its means and the names of its files."""
+def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
+    """Compute a study, write it and print what came out; returns its means."""
     from crashfuse.cli.progress_bar import ProgressBar
     from crashfuse.execution.progress import Watch
     from crashfuse.reporting.result_tables import scores_table, studies_table
     from crashfuse.reporting.results import begin_study, write_study
     from crashfuse.study.recommendation import recommend
-    from crashfuse.study.study import run_study
+    from crashfuse.study.study import run_plan
 
-    campaign, config, held_out = run.planned()
+    plan = run.plan
     with _writing(run.out) as folder:
-        begin_study(folder, campaign, held_out, config)
+        begin_study(folder, plan)
     with ProgressBar() as bar:
-        study = run_study(
-            campaign,
-            config,
-            held_out=held_out,
-            watch=Watch(bar.show),
-            workers=arguments.workers,
-            scheduler=arguments.scheduler,
-        )
+        watch = Watch(bar.show)
+        study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
     with replacing(run.out, "study"), _writing(run.out) as folder:
         write_study(study, folder)
-        files = [name for name in _FILES if (folder / name).is_file()]
-    print("Mean ISO/TS 18571 rating over the held-out tests, " + _LEFT_OUT[config.each[0].hold_out])
+    print("Mean ISO/TS 18571 rating over the held-out tests, " + _LEFT_OUT[plan.configs[0].leave_out])
     _print_means(scores_table(study))
     if study.speed_groups is not None:
         print(f"The same, {_LEFT_OUT['speed group']}")
         _print_means(scores_table(study.speed_groups))
     print(*recommend(study).sentences, sep="\n")
-    if campaign.notice:
-        print(campaign.notice)
-    return studies_table([(run.name, study)]), files
+    if plan.campaign.notice:
+        print(plan.campaign.notice)
+    return studies_table([(run.name, study)])
 
 
 def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
-    """Write what is known of the series so far, and keep what earlier ones in this folder found beside it."""
+    """Write the series so far, and keep what earlier series in this folder found."""
     import pandas as pd
 
     study = ["campaign", "preset", "seed"]
@@ -190,14 +178,14 @@ def _summary(tables: Sequence["pd.DataFrame"]) -> str:
 
 @contextmanager
 def _writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
-    """Where to write a set of results, which get to their folder together or not at all."""
+    """Where to write a set of results, which reach their folder together or not at all."""
     try:
         with written_together(folder, last=last) as staging:
             yield staging
     except OSError as error:
         raise CrashfuseError(
             f"Nothing was written to {folder}: {error.strerror or error}. "
-            "What was computed is in the cache: once there is room, the same command goes on from there."
+            "Whatever was computed is in the cache: once there is room, the same command continues from there."
         ) from error
 
 

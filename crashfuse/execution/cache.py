@@ -7,12 +7,11 @@ import logging
 import os
 import time
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, is_dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +25,10 @@ from crashfuse.version import __version__
 log = logging.getLogger(__name__)
 
 Entry = dict[str, npt.NDArray[Any]]
+T = TypeVar("T")
+
+_WRONG_CONTENT = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
+"""What reading an entry raises that is whole but is not what it should be."""
 
 _PATIENCE_S = 3600.0  # with who computes the same; then it is computed twice
 _GLANCE_S = 0.2
@@ -55,9 +58,62 @@ class Cache:
         self.used: set[str] = set()
 
     def path(self, kind: str, key: Mapping[str, object]) -> Path:
-        """File of the entry of this kind whose parts (strings, numbers, frozen configs) are these."""
-        parts = json.dumps({**key, "version": __version__, "code": code_digest()}, sort_keys=True, default=_plain)
+        """File of the entry of this kind with this key, whose parts are strings, numbers and frozen configs.
+
+        The key of a computed result includes the digest of the code that computes it
+        (:func:`crashfuse.execution.code_digest.code_digest`).
+        """
+        parts = json.dumps({**key, "version": __version__}, sort_keys=True, default=_plain)
         return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
+
+    def is_cached(self, kind: str, key: Mapping[str, object]) -> bool:
+        """Whether there is an entry under this key; it is not read."""
+        return self.path(kind, key).is_file()
+
+    def get_or_compute(
+        self,
+        kind: str,
+        key: Mapping[str, object],
+        compute: Callable[[], tuple[T, Mapping[str, npt.ArrayLike]]],
+        restore: Callable[[Entry], T],
+        watch: Watch = SILENT,
+    ) -> T:
+        """Restore a result from the cache, or compute and store it; of several who ask at the same time, one computes.
+
+        Parameters
+        ----------
+        kind : str
+        key : mapping
+        compute : callable
+            Returns the result, which is not None, and the arrays to store.
+        restore : callable
+            Makes the same result from these arrays. An entry with which it fails is discarded and computed again.
+        watch : Watch
+
+        Raises
+        ------
+        Cancelled
+            If the watch was told to stop.
+        """
+        result = self.find(kind, key, restore)
+        if result is None:
+            with self.alone(kind, key, watch):
+                result = self.find(kind, key, restore)  # another process may have come first
+                if result is None:
+                    result, entry = compute()
+                    self.put(kind, key, entry)
+        return result
+
+    def find(self, kind: str, key: Mapping[str, object], restore: Callable[[Entry], T]) -> T | None:
+        """Restore a result from the cache, or return None if there is none or it cannot be restored."""
+        entry = self.get(kind, key)
+        if entry is None:
+            return None
+        try:
+            return restore(entry)
+        except _WRONG_CONTENT:
+            self.drop(kind, key)
+            return None
 
     def get(self, kind: str, key: Mapping[str, object]) -> Entry | None:
         """The arrays kept under this key, or None if there are none or the file is damaged (it is then removed)."""
@@ -156,14 +212,6 @@ def _acquire(lock: FileLock, watch: Watch) -> None:
             break
     if waited:
         watch.report(step, 1, 1)
-
-
-@cache
-def code_digest() -> str:
-    """Digest of the modules that compute: what other code made is not taken for what this one would make."""
-    package = Path(__file__).parents[1]
-    modules = sorted(path for path in package.rglob("*.py") if "ui" not in path.relative_to(package).parts)
-    return hashlib.sha256(b"".join(path.read_bytes() for path in modules)).hexdigest()
 
 
 def _plain(value: object) -> object:

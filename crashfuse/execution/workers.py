@@ -1,7 +1,7 @@
-"""Where the folds of a study are computed: in this process, in others beside it, or on a Dask cluster.
+"""Who computes the tasks of a study: this process, other processes on this machine, or a Dask cluster.
 
-The numbers are the same, to the bit on one kind of machine. A worker that dies costs what was at work and no more:
-other workers, or fresh ones, take that up, and whatever was finished is in the cache.
+The numbers are the same, to the bit on machines of one kind. A worker that dies costs only the task it was computing:
+another worker takes that up, and whatever was finished is in the cache.
 """
 
 import logging
@@ -9,178 +9,164 @@ import multiprocessing
 import os
 import signal
 import sys
+import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Generator, Sequence
-from contextlib import AbstractContextManager, closing, nullcontext
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
 
 import joblib
+from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 
 log = logging.getLogger(__name__)
 
+T = TypeVar("T")
 R = TypeVar("R")
 
-_LIVES = 3  # how often in a row workers may die and nothing gets done
-RESUME = "What was finished is in the cache: the same command with --resume goes on from there"
+Work = Callable[[Campaign, T, Cache, Watch], list[R]]
+"""Computes one task of a campaign; importable in another process, as its tasks can be pickled."""
+
+RESUME = "Whatever was finished is in the cache: the same command with --resume continues from there"
+_LIVES = 3  # how often in a row workers may die before anything gets done
+GLANCE_S = 0.1  # between two looks at what is awaited
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Task:
-    """What is computed at one go: an approach's predictions of tests that are all learned about from the same others.
+class Workers(ABC):
+    """Who computes tasks.
 
     Attributes
     ----------
-    approach : str
-    tests : tuple of CrashTest
+    deaths : tuple of type
+        Exceptions of a future that mean that a worker died: what it was computing is submitted again.
     """
 
-    approach: str
-    tests: tuple[CrashTest, ...]
+    deaths: ClassVar[tuple[type[Exception], ...]]
 
-    @property
-    def fold(self) -> tuple[str, ...]:
-        """Ids of its tests: tasks of one fold make use of each other."""
-        return tuple(test.id for test in self.tests)
+    @abstractmethod
+    def submitted(
+        self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
+    ) -> AbstractContextManager[dict[int, Any]]:
+        """Submit tasks; returns joblib's or Dask's futures. Those that are left when the context ends are cancelled.
 
+        The result of a future is what the work returned, and files for the caller's cache.
+        """
 
-Work = Callable[[Campaign, Task, Cache, Watch], list[R]]
-"""What is done for each task, importable in another process."""
-
-
-class Workers(Protocol):
-    """Who does the tasks."""
+    def check(self) -> None:  # noqa: B027 - processes of this machine can always be started
+        """Raise if no worker is left and none will come."""
 
     def completed(
-        self, work: Work[R], campaign: Campaign, tasks: Sequence[Task], cache: Cache, watch: Watch
+        self,
+        work: Work[T, R],
+        campaign: Campaign,
+        tasks: Sequence[T],
+        cache: Cache,
+        watch: Watch,  # noqa: ARG002 - what a task reports stays in its process
     ) -> Generator[list[R]]:
-        """Yield what the work returns for each task as it gets done, in any order; an empty list now and then.
+        """Yield what the work returns for each task once it is done, in any order; now and then an empty list.
 
         Parameters
         ----------
         work : callable
         campaign : Campaign
-        tasks : sequence of Task
-            Those of one fold in the order in which they find in the cache what the ones before have learned.
+        tasks : sequence
         cache : Cache
             What was :attr:`~crashfuse.execution.cache.Cache.used` of it is what all tasks share.
         watch : Watch
-            Told what a task does, where that can be told.
+            Told what a task does, if that is done in this process.
 
         Raises
         ------
         CrashfuseError
             If workers die again and again.
         """
-
-
-class WorkerDied(Exception):
-    """Some work has to be done again."""
-
-
-def workers_at(scheduler: str | None, processes: int | None) -> AbstractContextManager[Workers]:
-    """Workers of a Dask cluster, if a scheduler is named, else processes on this machine.
-
-    Raises
-    ------
-    CrashfuseError
-        If the cluster cannot be reached or does not have the same versions.
-    """
-    if scheduler is None:
-        return nullcontext(Local(processes))
-    from crashfuse.execution.cluster import connected  # takes a second, and an extra
-
-    return connected(scheduler)
+        left, lives = dict(enumerate(tasks)), _LIVES
+        while left:
+            try:
+                with self.submitted(work, campaign, left, cache) as futures:
+                    while futures:
+                        done = [number for number, future in futures.items() if future.done()]
+                        for number in done:
+                            result, files = futures.pop(number).result()
+                            cache.unpack(files)
+                            del left[number]
+                            lives = _LIVES
+                            yield result
+                        if not done:
+                            self.check()
+                            time.sleep(GLANCE_S)
+                            yield []  # the caller may want to stop
+            except self.deaths as error:
+                lives -= 1
+                if not lives:
+                    raise CrashfuseError(
+                        f"Workers died {_LIVES} times in a row, perhaps because memory ran out. {RESUME}; "
+                        "fewer --workers need less memory."
+                    ) from error
+                log.warning("A worker died (%s); its task is computed again.", type(error).__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Local:
-    """Processes on this machine, on joblib; a single one is this very process.
+class Local(Workers):
+    """Processes on this machine; if one is enough, it is this one.
 
     Parameters
     ----------
     processes : int, optional
-        Default: one for each core, or a single one where they would take longer to start than to work.
+        Default: one for each core.
     """
 
     processes: int | None = None
+    deaths = (BrokenProcessPool,)
 
     def completed(
-        self, work: Work[R], campaign: Campaign, tasks: Sequence[Task], cache: Cache, watch: Watch
+        self, work: Work[T, R], campaign: Campaign, tasks: Sequence[T], cache: Cache, watch: Watch
     ) -> Generator[list[R]]:
         """As :class:`Workers` has it."""
-        alone = len({task.fold for task in tasks}) < 2  # processes take seconds to start
-        processes = self.processes or (1 if alone else min(joblib.cpu_count(), len(tasks)))
-        if processes == 1:
-            return (work(campaign, task, cache, watch) for task in tasks)
-        return until_done(lambda left: _in_processes(processes, work, campaign, left, cache), tasks)
+        if min(self.processes or joblib.cpu_count(), len(tasks)) > 1:
+            return Workers.completed(self, work, campaign, tasks, cache, watch)
+        return (work(campaign, task, cache, watch) for task in tasks)  # other processes take seconds to start
+
+    @contextmanager
+    def submitted(
+        self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
+    ) -> Iterator[dict[int, Any]]:
+        """As :class:`Workers` has it; the processes share the campaign's memory, and live on for the next study."""
+        n = min(self.processes or joblib.cpu_count(), len(tasks))
+        executor = get_reusable_executor(n, timeout=60, initializer=_begin, initargs=(os.getpid(),), env=_ONE_THREAD)
+        with tempfile.TemporaryDirectory(prefix="crashfuse-", ignore_cleanup_errors=True) as folder:
+            file = Path(folder, "campaign")
+            joblib.dump(campaign, file)
+            with warnings.catch_warnings():  # of workers that joblib renews when they have grown
+                warnings.filterwarnings("ignore", category=UserWarning, module="joblib")
+                try:
+                    yield {n: executor.submit(_in_process, work, file, task, cache) for n, task in tasks.items()}
+                except BaseException:
+                    executor.shutdown(kill_workers=True)
+                    raise
 
 
-def until_done(
-    attempt: Callable[[Sequence[tuple[int, Task]]], Generator[tuple[int | None, list[R]]]], tasks: Sequence[Task]
-) -> Generator[list[R]]:
-    """Attempt what is left of the tasks again and again, as long as something gets done.
-
-    Parameters
-    ----------
-    attempt : callable
-        Given tasks with their numbers, it yields the number of each that is done and what came out of it (None and
-        nothing now and then), and raises :class:`WorkerDied`.
-    tasks : sequence of Task
-
-    Raises
-    ------
-    CrashfuseError
-        If workers die again and again.
-    """
-    left, lives = dict(enumerate(tasks)), _LIVES
-    while left:
-        try:
-            with closing(attempt(list(left.items()))) as completed:
-                for number, result in completed:
-                    if number is not None:
-                        del left[number]
-                        lives = _LIVES
-                    yield result
-        except WorkerDied as error:
-            lives -= 1
-            if not lives:
-                raise CrashfuseError(
-                    f"Workers died {_LIVES} times in a row, out of memory perhaps. {RESUME}; "
-                    "fewer --workers need less memory."
-                ) from error
-            log.warning("A worker died: %s What it was at is done again.", error)
+def _in_process(work: Work[T, R], file: Path, task: T, cache: Cache) -> tuple[list[R], dict[str, bytes]]:
+    return work(_campaign(file), task, cache, SILENT), {}
 
 
-def _in_processes(
-    processes: int, work: Work[R], campaign: Campaign, tasks: Sequence[tuple[int, Task]], cache: Cache
-) -> Generator[tuple[int, list[R]]]:
-    pool = joblib.Parallel(
-        processes, return_as="generator_unordered", batch_size=1, initializer=_begin, initargs=(os.getpid(),)
-    )
-    completed = pool(joblib.delayed(_numbered)(number, work, campaign, task, cache) for number, task in tasks)
-    with warnings.catch_warnings():
-        # joblib warns of workers that it renews when they have grown, and of what a cancelled study leaves undone
-        warnings.filterwarnings("ignore", category=UserWarning, module="joblib")
-        try:
-            for result in completed:  # noqa: UP028 - "yield from" would close the pool outside the filter
-                yield result
-        except BrokenProcessPool as error:
-            raise WorkerDied("its process was ended from outside.") from error
-        finally:
-            completed.close()
-
-
-def _numbered(number: int, work: Work[R], campaign: Campaign, task: Task, cache: Cache) -> tuple[int, list[R]]:
-    return number, work(campaign, task, cache, SILENT)
+@lru_cache(maxsize=1)
+def _campaign(file: Path) -> Campaign:
+    """A campaign whose arrays are read from its file when they are needed: all processes share one copy."""
+    campaign: Campaign = joblib.load(file, mmap_mode="r")
+    return campaign
 
 
 def _begin(parent: int) -> None:

@@ -1,4 +1,4 @@
-"""Where a result comes from: data, settings, versions, and the command that makes it again."""
+"""Where a result comes from: data, settings, versions, and the command that reproduces it."""
 
 import platform
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _PACKAGES = ("numpy", "scipy", "scikit-learn", "torch", "pandas", "plotly")
 
 
 def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> dict[str, object]:
-    """What has to be known to make a result again, as plain JSON values."""
+    """What has to be known to reproduce a result, as plain JSON values."""
     versions = {name: metadata.version(name) for name in _PACKAGES}
     return {
         "crashfuse": __version__,
@@ -38,27 +38,27 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
 
 
 def study_command(campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> str:
-    """The command line that makes a study again; folders are the reader's own."""
+    """The command line that reproduces a study; folders are the reader's own."""
     tests = "" if tuple(held_out) == campaign.test_ids else f" --held-out {' '.join(map(_quoted, held_out))}"
     windows = " ".join(f"{window:g}" for window in config.windows_ms)
-    way = config.hold_out.replace(" ", "-")
-    return f"crashfuse study CAMPAIGN --out DIR{tests}{_settings(config)} --windows-ms {windows} --hold-out {way}"
+    way = config.leave_out.replace(" ", "-")
+    return f"crashfuse study CAMPAIGN --out DIR{tests}{_settings(config)} --windows-ms {windows} --leave-out {way}"
 
 
 def prediction_command(condition: Condition, config: StudyConfig) -> str:
-    """The command line that makes a prediction again."""
+    """The command line that reproduces a prediction."""
     speed = f" --speed-mph {condition.speed_mps / MPH:.10g}"
     return f"crashfuse predict CAMPAIGN{speed}{_vehicle(condition)} --out DIR{_settings(config)}"
 
 
 def sweep_command(condition: Condition, speeds_mps: FloatArray, config: StudyConfig) -> str:
-    """The command line that makes a sweep again."""
+    """The command line that reproduces a sweep."""
     speeds = f" --speed-mph {speeds_mps[0] / MPH:.10g} {speeds_mps[-1] / MPH:.10g}"
     return f"crashfuse sweep CAMPAIGN{speeds}{_vehicle(condition)} --out DIR{_settings(config)}"
 
 
 def next_test_command(low: Condition, high: Condition, config: StudyConfig) -> str:
-    """The command line that ranks next tests over a range again, on the usual grid."""
+    """The command line that reproduces a ranking of next tests over a range, on the usual grid."""
     flags = (("--speed-mph", MPH), ("--front-weight-lb", LB), ("--rear-weight-lb", LB))
     limits = zip(flags, low.vector.tolist(), high.vector.tolist(), strict=True)
     over = "".join(f" {flag} {a / unit:.10g} {b / unit:.10g}" for (flag, unit), a, b in limits)

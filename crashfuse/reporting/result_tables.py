@@ -1,4 +1,4 @@
-"""The numbers of a study or a prediction as tables with one row a number, as they stand in the files."""
+"""The numbers of a study or a prediction as the tables that are written to files."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
@@ -35,10 +35,10 @@ def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
     for name, study in studies:
         for one in (study, study.speed_groups):
             if one is not None:
-                config = one.config.each[0]
+                config = one.config.split_configs[0]
                 table = scores_table(one).groupby(["approach", "window_ms"], sort=False)["overall"]
                 rows = table.agg(tests="size", mean="mean", least="min").reset_index()
-                about = {"campaign": name, "preset": config.preset, "seed": config.seed, "left_out": config.hold_out}
+                about = {"campaign": name, "preset": config.preset, "seed": config.seed, "left_out": config.leave_out}
                 about["held_out"] = " ".join(fold.held_out for fold in one.folds)
                 parts.append(rows.assign(**about)[[*about, *rows.columns]])
     return pd.concat(parts, ignore_index=True)

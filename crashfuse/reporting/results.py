@@ -1,4 +1,4 @@
-"""The files that a study and a prediction write: tables, settings and report, each whole or not at all."""
+"""Writes the files of a study, a prediction, a sweep or a ranking: tables, settings and report."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -19,6 +19,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.nearest import nearest_sentences
 from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table
+from crashfuse.study.plan import StudyPlan
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
 from crashfuse.study.sweep import Sweep, sweep_table
@@ -33,9 +34,10 @@ class StudyRecord:
     config: StudyConfig
 
 
-def begin_study(folder: Path, campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> None:
+def begin_study(folder: Path, plan: StudyPlan) -> None:
     """Note in ``study.json`` what is about to be computed, so that it can be resumed."""
-    _write_json(folder / "study.json", {**provenance(campaign, held_out, config), "finished": False})
+    record = provenance(plan.campaign, plan.held_out, plan.config)
+    _write_json(folder / "study.json", {**record, "finished": False})
 
 
 def read_record(folder: Path) -> StudyRecord:
@@ -93,7 +95,7 @@ def _study_record(study: Study) -> dict[str, object]:
     window = max(config.windows_ms)
     tests = {}
     for fold in study.folds:
-        rest, condition = config.rest(campaign, fold.held_out), campaign.test(fold.held_out).condition
+        rest, condition = config.training_campaign(campaign, fold.held_out), campaign.test(fold.held_out).condition
         advice = recommend_for(fold.estimates, rest, condition, window)
         tests[fold.held_out] = {
             "approach": advice.approach,

@@ -10,7 +10,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
-HoldOut = Literal["test", "speed group", "both"]
+LeaveOut = Literal["test", "speed group", "both"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class StudyConfig:
     seed : int
     windows_ms : tuple of float
         The rating is taken over [0, w) for each w, in ms.
-    hold_out : {"test", "speed group", "both"}
+    leave_out : {"test", "speed group", "both"}
         Whether each test is left out alone, or with all tests at about its speed: then nothing like it remains to be
         remembered, and what is rated is the step to a new speed. Both gives one study beside the other.
     device : {"auto", "cpu", "cuda"}
@@ -35,18 +35,18 @@ class StudyConfig:
     preset: Preset = "fast"
     seed: int = 0
     windows_ms: tuple[float, ...] = WINDOWS_MS
-    hold_out: HoldOut = "test"
+    leave_out: LeaveOut = "test"
     device: Device = "auto"
 
-    def rest(self, campaign: Campaign, test_id: str) -> Campaign:
+    def training_campaign(self, campaign: Campaign, test_id: str) -> Campaign:
         """What may be learned from when this test is to be predicted."""
-        return campaign.without(campaign.speed_group(test_id) if self.hold_out == "speed group" else [test_id])
+        return campaign.without(campaign.speed_group(test_id) if self.leave_out == "speed group" else [test_id])
 
     @property
-    def each(self) -> tuple["StudyConfig", ...]:
+    def split_configs(self) -> tuple["StudyConfig", ...]:
         """One config for each way to leave tests out."""
-        ways: tuple[HoldOut, ...] = ("test", "speed group") if self.hold_out == "both" else (self.hold_out,)
-        return tuple(replace(self, hold_out=way) for way in ways)
+        ways: tuple[LeaveOut, ...] = ("test", "speed group") if self.leave_out == "both" else (self.leave_out,)
+        return tuple(replace(self, leave_out=way) for way in ways)
 
     def check(self) -> None:
         """Raise what is wrong with an approach, the preset or the device before anything is computed.

@@ -1,10 +1,10 @@
-"""What an approach expects at a condition, once it has learned from a campaign; both are kept in the cache."""
+"""What an approach expects at a condition, once it has learned from a campaign; both are cached."""
 
 import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
@@ -15,7 +15,8 @@ from crashfuse.approaches.fit_cache import fitted, settings
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.cache import Cache, Entry
+from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.metrics import Metric, pulse_metrics
 from crashfuse.signals.pulse import DT_S, FloatArray
@@ -23,7 +24,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
-"""What is predicted at most; no barrier test comes near."""
+"""The limits of what is predicted; no barrier test comes near."""
 
 _KIND = "predictions"  # of entries in the cache
 _LEFT_OUT = "left out "  # before the id of a test, in the names of arrays there
@@ -106,7 +107,7 @@ class Fit:
             return self.approach.state
 
     def estimate(self, condition: Condition) -> Estimate:
-        """What the approach expects at a condition, with numbers as they are kept.
+        """What the approach expects at a condition, with numbers as they are stored.
 
         Raises
         ------
@@ -163,7 +164,7 @@ def estimate_at(
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> Estimate:
-    """Fit an approach on the whole campaign that is handed over and predict at a condition; kept in the cache.
+    """Fit an approach on the whole campaign that is handed over and predict at a condition; cached.
 
     Raises
     ------
@@ -173,35 +174,49 @@ def estimate_at(
         If the watch was told to stop.
     """
     cache = cache or Cache()
-    kept = find_estimate(campaign, condition, approach, config, cache=cache)
-    if kept is not None:
-        return kept
-    estimate = Fit.of(campaign, approach, config, cache=cache, watch=watch).estimate(condition)
-    prediction = estimate.prediction
-    text = json.dumps({"notes": prediction.notes, "state": estimate.state, "seconds": estimate.seconds})
-    arrays = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
-    arrays |= {f"{_LEFT_OUT}{test}": pulse for test, pulse in estimate.left_out_mps2.items()}
-    if prediction.draws_mps2 is not None:
-        arrays["draws_mps2"] = prediction.draws_mps2
-    cache.put(_KIND, _key(campaign, condition, approach, config), arrays)
-    return estimate
+
+    def compute() -> tuple[Estimate, Entry]:
+        estimate = Fit.of(campaign, approach, config, cache=cache, watch=watch).estimate(condition)
+        return estimate, _entry(estimate)
+
+    restore = partial(_restored, condition, approach)
+    return cache.get_or_compute(_KIND, _key(campaign, condition, approach, config), compute, restore, watch)
 
 
 def find_estimate(
-    campaign: Campaign,
-    condition: Condition,
-    approach: str,
-    config: StudyConfig = StudyConfig(),
-    *,
-    cache: Cache | None = None,
+    campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
 ) -> Estimate | None:
-    """What :func:`estimate_at` computed from this very data with these settings before, or None.
+    """What was computed from this very data with these settings before, or None.
 
-    The campaign is the one that was handed over there: without the held-out test.
+    The campaign is the one that was learned from: without the held-out test.
     """
-    entry = (cache or Cache()).get(_KIND, _key(campaign, condition, approach, config))
-    if entry is None:
-        return None
+    key = _key(campaign, condition, approach, config)
+    return cache.find(_KIND, key, partial(_restored, condition, approach))
+
+
+def is_estimate_cached(
+    campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
+) -> bool:
+    """Whether there is something for :func:`find_estimate` to find; it is not read."""
+    return cache.is_cached(_KIND, _key(campaign, condition, approach, config))
+
+
+def store_estimate(estimate: Estimate, campaign: Campaign, config: StudyConfig, cache: Cache) -> None:
+    """Store what was learned from this campaign and predicted, for :func:`find_estimate`."""
+    cache.put(_KIND, _key(campaign, estimate.prediction.condition, estimate.approach, config), _entry(estimate))
+
+
+def _entry(estimate: Estimate) -> Entry:
+    prediction = estimate.prediction
+    text = json.dumps({"notes": prediction.notes, "state": estimate.state, "seconds": estimate.seconds})
+    entry = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
+    entry |= {f"{_LEFT_OUT}{test}": pulse for test, pulse in estimate.left_out_mps2.items()}
+    if prediction.draws_mps2 is not None:
+        entry["draws_mps2"] = prediction.draws_mps2
+    return entry
+
+
+def _restored(condition: Condition, approach: str, entry: Entry) -> Estimate:
     text = json.loads(str(entry["text"]))
     prediction = Prediction(condition, entry["accel_mps2"], entry.get("draws_mps2"), tuple(text["notes"]))
     left_out = {name.removeprefix(_LEFT_OUT): entry[name] for name in entry if name.startswith(_LEFT_OUT)}
@@ -209,4 +224,5 @@ def find_estimate(
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
-    return {**settings(config.create(approach)), "campaign": campaign.fingerprint, "condition": condition}
+    fit = {**settings(config.create(approach)), "campaign": campaign.fingerprint}
+    return {**fit, "condition": condition, "code": code_digest(__name__)}

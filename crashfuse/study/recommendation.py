@@ -7,6 +7,7 @@ predicted that had been left out. It is reached by a proper score of the whole b
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -108,6 +109,15 @@ def recommend(study: Study) -> Recommendation:
     The lowest mean CRPS decides; approaches that are within one standard error of it, test by test, count as equal,
     and of those the mixture comes first, then the displacement domain, which the paper prefers (Sect. 4.3).
     """
+    if study not in _recommended:  # files, report and terminal or page all ask
+        _recommended[study] = _recommendation(study)
+    return _recommended[study]
+
+
+_recommended: WeakKeyDictionary[Study, Recommendation] = WeakKeyDictionary()
+
+
+def _recommendation(study: Study) -> Recommendation:
     verdict = _Verdict(study)
     chosen = verdict.chosen
     others = [name for name in verdict.names if name != chosen]

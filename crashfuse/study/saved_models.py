@@ -49,6 +49,16 @@ def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
     OSError
         If the file cannot be written.
     """
+    write_atomically(Path(path), model_bytes(fit, campaign))
+
+
+def model_file(approach: str) -> str:
+    """Name of the file of a model, in every folder of models."""
+    return f"{approach}.safetensors"
+
+
+def model_bytes(fit: Fit, campaign: Campaign) -> bytes:
+    """What :func:`save_model` writes."""
     approach = fit.approach
     learned = approach.learned()
     arrays = {name: np.ascontiguousarray(array) for name, array in learned.arrays.items()}
@@ -67,7 +77,7 @@ def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
         "learned": learned.values,
     }
     text = json.dumps(record, sort_keys=True)
-    write_atomically(Path(path), save(arrays, {_HEADER: text, "sha256": _digest(text, arrays)}))
+    return save(arrays, {_HEADER: text, "sha256": _digest(text, arrays)})
 
 
 def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = None) -> Fit:

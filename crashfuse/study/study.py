@@ -5,8 +5,8 @@ works on ``campaign.without(test)``, whose fingerprint is also the key under whi
 """
 
 import time
-from collections.abc import Sequence, Set
-from contextlib import closing
+from collections.abc import Hashable, MutableMapping, Sequence, Set
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import cast
@@ -15,20 +15,18 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
-from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.approaches.settings import Device
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.execution.workers import Task, Workers, workers_at
-from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.execution.workers import Local, Workers
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate, estimate_at, find_estimate
+from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.fold import Fold
+from crashfuse.study.plan import StudyPlan
 
-_SLOWEST_S = 1e-3  # step of the slowest record: its last sample stands for that long
 _STEPS = {"test": "Held-out predictions", "speed group": "Held-out speed groups"}
 
 
@@ -102,6 +100,7 @@ def run_study(
     watch: Watch = SILENT,
     workers: int | None = None,
     scheduler: str | None = None,
+    folds: MutableMapping[Hashable, Fold] | None = None,
 ) -> Study:
     """Leave out each test in turn, predict it with every approach from all the others, and rate the predictions.
 
@@ -112,110 +111,106 @@ def run_study(
     held_out : sequence of str
         Ids of the tests to leave out in turn; empty for all.
     cache : Cache, optional
-        Finished predictions are read from it and kept in it, so a study that was killed continues where it was.
+        Finished predictions are read from it and stored in it, so a study that was killed continues where it was.
     watch : Watch
     workers : int, optional
         Processes for the folds; default one for each core. The numbers don't depend on it.
     scheduler : str, optional
         Address of a Dask scheduler (``tcp://host:port``), whose workers then compute the folds:
         :class:`crashfuse.execution.cluster.Cluster`.
+    folds : mutable mapping, optional
+        Finished folds by their :func:`fold_key`: those that are there are not computed or rated again, new ones are
+        added.
 
     Raises
     ------
-    UsageError
-        If a name, a window or the number of tests makes the study impossible.
+    UsageError, DataError
+        If the study is impossible: :class:`crashfuse.study.plan.StudyPlan`.
     Cancelled
         If the watch was told to stop.
     CrashfuseError
         If workers die again and again, or the cluster cannot be reached or does not have the same versions.
     """
-    check_study(campaign, config, held_out)
-    tests = [campaign.test(test_id) for test_id in dict.fromkeys(held_out or campaign.test_ids)]
-    with workers_at(scheduler, workers) as place:
-        studies = [
-            _leave_out(campaign, tests, way, cache or Cache(), watch, place)
-            for way in config.each
-            if config.hold_out != "both" or way.hold_out == "test" or _has_speed_groups(campaign)
-        ]
-    return replace(studies[0], config=config, speed_groups=studies[1] if len(studies) > 1 else None)
+    plan = StudyPlan(campaign, config, tuple(held_out))
+    return run_plan(plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds)
+
+
+def run_plan(
+    plan: StudyPlan,
+    *,
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    folds: MutableMapping[Hashable, Fold] | None = None,
+) -> Study:
+    """As :func:`run_study`, of a plan that was checked already."""
+    folds = {} if folds is None else folds
+    tests = [plan.campaign.test(test_id) for test_id in plan.held_out]
+    with _workers_at(scheduler, workers) as place:
+        studies = [_leave_out(plan.campaign, tests, way, cache or Cache(), watch, place, folds) for way in plan.configs]
+    return replace(studies[0], config=plan.config, speed_groups=studies[1] if len(studies) > 1 else None)
+
+
+def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:
+    """All that decides the fold of a test; the config is one of ``split_configs``."""
+    return campaign.fingerprint, config, test_id
+
+
+def _workers_at(scheduler: str | None, processes: int | None) -> AbstractContextManager[Workers]:
+    """Workers of a Dask cluster, if a scheduler is named, else processes on this machine."""
+    if scheduler is None:
+        return nullcontext(Local(processes))
+    from crashfuse.execution.cluster import connected  # takes a second, and an extra
+
+    return connected(scheduler)
+
+
+_Task = list[tuple[CrashTest, list[str]]]
+"""Tests that are predicted from the same others, each with the approaches that are to predict it."""
 
 
 def _leave_out(
-    campaign: Campaign, tests: Sequence[CrashTest], config: StudyConfig, cache: Cache, watch: Watch, workers: Workers
+    campaign: Campaign,
+    tests: Sequence[CrashTest],
+    config: StudyConfig,
+    cache: Cache,
+    watch: Watch,
+    workers: Workers,
+    folds: MutableMapping[Hashable, Fold],
 ) -> Study:
     """Run the study that leaves these tests out in one way."""
-    step = _STEPS[config.hold_out]
+    step = _STEPS[config.leave_out]
     start = time.perf_counter()
-    # what mixes the others comes last: it then finds in the cache what they have learned
-    wanted = [(test, name) for name in sorted(config.approaches, key=APPROACHES.index) for test in tests]
+    finished = {test.id: fold for test in tests if (fold := folds.get(fold_key(campaign, config, test.id))) is not None}
+    unfinished = [test for test in tests if test.id not in finished]
     estimates: dict[tuple[str, str], Estimate] = {}
-    for test, name in wanted:
-        if (
-            kept := find_estimate(config.rest(campaign, test.id), test.condition, name, config, cache=cache)
-        ) is not None:
-            estimates[test.id, name] = kept
-    alike: dict[tuple[str, tuple[str, ...]], list[CrashTest]] = {}  # tests that are predicted from the same others
-    for test, name in wanted:
-        if (test.id, name) not in estimates:
-            alike.setdefault((name, config.rest(campaign, test.id).test_ids), []).append(test)
-    tasks = [Task(name, tuple(tests)) for (name, _), tests in alike.items()]
-    shared = _prepare(campaign, {task.approach for task in tasks}, config, cache, watch)
+    tasks: dict[tuple[str, ...], _Task] = {}
+    for test in unfinished:
+        training = config.training_campaign(campaign, test.id)
+        found = {name: find_estimate(training, test.condition, name, config, cache) for name in config.approaches}
+        estimates |= {(test.id, name): estimate for name, estimate in found.items() if estimate is not None}
+        if missing := [name for name, estimate in found.items() if estimate is None]:
+            tasks.setdefault(training.test_ids, []).append((test, missing))
+    needed = {name for task in tasks.values() for _, names in task for name in names}
+    shared = _prepare(campaign, needed, config, cache, watch)
     prepared = time.perf_counter()
 
-    watch.report(step, len(estimates), len(wanted))
+    total = len(unfinished) * len(config.approaches)
+    watch.report(step, len(estimates), total)
     # "auto" must not mean something else on another machine
     devices = [device for name in config.approaches if (device := config.create(name).device)] or [config.device]
-    work = partial(_hold_out, config=replace(config, device=cast(Device, devices[0])))
-    with closing(workers.completed(work, campaign, tasks, shared, watch)) as completed:
-        for found in completed:
-            estimates |= {(test_id, estimate.approach): estimate for test_id, estimate in found}
-            watch.report(step, len(estimates), len(wanted))
+    work = partial(_predict, config=replace(config, device=cast(Device, devices[0])))
+    with closing(workers.completed(work, campaign, list(tasks.values()), shared, watch)) as completed:
+        for predicted in completed:
+            estimates |= {(test_id, estimate.approach): estimate for test_id, estimate in predicted}
+            watch.report(step, len(estimates), total)
 
-    folds = tuple(
-        Fold.of(test, [estimates[test.id, name] for name in config.approaches], config.windows_ms) for test in tests
-    )
-    finished = time.perf_counter()
-    return Study(campaign, config, folds, {"prepare": prepared - start, "held_out_tests": finished - prepared})
-
-
-def check_study(campaign: Campaign, config: StudyConfig, held_out: Sequence[str] = ()) -> None:
-    """Say what makes a study impossible before anything is computed.
-
-    Raises
-    ------
-    UsageError
-        If a name, a window or the number of tests makes it so.
-    DataError
-        If a held-out test does not vary over a window, or its record ends before: it cannot be rated.
-    """
-    campaign.without(held_out)
-    if len(campaign.tests) < 2:
-        raise UsageError("Leaving a test out takes at least 2 tests: one to predict and one to learn from.")
-    if config.hold_out == "speed group" and not _has_speed_groups(campaign):
-        raise UsageError("All tests are of one speed group: leaving it out leaves nothing to learn from.")
-    if not config.approaches:
-        raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
-    config.check()
-    if not 0 <= config.seed < 2**32:
-        raise UsageError(f"A seed is a whole number from 0 to {2**32 - 1}, not {config.seed}.")
-    for window in config.windows_ms:
-        if not 10 <= window <= 100:
-            raise UsageError(f"A rating window of {window:g} ms is not possible; choose 10 to 100 ms.")
-        for test_id in held_out or campaign.test_ids:
-            test = campaign.test(test_id)
-            if window / 1e3 > test.recorded_s + _SLOWEST_S:
-                found, advice = f"{test.recorded_s * 1e3:.4g} ms", "rate a shorter window, or hold out other tests"
-                raise DataError(Problem(test_id, f"a record over 0–{window:g} ms", found, advice))
-            start = test.pulse.accel_mps2[: round(window / 1e3 / DT_S)]
-            if np.ptp(start) == 0:
-                found = "no change at all"
-                advice = "check its time zero or rate a longer window"
-                raise DataError(Problem(test_id, f"a pulse that varies over 0–{window:g} ms", found, advice))
-
-
-def _has_speed_groups(campaign: Campaign) -> bool:
-    """Whether a speed group can be left out and something remains."""
-    return len(campaign.speed_group(campaign.test_ids[0])) < len(campaign.tests)
+    for test in unfinished:
+        fold = Fold.of(test, [estimates[test.id, name] for name in config.approaches], config.windows_ms)
+        folds[fold_key(campaign, config, test.id)] = finished[test.id] = fold
+    seconds = {"prepare": prepared - start, "held_out_tests": time.perf_counter() - prepared}
+    return Study(campaign, config, tuple(finished[test.id] for test in tests), seconds)
 
 
 def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> Cache:
@@ -226,17 +221,25 @@ def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cach
     cae_only = campaign.without(campaign.test_ids)
     shared = Cache(cache.folder)
     for name in sorted(approaches):
-        approach = config.create(name, shared)
-        with shared.alone("prepared", {**settings(approach), "cae": campaign.cae.fingerprint}, watch):
-            approach.prepare(cae_only, watch)
+        config.create(name, shared).prepare(cae_only, watch)
     return shared
 
 
-def _hold_out(
-    campaign: Campaign, task: Task, cache: Cache, watch: Watch, *, config: StudyConfig
+def _predict(
+    campaign: Campaign, task: _Task, cache: Cache, watch: Watch, *, config: StudyConfig
 ) -> list[tuple[str, Estimate]]:
     """Predict the tests of a task; returns each one's id and what is expected of it."""
-    tests, name = task.tests, task.approach
-    rest = config.rest(campaign, tests[0].id)
+    training = config.training_campaign(campaign, task[0][0].id)
+    names = {name for _, names in task for name in names}
+    predicted = []
     with threadpool_limits(1):  # contended BLAS threads cost many times the CPU, and other numbers
-        return [(t.id, estimate_at(rest, t.condition, name, config, cache=cache, watch=watch)) for t in tests]
+        # what mixes the others comes last: it then finds in the cache what they have learned
+        fits = {
+            name: Fit.of(training, name, config, cache=cache, watch=watch)
+            for name in sorted(names, key=APPROACHES.index)
+        }
+        for test, missing in task:
+            for estimate in estimates_at([fits[name] for name in missing], test.condition):
+                store_estimate(estimate, training, config, cache)
+                predicted.append((test.id, estimate))
+    return predicted

@@ -1,4 +1,4 @@
-"""Which campaigns this server has open, and reading them once for all sessions."""
+"""The campaigns that this server has open, each read once for all sessions."""
 
 import os
 import tempfile
@@ -22,7 +22,7 @@ _opening = threading.Lock()
 def open_campaigns() -> dict[str, Path | None]:
     """Folders that can be chosen, by their names: the sample, the one named at the start, those opened since.
 
-    These names, never a path, are what a link to a view can ask for.
+    A link to a view can ask for one of these names, never for a path.
     """
     folders: dict[str, Path | None] = {SAMPLE: None}
     if at_start := os.environ.get("CRASHFUSE_CAMPAIGN"):
@@ -58,7 +58,7 @@ def load(name: str) -> Campaign:
     Raises
     ------
     DataError
-        If it is not sound (any more).
+        With everything that is (by now) wrong with it.
     """
     return read(open_campaigns()[name] or _sample_folder())
 
@@ -78,7 +78,7 @@ def read(folder: Path) -> Campaign:
 
 
 def is_sample(folder: Path) -> bool:
-    """Whether a folder is the sample's, or in it: nothing is ever added there."""
+    """Whether a folder is the sample's or lies in it: nothing is ever added there."""
     return bool({folder, *folder.parents} & {_SHIPPED.resolve(), (default_folder() / SAMPLE).resolve()})
 
 

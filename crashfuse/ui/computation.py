@@ -1,14 +1,17 @@
-"""What has been computed on this server, and how to have it computed: the jobs behind the pages."""
+"""What this server has computed, and how a page has something computed: the jobs behind the pages."""
 
+import io
 import threading
+import zipfile
 from collections.abc import Callable, Hashable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
+from weakref import WeakValueDictionary
 
 import streamlit as st
 
-from crashfuse.approaches.fit_cache import is_kept
+from crashfuse.approaches.fit_cache import is_cached
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -16,8 +19,10 @@ from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate
-from crashfuse.study.study import Study, run_study
+from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
+from crashfuse.study.fold import Fold
+from crashfuse.study.saved_models import model_bytes, model_file
+from crashfuse.study.study import Study, fold_key, run_study
 from crashfuse.study.sweep import Sweep, sweep_speed, usual_speeds
 from crashfuse.ui.jobs import Job, Jobs
 
@@ -34,7 +39,7 @@ _PATIENCE_S = 3.0  # for what is in the cache; if it takes longer, its progress 
 
 
 class _Lookups:
-    """Searches of the cache on disk: one at a time, each key again only when a job has ended since."""
+    """Searches of the cache on disk: one at a time, and each key again only once another job has ended."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
@@ -47,7 +52,7 @@ def _lookups() -> _Lookups:
 
 
 def _find(key: Hashable, title: str, in_cache: Callable[[], bool], work: Callable[[Watch], T]) -> Job[T] | None:
-    """The job of this key; without one, it is done at once if the cache on disk holds what takes long."""
+    """The job of this key; if there is none, it starts at once where the cache on disk has what takes long."""
     if (job := jobs().get(key)) is not None:
         return job
     with _lookups().lock:  # who comes second waits for the answer
@@ -61,14 +66,20 @@ def _find(key: Hashable, title: str, in_cache: Callable[[], bool], work: Callabl
     return job
 
 
+@st.cache_resource(show_spinner=False)
+def _folds() -> WeakValueDictionary[Hashable, Fold]:
+    """Folds of all studies that the server still has: one that was rated for some list of tests serves any other."""
+    return WeakValueDictionary()
+
+
 def chosen_config() -> StudyConfig:
-    """The settings made on the page Train, or the defaults where nobody has been there."""
+    """The settings made on the page Train, else the defaults."""
     state = st.session_state
     return StudyConfig(
         approaches=tuple(name for name in APPROACHES if name in (state.get("approaches") or APPROACHES)),
         preset=state.get("preset", "fast"),
         seed=int(state.get("seed", 0)),
-        hold_out=state.get("hold_out", "test"),
+        leave_out=state.get("leave_out", "test"),
         device=state.get("device", "auto"),
     )
 
@@ -93,27 +104,26 @@ class StudyRequest:
         return f"{self.campaign.name}: predict {tests} from the others"
 
     def start(self) -> None:
-        """Queue it, or join whoever had it queued before."""
+        """Queue it, unless it is queued or done already."""
         jobs().start(self.key, self.title, self._work)
 
     def find(self) -> Job[Study] | None:
-        """The job, if there was one; what an earlier run left in the cache on disk is fetched from there."""
+        """The job, if there is one; what an earlier run left in the cache on disk is fetched from there."""
         return _find(self.key, self.title, self._in_cache, self._work)
 
     def _work(self, watch: Watch) -> Study:
-        return run_study(self.campaign, self.config, held_out=self.held_out, watch=watch)
+        return run_study(self.campaign, self.config, held_out=self.held_out, watch=watch, folds=_folds())
 
     def _in_cache(self) -> bool:
+        return all(self._is_known(way, test_id) for way in self.config.split_configs for test_id in self.held_out)
+
+    def _is_known(self, way: StudyConfig, test_id: str) -> bool:
+        """Whether another study has this fold, or its predictions are in the cache on disk."""
+        if fold_key(self.campaign, way, test_id) in _folds():
+            return True
+        training, condition = way.training_campaign(self.campaign, test_id), self.campaign.test(test_id).condition
         cache = Cache()
-        return all(
-            find_estimate(
-                way.rest(self.campaign, test_id), self.campaign.test(test_id).condition, name, way, cache=cache
-            )
-            is not None
-            for way in reversed(self.config.each)
-            for test_id in self.held_out
-            for name in reversed(self.config.approaches)
-        )
+        return all(is_estimate_cached(training, condition, name, way, cache) for name in way.approaches)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,18 +136,27 @@ class Fitted:
         """What each of them expects at a condition."""
         return estimates_at(self.fits, condition)
 
+    def models(self, campaign: Campaign) -> bytes:
+        """The fitted approaches as files, zipped: unpacked into a folder, ``crashfuse predict --models`` takes them."""
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w") as archive:
+            for fit in self.fits:
+                archive.writestr(model_file(fit.approach.name), model_bytes(fit, campaign))
+        return buffer.getvalue()
+
 
 @dataclass(frozen=True)
 class FitRequest:
-    """Fit every approach on all tests of a campaign."""
+    """Fit approaches on all tests of a campaign, for predictions at new conditions and for saved models."""
 
     campaign: Campaign
     config: StudyConfig
 
     @property
     def key(self) -> Hashable:
-        """Equal for equal data and settings."""
-        return "fit", self.campaign.fingerprint, self.config
+        """Equal for equal data and for equal settings of those that decide a fit."""
+        config = self.config
+        return "fit", self.campaign.fingerprint, config.approaches, config.preset, config.seed, config.device
 
     @property
     def title(self) -> str:
@@ -145,11 +164,11 @@ class FitRequest:
         return f"{self.campaign.name}: learn from all {len(self.campaign.tests)} tests"
 
     def start(self) -> None:
-        """Queue it, or join whoever had it queued before."""
+        """Queue it, unless it is queued or done already."""
         jobs().start(self.key, self.title, self._work)
 
     def find(self) -> Job[Fitted] | None:
-        """The job, if there was one; what was learned in an earlier run is fetched from the cache on disk."""
+        """The job, if there is one; what was learned in an earlier run is fetched from the cache on disk."""
         return _find(self.key, self.title, self._in_cache, self._work)
 
     def _work(self, watch: Watch) -> Fitted:
@@ -160,12 +179,12 @@ class FitRequest:
 
     def _in_cache(self) -> bool:
         cache = Cache()
-        return all(is_kept(self.config.create(name, cache), self.campaign, cache) for name in self.config.approaches)
+        return all(is_cached(self.config.create(name, cache), self.campaign, cache) for name in self.config.approaches)
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
 def answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - who was fitted
-    """What each approach expects at a condition, kept for a while: a page asks again whenever anything is clicked."""
+    """What each approach expects at a condition, kept for a while: a page asks again at every click."""
     return _fitted.estimates(condition)
 
 
@@ -183,7 +202,7 @@ class SweepRequest:
         return "sweep", self.request.key, replace(self.condition, speed_mps=1.0)
 
     def start(self) -> None:
-        """Queue it, or join whoever had it queued before."""
+        """Queue it, unless it is queued or done already."""
         jobs().start(self.key, f"{self.request.campaign.name}: predict over speed", self._work)
 
     def find(self) -> Job[tuple[Sweep, ...]] | None:

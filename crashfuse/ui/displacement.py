@@ -99,7 +99,7 @@ def _show_parts(view: View, config: StudyConfig) -> None:
         st.info("The paper's model of the bias (Table 4) is all of one piece; the fast settings have parts.")
         return
     campaign, test = view.campaign, view.held_out
-    rest = config.rest(campaign, test.id)
+    rest = config.training_campaign(campaign, test.id)
     grid, expected = _parts(rest.fingerprint, test.condition, config.seed, rest)
     measured = _biases(campaign.fingerprint, campaign)[campaign.tests.index(test)]
     evidence.show_figure(

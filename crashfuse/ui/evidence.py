@@ -88,7 +88,7 @@ def show_notes(predictions: Mapping[str, Prediction], said: Collection[str] = ()
 def show_settings(config: StudyConfig, *, left_out: bool = False) -> None:
     """Say under which settings the numbers came about."""
     beside = ""
-    if left_out and config.hold_out == "speed group":
+    if left_out and config.leave_out == "speed group":
         beside = " With a test all tests at about its speed are left out, too."
     st.caption(f"{config.preset.capitalize()} settings, seed {config.seed}, as chosen on the page Train.{beside}")
 

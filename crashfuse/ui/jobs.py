@@ -1,6 +1,6 @@
 """Computations in the background: queued, watched and cancelled from any page, shared by all sessions.
 
-A job knows nothing of Streamlit. Its worker writes plain numbers, a page reads them whenever it likes; closing or
+A job knows nothing of Streamlit. Its thread writes plain numbers and a page reads them whenever it likes; closing or
 reloading the page changes nothing.
 """
 
@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Step:
-    """One step of a job: how far it is, since when, and what it reported on the way."""
+    """One step of a job: how far it is, when it began, and what it has reported."""
 
     progress: Progress
     started: float
@@ -42,7 +42,7 @@ class Step:
 
     @property
     def remaining_s(self) -> float | None:
-        """Seconds to go at the pace so far, or None while there is no pace yet."""
+        """Seconds to go at the pace so far, or None as long as that is unknown."""
         done = self.progress.done - self.first_done
         if done <= 0:
             return None
@@ -91,15 +91,15 @@ class Job(Generic[T]):
 
     @property
     def cancelling(self) -> bool:
-        """Whether it was told to stop and has not got there yet."""
+        """Whether it was told to stop and has not stopped yet."""
         return self.active and self._cancel.is_set()
 
     def cancel(self) -> None:
-        """Ask it to stop; it does at its next report."""
+        """Ask it to stop, which it does at its next report."""
         self._cancel.set()
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait for its end; False if that did not come in time."""
+        """Wait until it has ended; False if it has not in time."""
         return self._ended.wait(timeout_s)
 
     def run(self) -> None:
@@ -133,12 +133,12 @@ class Job(Generic[T]):
 
 
 class Jobs:
-    """The queue: one job at a time, first come, first served, and the outcomes of the last ones.
+    """The queue: one job at a time, first come, first served; results of the latest ones are kept.
 
     Attributes
     ----------
     ended : int
-        How many queued jobs have come to their end.
+        How many queued jobs have ended.
     """
 
     def __init__(self) -> None:
@@ -160,14 +160,14 @@ class Jobs:
             return [job for job in self._jobs.values() if job.active]
 
     def start(self, key: Hashable, title: str, work: Callable[[Watch], T]) -> Job[T]:
-        """Queue some work, or join the job that does it (or did it) already."""
+        """Queue some work, or return the job that does it or has done it."""
         job, is_new = self._join(key, title, work)
         if is_new:
             self._queue.put(job)
         return job
 
     def start_at_once(self, key: Hashable, title: str, work: Callable[[Watch], T]) -> Job[T]:
-        """Do work that should be short past the queue, or join the job that does it already."""
+        """Start work that should be short without queueing, or return the job that does it already."""
         job, is_new = self._join(key, title, work)
         if is_new:
             threading.Thread(target=job.run, name=title, daemon=True).start()

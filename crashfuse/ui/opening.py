@@ -78,7 +78,7 @@ def _open_folder() -> None:
 
 
 def _campaign_or_source(path: Path) -> str | Source:
-    """Open a campaign folder; what is none, but can be imported, is a source."""
+    """Open a campaign folder; a folder that is none, but can be imported, is a source."""
     if _is_file(path):
         return _source_or_advice(path)
     try:

@@ -1,4 +1,4 @@
-"""Live progress of a job, and the way from "nothing computed yet" to a result."""
+"""Progress of a job as it runs, and what a page shows until there is a result."""
 
 from collections.abc import Iterable
 from typing import Any, Protocol, TypeVar
@@ -24,7 +24,7 @@ class Request(Protocol[T]):
 
 
 def result_of(request: Request[T], *, invitation: str, button: str) -> T:
-    """What was asked for; while it isn't there, the page shows how to get it, and ends.
+    """The result of a request; as long as there is none, the page shows how to get it and ends.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def result_of(request: Request[T], *, invitation: str, button: str) -> T:
 
 
 def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | None:
-    """As :func:`result_of`, but the rest of the page goes on without it."""
+    """As :func:`result_of`, but the page goes on without it."""
     job = request.find()
     if job is not None and job.result is not None:
         return job.result
@@ -56,7 +56,7 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
 
 
 def stop_with_a_single_test(campaign: Campaign) -> None:
-    """End a page that leaves tests out where there is only one, and say so."""
+    """End a page that leaves tests out, with an explanation, if there is only one test."""
     if len(campaign.tests) > 1:
         return
     st.info(
@@ -74,13 +74,13 @@ def show_end(job: Job[Any]) -> None:
         st.error(job.message, icon=":material/error:")
     elif job.state == "cancelled":
         st.warning(
-            "Cancelled. What was finished is kept; starting again continues from there.", icon=":material/cancel:"
+            "Cancelled. Whatever was finished is kept; starting again continues from there.", icon=":material/cancel:"
         )
 
 
 @st.fragment(run_every=1.0)
 def show_job(job: Job[Any]) -> None:
-    """Show a job as it goes on; when it has ended, the page is drawn anew."""
+    """Show the progress of a job; once it has ended, the page is drawn again."""
     if not job.active:
         st.rerun()
     with st.container(border=True):
@@ -122,12 +122,12 @@ def _show_step(name: str, step: Step) -> None:
 
 
 def _quantity(names: Iterable[str]) -> str:
-    """What a step's curves tell, in a word."""
+    """What the curves of a step show, in a word."""
     return "Loss" if all(name.endswith("loss") for name in names) else "Error"
 
 
 def duration(seconds: float) -> str:
-    """Seconds as a person would say them."""
+    """A duration as a person would say it."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     if seconds < 5400:

@@ -17,7 +17,11 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder import folder as campaign_folder_module
+from crashfuse.reporting.result_files import RESULT_FILES
 from crashfuse.signals.pulse import GRID_S
+from crashfuse.study.plan import StudyPlan
 from crashfuse.units import MS
 from crashfuse.version import __version__
 from tests.conftest import make_campaign, write_campaign
@@ -53,6 +57,7 @@ def study_folder(
 def test_a_study_writes_the_five_files_and_nothing_else(study_folder: Path) -> None:
     """No temporary file stays."""
     names = {path.name for path in study_folder.iterdir()}
+    assert names == set(RESULT_FILES["study"]) - {"speed_groups.csv"}
     assert names == {"scores.csv", "pulses.csv", "metrics.csv", "study.json", "report.html"}
 
 
@@ -260,7 +265,7 @@ def test_what_older_results_of_the_same_kind_had_more_does_not_stay(campaign_on_
     assert cli.main(command) == cli.DONE
     (study / "notes.txt").write_text("")
     assert (study / "speed_groups.csv").is_file()
-    assert cli.main([*command, "--hold-out", "test"]) == cli.DONE
+    assert cli.main([*command, "--leave-out", "test"]) == cli.DONE
     names = {"notes.txt", "scores.csv", "pulses.csv", "metrics.csv", "study.json", "report.html"}
     assert {path.name for path in study.iterdir()} == names
 
@@ -317,7 +322,11 @@ def test_predict_writes_pulses_metrics_and_report(
     pulses = pd.read_csv(out / "pulses.csv")
     assert len(pulses) == 2 * GRID_S.size
     assert pulses["held_out"].isna().all()
-    assert "Extrapolation: front weight 2400 lb" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "Extrapolation: front weight 2400 lb" in said
+    files_said = "pulses.csv, pulses.parquet, metrics.csv, report.html, isomme/, prediction.json"
+    assert said.endswith(f"Written to {out}: {files_said}\n")
+    assert all(list(out.glob(part)) for part in RESULT_FILES["prediction"])
     assert "Extrapolation: front weight 2400 lb" in (out / "report.html").read_text()
 
 
@@ -389,7 +398,7 @@ def test_interrupting_says_how_to_go_on(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("crashfuse.study.study.run_study", interrupted)
+    monkeypatch.setattr("crashfuse.study.study.run_plan", interrupted)
     assert cli.main(["study", str(campaign_on_disk), "--out", str(tmp_path / "out")]) == cli.INTERRUPTED
     assert "--resume" in capsys.readouterr().err
 
@@ -520,14 +529,18 @@ def test_a_whole_study_leaves_speed_groups_out_too(
     assert list(scores) == list(groups)
     assert len(scores) == len(groups)
     record = json.loads((out / "study.json").read_text())
-    assert record["config"]["hold_out"] == "both"
+    assert record["config"]["leave_out"] == "both"
     assert record["recommendation"]["campaign"]["approach"] == "cae"
     assert set(record["recommendation"]["tests"]) == {"T1", "T2", "T3", "T4"}
     assert record["recommendation"]["tests"]["T2"]["expected_rating"]["tests"] == ["T3", "T4", "T1"]
     assert record["speed_groups"]["mean_rating"]["cae"] == pytest.approx(
         groups[groups["window_ms"] == 60]["overall"].mean(), abs=1e-4
     )
-    assert "Use the raw CAE model for this campaign." in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "Use the raw CAE model for this campaign." in said
+    assert said.endswith(
+        f"Written to {out}: scores.csv, speed_groups.csv, pulses.csv, metrics.csv, report.html, study.json\n"
+    )
 
 
 @pytest.mark.slow
@@ -557,6 +570,30 @@ def test_a_series_of_studies_gives_what_each_gives_alone(
     own = scores[(scores["approach"] == "lf_tcn") & (scores["window_ms"] == 60)]["overall"]
     assert (row["preset"], row["left_out"], row["tests"]) == ("fast", "test", 2)
     assert (row["mean"], row["least"]) == pytest.approx((own.mean(), own.min()), abs=1e-5)
+
+
+def test_a_series_loads_each_campaign_once_and_checks_each_study_once(
+    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two studies of one campaign: one campaign is read, two plans are made."""
+    loaded: list[Path] = []
+    planned: list[int] = []
+    load, check = campaign_folder_module.load_campaign, StudyPlan.__post_init__
+
+    def noted_load(path: Path) -> Campaign:
+        loaded.append(path)
+        return load(path)
+
+    def noted_check(self: StudyPlan) -> None:
+        planned.append(self.config.seed)
+        check(self)
+
+    monkeypatch.setattr(campaign_folder_module, "load_campaign", noted_load)
+    monkeypatch.setattr(StudyPlan, "__post_init__", noted_check)
+    options = ["--held-out", "T2", "--approach", "cae", "--seed", "0,1", "--workers", "1"]
+    assert cli.main(["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), *options]) == cli.DONE
+    assert loaded == [campaign_on_disk]
+    assert planned == [0, 1]
 
 
 @pytest.mark.slow

@@ -3,11 +3,14 @@
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import platformdirs
 import pytest
 
@@ -188,6 +191,52 @@ def test_a_folder_that_cannot_be_written_is_no_obstacle(tmp_path: Path) -> None:
         cache.put("kind", {}, {"a": 1.0})
     assert cache.get("kind", {}) is None
     cache.drop("kind", {})
+
+
+def halves(cache: Cache, computed: list[int]) -> float:
+    """A result that is computed as often as the list says."""
+
+    def compute() -> tuple[float, dict[str, float]]:
+        computed.append(1)
+        time.sleep(0.05)
+        return 0.5, {"half": 0.5}
+
+    return cache.get_or_compute("kind", {"x": 1}, compute, lambda entry: float(entry["half"]))
+
+
+def test_a_result_is_computed_once_and_then_restored(tmp_path: Path) -> None:
+    """By whoever asks first, and by one of those who ask at the same time."""
+    computed: list[int] = []
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(lambda _: halves(Cache(tmp_path), computed), range(4))) == [0.5] * 4
+    assert computed == [1]
+    assert Cache(tmp_path).is_cached("kind", {"x": 1})
+    assert not Cache(tmp_path).is_cached("kind", {"x": 2})
+
+
+@pytest.mark.parametrize("wrong", [{}, {"other": 0.5}, {"half": np.array("a half")}, {"half": np.ones(3)}])
+def test_a_whole_entry_with_the_wrong_content_is_computed_again(
+    tmp_path: Path, wrong: dict[str, npt.ArrayLike]
+) -> None:
+    """Its checksum is right, but the result cannot be restored from it: it is replaced, and nobody gets an error."""
+    cache, computed = Cache(tmp_path), list[int]()
+    cache.put("kind", {"x": 1}, wrong)
+    assert halves(cache, computed) == 0.5
+    assert halves(cache, computed) == 0.5
+    assert computed == [1]
+
+
+def test_what_cannot_be_computed_leaves_nothing(tmp_path: Path) -> None:
+    """The error is the caller's; the next one to ask computes."""
+    cache = Cache(tmp_path)
+
+    def fail() -> tuple[float, dict[str, float]]:
+        raise Cancelled("Stopped.")
+
+    with pytest.raises(Cancelled):
+        cache.get_or_compute("kind", {"x": 1}, fail, lambda _: 1.0)
+    assert not list((tmp_path / "kind").iterdir())
+    assert halves(cache, []) == 0.5
 
 
 _HOLD = """

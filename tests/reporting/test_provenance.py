@@ -12,12 +12,12 @@ from crashfuse.units import LB, MPH
 
 def test_the_command_of_a_study_is_parsed_back_to_its_settings(campaign: Campaign) -> None:
     """Tests, approaches, preset, seed, windows and what is left out together."""
-    config = StudyConfig(approaches=("cae", "fused"), seed=3, windows_ms=(20.0, 55.5), hold_out="speed group")
+    config = StudyConfig(approaches=("cae", "fused"), seed=3, windows_ms=(20.0, 55.5), leave_out="speed group")
     command = study_command(campaign, ["T2", "T4"], config)
     parsed = parser().parse_args(shlex.split(command)[1:])
     assert parsed.held_out == ["T2", "T4"]
     assert tuple(parsed.approach) == config.approaches
-    assert (parsed.preset, parsed.seed, parsed.device, parsed.hold_out) == (["fast"], [3], "auto", "speed-group")
+    assert (parsed.preset, parsed.seed, parsed.device, parsed.leave_out) == (["fast"], [3], "auto", "speed-group")
     assert tuple(parsed.windows_ms) == config.windows_ms
 
 

@@ -74,8 +74,8 @@ def test_each_score_stands_in_the_row_of_its_test_approach_and_window(campaign: 
 def test_a_row_for_each_study_holds_the_mean_and_the_least_of_its_tests(campaign: Campaign) -> None:
     """For single tests and for speed groups, with what was left out."""
     alone, groups = study(campaign, ("T2", "T3", "T4")), study(campaign, ("T2", "T4"), scale=0.8)
-    groups = replace(groups, config=replace(groups.config, hold_out="speed group"))
-    both = replace(alone, config=replace(alone.config, hold_out="both"), speed_groups=groups)
+    groups = replace(groups, config=replace(groups.config, leave_out="speed group"))
+    both = replace(alone, config=replace(alone.config, leave_out="both"), speed_groups=groups)
     table = studies_table([("Tiny", both), ("Other", groups)])
     assert table.columns.tolist() == [
         *("campaign", "preset", "seed", "left_out", "held_out", "approach", "window_ms", "tests", "mean", "least")

@@ -1,5 +1,6 @@
 """Recommendations follow from left-out tests, and say so."""
 
+import gc
 import re
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import grade
+from crashfuse.study import recommendation
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.expected_rating import expected_rating
@@ -282,3 +284,14 @@ def test_the_papers_advice_turns_at_3_mph(campaign: Campaign, away_mph: float, a
     found = recommend_for(both, campaign, condition)
     assert found.approach == approach
     assert f"{away_mph:.1f} mph away" in found.sentences[0]
+
+
+def test_the_recommendation_of_a_study_is_computed_once(campaign: Campaign) -> None:
+    """Files, report and terminal all ask for it; another study is judged anew, and one that is gone is forgotten."""
+    one, other = study(campaign, {"cae": 0.5, "fused": 0.9}), study(campaign, {"cae": 0.9, "fused": 0.5})
+    assert recommend(one) is recommend(one)
+    assert recommend(other) != recommend(one)
+    before = len(recommendation._recommended)
+    del one, other
+    gc.collect()
+    assert len(recommendation._recommended) == before - 2

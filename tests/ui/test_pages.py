@@ -66,13 +66,13 @@ def quick_study(
         folds.append(Fold.of(test, estimates, config.windows_ms))
         watch.report("Held-out predictions", len(folds), len(held_out), loss=0.1)
     study = Study(campaign, config, tuple(folds), {"held_out_tests": 1.0})
-    return replace(study, speed_groups=study) if config.hold_out == "both" else study
+    return replace(study, speed_groups=study) if config.leave_out == "both" else study
 
 
 @pytest.fixture
 def nothing_cached(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """The cache on disk holds no prediction; returns the patch for more of its kind."""
-    monkeypatch.setattr(computation, "find_estimate", lambda *_, **__: None)
+    monkeypatch.setattr(computation, "is_estimate_cached", lambda *_: False)
     return monkeypatch
 
 
@@ -229,10 +229,10 @@ def test_the_settings_reach_the_study_and_hold_on_other_pages(monkeypatch: pytes
     app.radio(key="preset").set_value("paper").run()
     assert "many hours" in words(app)
     app.number_input(key="seed").set_value(7).run()
-    app.radio(key="hold_out").set_value("speed group").run()
+    app.radio(key="leave_out").set_value("speed group").run()
     app.radio(key="device").set_value("cpu").run()
     finish(press(app, "Start"))
-    assert asked == [StudyConfig(approaches=FAST, preset="paper", seed=7, hold_out="speed group", device="cpu")]
+    assert asked == [StudyConfig(approaches=FAST, preset="paper", seed=7, leave_out="speed group", device="cpu")]
     assert charts(go(app, "compare")) == 3
     assert len(asked) == 1
 
@@ -253,11 +253,11 @@ def test_two_sessions_that_look_for_a_cached_result_at_once_both_find_it(
 ) -> None:
     """The second waits for the first one's answer."""
 
-    def slow(*_: object, **__: object) -> str:
+    def slow(*_: object) -> bool:
         time.sleep(0.3)
-        return "found"
+        return True
 
-    monkeypatch.setattr(computation, "find_estimate", slow)
+    monkeypatch.setattr(computation, "is_estimate_cached", slow)
     request = computation.StudyRequest(campaign, ("T1",), StudyConfig(approaches=("cae",)))
     with ThreadPoolExecutor(2) as sessions:
         first, second = sessions.map(lambda _: request.find(), range(2))

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import MOST_TESTS, Prediction, thinning_notes
 from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
+from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
@@ -82,7 +83,7 @@ class TimeDomain(TcnApproach):
         campaign = self._seen(campaign)
         accel = self._begin(campaign, self._lf().fit(campaign, watch))
         if self.config.tuning == "gradient":
-            key = {"campaign": campaign.fingerprint, "config": self.config, "seed": self.seed, "device": self.device}
+            key = {**settings(self), "campaign": campaign.fingerprint}
             checkpoint = Checkpoint(self.cache, {**key, "training": self.name})
             self.network_, self.losses_ = fine_tune(
                 self.network_, self.scaling_, self._vectors, accel, self.config, checkpoint, watch

@@ -18,6 +18,7 @@ from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 
@@ -118,16 +119,17 @@ class LfTcn(TcnApproach):
         cae, config = campaign.cae, self.config
         if len(cae) < 2:
             raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
-        key = {"cae": cae.fingerprint, "config": config.lf_settings, "seed": self.seed, "device": self.device}
+        settings = {"config": config.lf_settings, "seed": self.seed, "device": self.device}
+        key = {"cae": cae.fingerprint, **settings, "code": code_digest(__name__)}
         if self.cache is None:
             return self._train(cae, key, watch)
-        if (entry := self.cache.get(_KIND, key)) is None:
-            with self.cache.alone(_KIND, key, watch):
-                if (entry := self.cache.get(_KIND, key)) is None:  # another process may have come first
-                    self._train(cae, key, watch)
-                    self.cache.put(_KIND, key, self.learned().arrays)
-                    return self
-        return self.restore(campaign, FittedState({}, entry))
+        return self.cache.get_or_compute(
+            _KIND,
+            key,
+            lambda: (self._train(cae, key, watch), self.learned().arrays),
+            lambda entry: self.restore(campaign, FittedState({}, entry)),
+            watch,
+        )
 
     def _train(self, cae: CaeLibrary, key: Mapping[str, object], watch: Watch) -> Self:
         vectors, accel = self._begin(cae)

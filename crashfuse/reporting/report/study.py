@@ -39,7 +39,7 @@ def study_report(study: Study) -> str:
     spread = study.rating_spread(window_ms)
     return render(
         "study",
-        f"study with each {config.hold_out} left out",
+        f"study with each {config.split_configs[0].leave_out} left out",
         campaign,
         config,
         study_command(campaign, held_out, config),
@@ -92,7 +92,9 @@ def _fold(study: Study, fold: Fold) -> dict[str, object]:
     window = max(study.config.windows_ms)
     predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
     speed = test.condition.speed_mps
-    advice = recommend_for(fold.estimates, study.config.rest(study.campaign, test.id), test.condition, window)
+    advice = recommend_for(
+        fold.estimates, study.config.training_campaign(study.campaign, test.id), test.condition, window
+    )
     return {
         "test": test,
         "advice": advice.sentences,

@@ -1,0 +1,85 @@
+"""Which code computes a number: a cached result is used again only by code that would compute the same."""
+
+import ast
+import hashlib
+import platform
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+from crashfuse.execution.cache import Cache
+
+_PACKAGE = Path(__file__).parents[1]
+_NOT_COMPUTING = {"execution", "files", "errors", "version"}  # they run, store and report, but decide no number
+
+
+@cache
+def code_digest(module: str, package: Path = _PACKAGE) -> str:
+    """Digest of a module and of every module of this package that it imports, directly or not.
+
+    Comments, docstrings and layout do not count, nor does code that only runs or stores computations.
+
+    Parameters
+    ----------
+    module : str
+        Full name, ``crashfuse.cae.emulator``. A module outside the package is represented by its name alone.
+    package : Path
+        Folder of the package.
+    """
+    key = {"module": module, "sources": _sources_digest(package), "python": platform.python_version()}
+
+    def compute() -> tuple[str, dict[str, str]]:
+        digest = _parsed_digest(module, package)
+        return digest, {"digest": digest}
+
+    return Cache().get_or_compute("code", key, compute, lambda entry: str(entry["digest"]))  # parsing takes a while
+
+
+@cache
+def _sources_digest(package: Path) -> str:
+    """Digest of all files of the package as they are."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(package.rglob("*.py")))).hexdigest()
+
+
+def _parsed_digest(module: str, package: Path) -> str:
+    """Digest of a module and of all that it imports, from their syntax trees."""
+    waiting, digests = [module], {}
+    while waiting:
+        name = waiting.pop()
+        if name in digests or (path := _source(name, package)) is None:
+            continue
+        digests[name], imports = _stripped(path)
+        waiting += [each for each in imports if each.split(".")[1] not in _NOT_COMPUTING]
+    return hashlib.sha256(repr((module, sorted(digests.items()))).encode()).hexdigest()
+
+
+def _source(module: str, package: Path) -> Path | None:
+    """The file of a module, or None if the package has no such module."""
+    top, *parts = module.split(".")
+    path = package.joinpath(*parts)
+    files = (path.with_suffix(".py"), path / "__init__.py") if top == package.name else ()
+    return next((file for file in files if file.is_file()), None)
+
+
+@cache
+def _stripped(path: Path) -> tuple[str, tuple[str, ...]]:
+    """Digest of a file without comments and docstrings, and all that it might import of its package."""
+    tree = ast.parse(path.read_bytes())
+    imports = tuple(_strip(tree))
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imports
+
+
+def _strip(node: ast.AST) -> Iterator[str]:
+    """Remove texts that stand alone from all blocks of statements; yields the names that are imported there."""
+    for field in ("body", "orelse", "finalbody", "handlers", "cases"):
+        block = getattr(node, field, None)
+        if not isinstance(block, list):  # a lambda's body, say
+            continue
+        block[:] = [s for s in block if not (isinstance(s, ast.Expr) and isinstance(s.value, ast.Constant))]
+        for statement in block:
+            if isinstance(statement, ast.ImportFrom) and (statement.module or "").startswith("crashfuse."):
+                yield str(statement.module)
+                yield from (f"{statement.module}.{alias.name}" for alias in statement.names)
+            elif isinstance(statement, ast.Import):
+                yield from (alias.name for alias in statement.names if alias.name.startswith("crashfuse."))
+            yield from _strip(statement)

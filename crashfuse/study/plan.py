@@ -1,0 +1,78 @@
+"""Which tests of a campaign a study leaves out, and how; checked before anything is computed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.signals.pulse import DT_S
+from crashfuse.study.config import StudyConfig
+
+_SLOWEST_S = 1e-3  # step of the slowest record: its last sample stands for that long
+
+
+@dataclass(frozen=True, eq=False)
+class StudyPlan:
+    """Which tests of a campaign to leave out in turn, and how. A plan that exists can be run.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    config : StudyConfig
+    held_out : tuple of str
+        Ids of the tests to leave out in turn; empty for all.
+
+    Raises
+    ------
+    UsageError
+        If a name, a window or the number of tests makes the study impossible.
+    DataError
+        If a held-out test does not vary over a window, or its record ends before: it cannot be rated.
+    """
+
+    campaign: Campaign
+    config: StudyConfig = StudyConfig()
+    held_out: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        campaign, config = self.campaign, self.config
+        campaign.without(self.held_out)
+        object.__setattr__(self, "held_out", tuple(dict.fromkeys(self.held_out or campaign.test_ids)))
+        if len(campaign.tests) < 2:
+            raise UsageError("Leaving a test out takes at least 2 tests: one to predict and one to learn from.")
+        if config.leave_out == "speed group" and not self._has_speed_groups:
+            raise UsageError("All tests are of one speed group: leaving it out leaves nothing to learn from.")
+        if not config.approaches:
+            raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
+        config.check()
+        if not 0 <= config.seed < 2**32:
+            raise UsageError(f"Seed must be between 0 and {2**32 - 1}, got {config.seed}.")
+        for window in config.windows_ms:
+            if not 10 <= window <= 100:
+                raise UsageError(f"A rating window of {window:g} ms is not possible; choose 10 to 100 ms.")
+            for test_id in self.held_out:
+                _check_window(campaign.test(test_id), window)
+
+    @property
+    def configs(self) -> tuple[StudyConfig, ...]:
+        """One config for each way to leave tests out; if both ways were asked for, only those that are possible."""
+        ways = self.config.split_configs
+        return ways if self._has_speed_groups else ways[:1]
+
+    @property
+    def _has_speed_groups(self) -> bool:
+        """Whether a speed group can be left out and something remains."""
+        campaign = self.campaign
+        return len(campaign.speed_group(campaign.test_ids[0])) < len(campaign.tests)
+
+
+def _check_window(test: CrashTest, window_ms: float) -> None:
+    """Raise if a test cannot be rated over a window."""
+    if window_ms / 1e3 > test.recorded_s + _SLOWEST_S:
+        found, advice = f"{test.recorded_s * 1e3:.4g} ms", "rate a shorter window, or hold out other tests"
+        raise DataError(Problem(test.id, f"a record over 0–{window_ms:g} ms", found, advice))
+    if np.ptp(test.pulse.accel_mps2[: round(window_ms / 1e3 / DT_S)]) == 0:
+        advice = "check its time zero or rate a longer window"
+        raise DataError(Problem(test.id, f"a pulse that varies over 0–{window_ms:g} ms", "no change at all", advice))

@@ -1,0 +1,72 @@
+"""A cached result belongs to the code that computes it: other code leaves it alone, a comment changes nothing."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from crashfuse.execution.code_digest import code_digest
+from tests.conftest import ROOT
+
+EMULATOR, TIME, DISPLACEMENT, PREDICTION = (
+    "crashfuse.cae.emulator",
+    "crashfuse.approaches.time_domain.lf_tcn",
+    "crashfuse.approaches.displacement_domain.approach",
+    "crashfuse.study.estimate",
+)
+CODE = "\n\ndef another() -> int:\n    return 1\n"
+
+
+def changed_by(tmp_path: Path, file: str, added: str) -> set[str]:
+    """Modules whose digests change when this is added to the end of a file."""
+    package = tmp_path / "crashfuse"
+    shutil.copytree(ROOT / "crashfuse", package)
+    path = package / file
+    path.write_text(path.read_text(encoding="utf-8") + added, encoding="utf-8")
+    modules = (EMULATOR, TIME, DISPLACEMENT, PREDICTION)
+    return {module for module in modules if code_digest(module, package) != code_digest(module)}
+
+
+@pytest.mark.parametrize("room", ["reporting/results", "ui/jobs", "cli/output", "readers/weights", "study/study"])
+def test_code_that_computes_none_of_it_counts_for_nothing(tmp_path: Path, room: str) -> None:
+    """A report, a page or a reader can change without throwing trained networks away."""
+    assert changed_by(tmp_path, f"{room}.py", CODE) == set()
+
+
+@pytest.mark.parametrize(
+    "added", ["# a comment\n", '"""A text."""\n', '\n\nif True:\n    """A text."""\n    # and a comment\n']
+)
+def test_what_is_only_read_by_people_counts_for_nothing(tmp_path: Path, added: str) -> None:
+    """Comments, docstrings and empty lines; only the "if" of the last one is code."""
+    file = "approaches/time_domain/lf_tcn.py"
+    assert changed_by(tmp_path, file, added) == ({TIME, PREDICTION} if "if" in added else set())
+
+
+@pytest.mark.parametrize(
+    ("file", "changed"),
+    [
+        ("signals/pulse.py", {EMULATOR, TIME, DISPLACEMENT, PREDICTION}),
+        ("cae/emulator.py", {EMULATOR, DISPLACEMENT, PREDICTION}),
+        ("approaches/time_domain/network.py", {TIME, PREDICTION}),
+        ("approaches/displacement_domain/gaussian_process.py", {DISPLACEMENT, PREDICTION}),
+        ("study/config.py", {PREDICTION}),
+        ("execution/workers.py", set()),
+    ],
+)
+def test_code_counts_for_what_it_computes(tmp_path: Path, file: str, changed: set[str]) -> None:
+    """Directly or through what it imports, and for nothing else."""
+    assert changed_by(tmp_path, file, CODE) == changed
+
+
+def test_a_docstring_that_is_rewritten_counts_for_nothing(tmp_path: Path) -> None:
+    """Even one within a class."""
+    package = tmp_path / "crashfuse"
+    shutil.copytree(ROOT / "crashfuse", package)
+    path = package / "cae" / "emulator.py"
+    text = path.read_text(encoding="utf-8")
+    assert "Learn from all runs of the library." in text
+    path.write_text(text.replace("Learn from all runs of the library.", "Learn."), encoding="utf-8")
+    assert code_digest(EMULATOR, package) == code_digest(EMULATOR)
+    path.write_text(text.replace("max_runs: int = 1200", "max_runs: int = 1201"), encoding="utf-8")
+    other = shutil.copytree(package, tmp_path / "other" / "crashfuse")  # digests of a file are kept
+    assert code_digest(EMULATOR, other) != code_digest(EMULATOR)

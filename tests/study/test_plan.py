@@ -1,0 +1,77 @@
+"""The plan of a study: what makes one impossible is said before anything is computed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.campaign import Campaign
+from crashfuse.errors import DataError, UsageError
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.plan import StudyPlan
+from crashfuse.study.study import run_study
+
+
+def test_a_plan_names_each_test_once(campaign: Campaign) -> None:
+    """Every test of the campaign, if none is named."""
+    assert StudyPlan(campaign).held_out == campaign.test_ids
+    assert StudyPlan(campaign, held_out=("T4", "T1", "T4")).held_out == ("T4", "T1")
+
+
+def test_both_ways_to_leave_out_are_planned_where_both_are_possible(campaign: Campaign) -> None:
+    """Tests of one speed group can be left out one by one only."""
+    both = StudyConfig(leave_out="both")
+    assert [config.leave_out for config in StudyPlan(campaign, both).configs] == ["test", "speed group"]
+    assert [config.leave_out for config in StudyPlan(campaign.without(["T1", "T4"]), both).configs] == ["test"]
+
+
+@pytest.mark.parametrize(
+    ("config", "held_out", "sentence"),
+    [
+        (StudyConfig(), ["T9"], "There is no test 'T9' in Tiny; it has T1, T2, T3, T4"),
+        (StudyConfig(approaches=("magic",)), [], "There is no approach 'magic'; choose from cae, lf_tcn, time_domain"),
+        (StudyConfig(approaches=()), [], "Name at least one approach"),
+        (StudyConfig(preset="slow"), [], "There is no preset 'slow'; choose from fast, paper"),  # type: ignore[arg-type]
+        (StudyConfig(seed=-1), [], "Seed must be between 0 and 4294967295, got -1"),
+        (StudyConfig(seed=2**32), [], "Seed must be between 0 and 4294967295, got 4294967296"),
+        (StudyConfig(windows_ms=(5.0,)), [], "A rating window of 5 ms is not possible; choose 10 to 100 ms"),
+    ],
+)
+def test_an_impossible_study_is_refused_before_it_starts(
+    campaign: Campaign, config: StudyConfig, held_out: list[str], sentence: str
+) -> None:
+    """The message names what was asked and what there is."""
+    with pytest.raises(UsageError, match=sentence):
+        run_study(campaign, config, held_out=held_out)
+
+
+def test_a_single_test_cannot_be_left_out(campaign: Campaign) -> None:
+    """Nothing would remain to learn from."""
+    with pytest.raises(UsageError, match="at least 2 tests"):
+        run_study(campaign.without(["T1", "T2", "T3"]))
+
+
+def test_one_speed_group_cannot_be_left_out(campaign: Campaign) -> None:
+    """Nothing would remain to learn from."""
+    alike = campaign.without(["T1", "T4"])
+    with pytest.raises(UsageError, match="All tests are of one speed group"):
+        run_study(alike, StudyConfig(leave_out="speed group"))
+
+
+def test_a_test_that_is_flat_over_a_window_is_named_before_anything_is_computed(campaign: Campaign) -> None:
+    """It cannot be rated; the sentence names test and window."""
+    late = np.where(GRID_S < 0.025, 0.0, campaign.test("T1").pulse.accel_mps2)
+    tests = (replace(campaign.tests[0], pulse=Pulse(GRID_S, late)), *campaign.tests[1:])
+    with pytest.raises(DataError, match="T1: expected a pulse that varies over 0–20 ms"):
+        run_study(replace(campaign, tests=tests), StudyConfig(windows_ms=(20.0, 60.0)))
+
+
+def test_a_window_beyond_the_end_of_a_held_out_record_is_refused(campaign: Campaign) -> None:
+    """Nobody measured what it would be rated against; up to its end, and with other tests held out, it can be."""
+    tests = (replace(campaign.tests[0], recorded_s=0.0799), *campaign.tests[1:])
+    cut = replace(campaign, tests=tests)
+    for windows, held_out in (((80.0,), ("T1",)), ((100.0,), ("T2",))):
+        StudyPlan(cut, StudyConfig(windows_ms=windows), held_out)
+    with pytest.raises(DataError, match=r"T1: expected a record over 0–90 ms, found 79\.9 ms; rate a shorter window"):
+        StudyPlan(cut, StudyConfig(windows_ms=(60.0, 90.0)), ("T2", "T1"))
