@@ -49,8 +49,8 @@ ROOMS = {
     "tables": Room(6, "reporting/result_tables.py", "reporting/test_result_tables.py"),
     "writer": Room(
         12,
-        "campaign_folder/writer.py campaign_folder/tidy_tables.py",
-        "campaign_folder/test_writer.py campaign_folder/test_tidy_tables.py",
+        "campaign_folder/writer.py campaign_folder/additions.py campaign_folder/tidy_tables.py",
+        "campaign_folder/test_writer.py campaign_folder/test_additions.py campaign_folder/test_tidy_tables.py",
     ),
     "cache": Room(6, "execution/cache.py", "execution/test_cache.py"),
 }

@@ -33,13 +33,13 @@ def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems:
     typical = float(np.median(ratio[moving])) if moving.any() else 1.0
     if role == "cae" and not _LIBRARY_STOPS[0] <= typical <= _LIBRARY_STOPS[1]:
         found = f"{typical:.2f} times it"
-        expected = "pulses that take off about the impact speed, half of them at least"
+        expected = "changes of velocity near the impact speed, for half of the runs at least"
         problems.append(Problem("cae.csv", expected, found, _likely_cause(typical, *_LIBRARY_STOPS)))
         return
     for row in np.flatnonzero(((ratio < low) | (ratio > high)) & moving):
         v0, delta_v = speed[row], biggest[row]
         found = f"a change of {delta_v / MPH:+.1f} mph ({delta_v / KPH:+.1f} km/h)"
-        expected = f"a pulse that takes off about the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
+        expected = f"a change of velocity near the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
         problems.append(
             Problem(
                 f"{role}.csv",

@@ -35,7 +35,7 @@ def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
             (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, temporary, pulses)
         except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
             found = " ".join(str(error).split())[:200]
-            raise DataError(Problem(path.name, "a table that pulses can be added to", found, "mend it first")) from None
+            raise DataError(Problem(path.name, "a table that can be added to", found, "repair it first")) from None
 
 
 def _append_parquet(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
@@ -74,7 +74,7 @@ def _append_csv(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]
         rows, writer = csv.reader(old, skipinitialspace=True), csv.writer(stream, lineterminator="\n")
         header = [cell.strip() for cell in next(rows, [])]
         if "id" not in header:
-            raise DataError(Problem(path.name, "a column id", "none", "mend it first"))
+            raise DataError(Problem(path.name, "a column id", "none", "repair it first"))
         writer.writerow(header)
         at = header.index("id")
         writer.writerows(row for row in rows if len(row) <= at or row[at].strip() not in new)
@@ -94,7 +94,7 @@ def _columns(names: Sequence[str], pulse: Pulse, where: str) -> Mapping[str, Flo
     columns = {name: np.asarray(wanted[name]) for name in names if name in wanted}
     if len(columns) != 2:
         found = ", ".join(names[:12])
-        raise DataError(Problem(where, "one column time_… and one acceleration_…", found, "mend it first"))
+        raise DataError(Problem(where, "one column time_… and one acceleration_…", found, "repair it first"))
     return columns
 
 

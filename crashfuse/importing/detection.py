@@ -58,7 +58,7 @@ def unit_and_sign(
             if fitting
             else "check speed, unit, channels and time zero"
         )
-        expected = f"a pulse that takes off about the impact speed of {speed_text(speed_mps)}"
+        expected = f"a change of velocity near the impact speed of {speed_text(speed_mps)}"
         raise DataError(Problem(record.source, expected, f"a change of {speed_text(change)} in {label}", advice))
     found = "negative" if gain <= 0 or not moving else "positive"
     sign = choices.deceleration_sign or found

@@ -43,7 +43,7 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
     inside = slice(known[0], known[-1] + 1)
     time, values = time[inside], values[inside]
     if not (np.isfinite(values).all() and np.isfinite(time).all()):
-        raise DataError(Problem(place, "a number in each sample", "samples without one", "mend the record"))
+        raise DataError(Problem(place, "a number in each sample", "samples without one", "repair the record"))
     steps = np.diff(time)
     if steps.min() <= 0:
         row = int(np.argmax(steps <= 0)) + 1

@@ -214,7 +214,7 @@ def _check(record: Record, pulse: Pulse, condition: Condition, role: Role, steps
     low, high = STOPS[role]
     taken = (condition.speed_mps - motion.velocity_mps.min()) / max(condition.speed_mps, 1e-9)
     if condition.speed_mps > CREEP_MPS and not low <= taken <= high:
-        expected = f"a pulse that takes off about the impact speed of {speed_text(condition.speed_mps)} from contact on"
+        expected = f"a change of velocity near the impact speed of {speed_text(condition.speed_mps)} from contact on"
         found = f"{100 * taken:.0f} % of it"
         raise DataError(Problem(record.source, expected, found, "check time zero, unit and channels"))
     if end < GRID_S[-1] - pulse.dt_s:

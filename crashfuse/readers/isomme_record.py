@@ -72,7 +72,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
         rest = f"; those of test object {others} are left out" if others else ""
         notes = (*notes, f"Channels, speed and weights are those of test object {vehicle}{rest}.")
     if untimed:
-        notes = (*notes, f"Left out, for they have no even time: {', '.join(untimed)}.")
+        notes = (*notes, f"Left out for lack of an even time: {', '.join(untimed)}.")
     zero = "0 is time zero of the test, by the format's definition"
     if any(timed[name].start_s is None for name in proposed or timed):
         notes = (*notes, "No time of the first sample is in the file, so that time zero has to be found.")

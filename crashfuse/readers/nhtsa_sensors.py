@@ -112,7 +112,7 @@ def _without_damaged(
     if set(wanted) & set(damaged) or len(damaged) == len(entries):
         refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
     names = ", ".join(f"{entry.number} ({printable(entry.comment)})" for entry in damaged)
-    steps = (f"Left out, for they are damaged or empty: {names}.",) if damaged else ()
+    steps = (f"Left out as damaged or empty: {names}.",) if damaged else ()
     return steps, {str(entry.number): problem for entry, problem in damaged.items()}
 
 

@@ -108,7 +108,7 @@ def _record(file: TdmsFile, member: Member) -> Record:
     proposed = (channels[0].name,) if only else ()
     unit = "" if what == "acceleration" else "; none states its unit"
     why = f"The only {what}{unit}: {proposed[0]}." if proposed else f"Choose one of {len(channels)} {what}s{unit}."
-    left_out = (f"Left out, for they are damaged: {', '.join(map(printable, damaged))}.",) if damaged else ()
+    left_out = (f"Left out as damaged: {', '.join(map(printable, damaged))}.",) if damaged else ()
     steps = ("TDMS file.", *left_out, why)
     return Record(member.path.stem, where, PartialCondition(), tuple(channels), proposed, steps, unread=damaged)
 

@@ -416,7 +416,7 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "wrong sign": (
         _edit("tests/T1.csv", lambda t: t.assign(acceleration_g=-t.acceleration_g)),
-        "tests.csv, column id T1, row 2: expected a pulse that takes off about the impact speed of 15.0 mph (24.1 km/h)"
+        "tests.csv, column id T1, row 2: expected a change of velocity near the impact speed of 15.0 mph (24.1 km/h)"
         ", found a change of +16.5 mph (+26.6 km/h); flip the sign of the acceleration (deceleration is negative).",
     ),
     "m/s² called g": (
@@ -429,8 +429,8 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "km/h called mph in the library": (
         _edit("cae.csv", lambda t: t.assign(speed_mph=t.speed_mph / KPH * MPH)),
-        "cae.csv: expected pulses that take off about the impact speed, half of them at least, found 0.68 times it; "
-        "check the unit of the speed (km/h under a name that ends in _mph?).",
+        "cae.csv: expected changes of velocity near the impact speed, for half of the runs at least, found 0.68 "
+        "times it; check the unit of the speed (km/h under a name that ends in _mph?).",
     ),
     "few runs": (
         _edit("cae.csv", lambda t: t[:9]),

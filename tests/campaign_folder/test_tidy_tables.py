@@ -74,7 +74,7 @@ def test_the_kinds_of_columns_stay(tmp_path: Path) -> None:
     append_to_table(tmp_path / "n.parquet", [("8", NEW)])
     assert pq.read_table(tmp_path / "n.parquet").column("id").to_pylist() == [7, 8, 8, 8]
     before = (tmp_path / "n.parquet").read_bytes()
-    with pytest.raises(DataError, match=r"n\.parquet: expected a table that pulses can be added to"):
+    with pytest.raises(DataError, match=r"n\.parquet: expected a table that can be added to"):
         append_to_table(tmp_path / "n.parquet", [("T9", NEW)])
     assert (tmp_path / "n.parquet").read_bytes() == before
 

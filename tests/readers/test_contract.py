@@ -83,6 +83,7 @@ def test_capitals_of_names_make_no_difference(fmt: str, files: Files) -> None:
         assert formats_of([Path(change(name)) for name in files]) == [fmt]
 
 
+@pytest.mark.slow
 @every_format
 def test_damage_is_a_sentence_or_a_record(tmp_path: Path, fmt: str, files: Files) -> None:
     """Bytes flipped, lost, doubled, anywhere: read, or refused with a DataError, and nothing else."""
@@ -102,6 +103,7 @@ def test_damage_is_a_sentence_or_a_record(tmp_path: Path, fmt: str, files: Files
     assert refused > 3
 
 
+@pytest.mark.slow
 @every_format
 def test_a_damaged_zip_is_a_sentence_or_a_record(tmp_path: Path, fmt: str, files: Files) -> None:
     """Its directory as its data: read, or refused with a DataError, and nothing else."""
@@ -116,6 +118,7 @@ def test_a_damaged_zip_is_a_sentence_or_a_record(tmp_path: Path, fmt: str, files
     assert refused > 3
 
 
+@pytest.mark.slow
 @every_format
 def test_wherever_a_file_ends_it_is_a_sentence_or_a_record(tmp_path: Path, fmt: str, files: Files) -> None:
     """Cut in its header, in its numbers, a byte before its end; of no bytes at all nothing is read."""
@@ -189,6 +192,7 @@ def claims(fmt: str) -> Files:
 
 
 @pytest.mark.parametrize("fmt", FORMATS)
+@pytest.mark.slow
 def test_claims_beyond_the_file_cost_nothing(tmp_path: Path, fmt: str) -> None:
     """Counts of 2^60, or more lines than any record has: refused before anything of that size is made."""
     source = write(tmp_path / "huge", claims(fmt))

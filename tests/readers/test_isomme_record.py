@@ -91,7 +91,7 @@ def test_a_channel_without_an_even_time_is_said_to_be_one() -> None:
         record_of(IsommeTest("T1", DESCRIPTORS, (untimed,)), "T1")
     record = record_of(IsommeTest("T1", DESCRIPTORS, (untimed, channel("10TUNN000000ACXP"))), "T1")
     assert record.proposed == ("10TUNN000000ACXP",)
-    assert any("Left out, for they have no even time: 10VEHC000000ACXP" in step for step in record.steps)
+    assert any("Left out for lack of an even time: 10VEHC000000ACXP" in step for step in record.steps)
     with pytest.raises(DataError, match="expected an even time"):
         settle(record, Choices(channels=("10VEHC000000ACXP",), front_share=0.56))
 

@@ -91,7 +91,7 @@ def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path, cont
     (found,) = read_nhtsa(written(tmp_path / "t", nhtsa_files() | {"v00005.095": content}))
     assert found.proposed == ("93", "94", "99")
     assert "95" not in [channel.name for channel in found.channels]
-    assert "Left out, for they are damaged or empty: 95 (TOP OF ENGINE X)." in found.steps
+    assert "Left out as damaged or empty: 95 (TOP OF ENGINE X)." in found.steps
     assert settle(found, Choices(channels=("93", "94"))).channels == ("93", "94")
     with pytest.raises(DataError, match=r"v00005\.095: expected"):
         settle(found, Choices(channels=("95",)))

@@ -190,7 +190,7 @@ def test_a_damaged_channel_that_nobody_proposed_is_left_out(tmp_path: Path) -> N
     ]
     (record,) = read_tdms(saved(tmp_path / "v1.tdms", written(channels)))
     assert record.proposed == ("93", "94")
-    assert "Left out, for they are damaged or empty: 95 (TOP OF ENGINE X)." in record.steps
+    assert "Left out as damaged or empty: 95 (TOP OF ENGINE X)." in record.steps
     with pytest.raises(DataError, match="expected samples and the time between them"):
         settle(record, replace(WEIGHTS, channels=("95",)))
 

@@ -66,7 +66,7 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     delimiter, decimal = _dialect([line for line in lines[:SAMPLE] if line.strip()], path.name)
     grid = [_split(line, delimiter) for line in lines[:SAMPLE]]
     names = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
-    form = f"Columns parted by {names[delimiter]}, decimal {names.get(decimal, 'point')}."
+    form = f"Columns separated by {names[delimiter]}, decimal {names.get(decimal, 'point')}."
     header = header_of(grid, decimal, path.name)
     rest = lines[header.begin :]
     while rest and not rest[-1].strip(f" {delimiter}"):
