@@ -27,7 +27,7 @@ _FLAGS = (
 )
 _SHOTS = {  # page, height that shows it, theme, button that begins what it shows, words that end it
     "data": ("data", 1900, "light", None, "CAE model"),
-    "train": ("train", 760, "light", "Start", "are ready"),
+    "train": ("train", 870, "light", "Start", "are ready"),
     "compare": ("compare", 1690, "light", "Predict test", "Pulse metrics"),
     "study": ("study", 1440, "light", "Leave out each", "Every rating"),
     "predict": ("predict", 1650, "light", "Predict", "Pulse metrics"),

@@ -1,30 +1,30 @@
 """Compare: the held-out test against every prediction of it."""
 
-from typing import Any
-
 import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.reporting.plots.corridors import add_corridors
-from crashfuse.reporting.plots.pulses import motion
-from crashfuse.reporting.plots.residuals import residuals
+from crashfuse.reporting.plots.pulses import motion, residuals
 from crashfuse.reporting.report import study_report
 from crashfuse.reporting.result_tables import pulses_table, scores_table, study_metrics
 from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.study.recommendation import recommend_for
-from crashfuse.ui import displacement, evidence, frame, network, page_tables
+from crashfuse.ui import explanations, frame, page_tables
+from crashfuse.ui.compare import displacement, networks
 from crashfuse.ui.computation import StudyRequest, chosen_config
+from crashfuse.ui.downloads import download_report, download_table
+from crashfuse.ui.figures import show_cached_figure
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
 from crashfuse.ui.text import plain
 
 CORRIDORS_HELP = (
-    "ISO/TS 18571: a curve scores 1 inside the inner corridor about the test, 0 outside the outer one. They "
-    "are 5 % and 50 % of the largest acceleration in the rated window wide, to either side."
+    "ISO/TS 18571: a curve scores 1 inside the inner corridor about the test and 0 outside the outer one. Their half "
+    "widths are 5 % and 50 % of the largest acceleration in the rated window."
 )
 DRAWS_HELP = (
-    "Where 95 % of the ratings lie of single pulses drawn from the band, each rated against the test. A draw has every "
-    "wiggle in another place, so it rates lower than the expected pulse."
+    "Single pulses drawn from the band, each rated against the test: 95 % of the ratings lie in this interval. A "
+    "single pulse has oscillations of its own, so it rates lower than the expected pulse."
 )
 
 CARD_PX = 176  # five stand side by side on a wide page
@@ -39,34 +39,35 @@ rest = config.training_campaign(campaign, test.id)
 request = StudyRequest(campaign, (test.id,), config)
 study = result_of(
     request,
-    invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will learn from the CAE runs and "
+    invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will be fitted on the CAE runs and "
     f"{len(rest.tests)} other tests. "
-    + evidence.patience(config, "The first time takes a minute or two, later ones less."),
+    + explanations.patience(config, "The first time takes a minute or two, later ones less."),
     button=f"Predict test {test.id}",
 )
 fold = study.fold(test.id)
 predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
 
-raw = fold.ratings[BASELINE][view.window_ms].overall if BASELINE in fold.ratings else None
-beside = "" if raw is None else ", and its change against the CAE"
-st.markdown(f"ISO/TS 18571 rating over {page_tables.window_label(view.window_ms)}{beside}")
+window_ms = view.display.window_ms
+raw = fold.ratings[BASELINE][window_ms].overall if BASELINE in fold.ratings else None
+beside = "" if raw is None else ", and its change from the raw CAE model"
+explanations.show_settings(config, left_out=True)
+st.markdown(f"ISO/TS 18571 rating over {page_tables.window_label(window_ms)}{beside}")
 cards = st.container(horizontal=True, gap="small")
 for name, by_window in fold.ratings.items():
-    rating = by_window[view.window_ms]
+    rating = by_window[window_ms]
     gain = None if raw is None or name == BASELINE else rating.overall - raw
     with cards.container(border=True, width=CARD_PX):
         st.metric(
             LABELS[name], f"{rating.overall:.3f}", None if gain is None else f"{gain:+.3f}",
             delta_color="off" if gain is None or abs(gain) < NO_CHANGE else "normal",
         )  # fmt: skip
-        evidence.show_grade(rating.grade)
+        explanations.show_grade(rating.grade)
         if name in fold.with_band:
-            low, high = fold.rating_interval(name, view.window_ms)
-            st.caption(f"Single draws, lower by nature: {low:.2f}–{high:.2f}", help=DRAWS_HELP)
+            low, high = fold.rating_interval(name, window_ms)
+            st.caption(f"Draws: {low:.2f}–{high:.2f}", help=DRAWS_HELP)
 
-said = recommend_for(fold.estimates, rest, test.condition, view.window_ms).sentences
-evidence.show_recommendation(said)
-evidence.show_settings(config, left_out=True)
+said = recommend_for(fold.estimates, rest, test.condition, window_ms).sentences
+explanations.show_recommendation(said)
 left, right = st.columns([3, 2], vertical_alignment="center")
 shown = left.segmented_control(
     "Figure", ["Motion", "Residuals"], default="Motion", required=True, key="compared", persist_state="session",
@@ -82,35 +83,31 @@ else:
 
 def draw() -> go.Figure:
     """The figure that was chosen."""
-    look: dict[str, Any] = {"window_ms": view.window_ms, "unit": view.unit, "deceleration": view.deceleration}
     if shown == "Residuals":
-        return residuals(test.pulse, predictions, **look)
-    figure = motion(test.pulse, predictions, speed_mps=test.condition.speed_mps, **look)
-    return add_corridors(figure, test.pulse, **look) if corridors else figure
+        return residuals(test.pulse, predictions, view.display)
+    figure = motion(test.pulse, predictions, test.condition.speed_mps, view.display)
+    return add_corridors(figure, test.pulse, view.display) if corridors else figure
 
 
-about = (request.key, view.window_ms, view.unit, view.deceleration)
-evidence.show_kept_figure(draw, alt, shown, corridors, *about)
+key = (request.key, view.display)
+show_cached_figure(draw, alt, shown, corridors, *key)
 if shown == "Residuals":
     st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
 
-network.show(view, fold, about)
-displacement.show(view, config, predictions, about)
+networks.show(view, fold, key)
+displacement.show(view, config, predictions, key)
 
 st.subheader("Rating by approach and window")
-st.table(page_tables.ratings(fold.ratings, view.window_ms), border="horizontal")
+st.table(page_tables.ratings(fold.ratings, window_ms), border="horizontal")
 
-st.subheader("Pulse metrics")
 measured = pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
 columns = [("Test", measured), *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates)]
-st.table(page_tables.metrics(columns, view.unit), border="horizontal")
-evidence.show_missing(columns)
-st.caption("Shaded bands and brackets: the middle 95 % of what the model holds possible, where it says so.")
+explanations.show_metrics(columns, view.display.unit)
 
-evidence.show_notes(predictions, said)
-evidence.show_fits(fold.estimates)
+explanations.show_notes(predictions, said)
+explanations.show_fits(fold.estimates)
 with st.container(horizontal=True):
-    evidence.download("scores.csv", lambda: scores_table(study))
-    evidence.download("pulses.csv", lambda: pulses_table((test.id, estimate) for estimate in fold.estimates))
-    evidence.download("metrics.csv", lambda: study_metrics(study))
-    evidence.download_report(lambda: study_report(study))
+    download_table("scores.csv", lambda: scores_table(study))
+    download_table("pulses.csv", lambda: pulses_table((test.id, estimate) for estimate in fold.estimates))
+    download_table("metrics.csv", lambda: study_metrics(study))
+    download_report(lambda: study_report(study))

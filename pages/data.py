@@ -3,12 +3,13 @@
 import streamlit as st
 
 from crashfuse.reporting.plots import pulses as plots
-from crashfuse.reporting.plots.canvas import accel_scale
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.signals.filters import cfc_filter
-from crashfuse.ui import evidence, frame, page_tables
+from crashfuse.ui import frame, page_tables
+from crashfuse.ui.figures import show_cached_figure, show_figure
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import running
+from crashfuse.ui.navigation import pages
 from crashfuse.ui.opening import show_open_forms
 from crashfuse.ui.text import plain
 from crashfuse.units import MPH
@@ -35,7 +36,7 @@ def show_summary(view: frame.View) -> None:
     page, label = "compare", f"Next: predict test {plain(view.held_out.id)} from the others, and compare"
     if len(campaign.tests) == 1:
         page, label = "predict", "Next: predict another condition"
-    st.page_link(frame.pages()[page], label=label, icon=":material/arrow_forward:")
+    st.page_link(pages()[page], label=label, icon=":material/arrow_forward:")
 
 
 def show_tests(view: frame.View) -> None:
@@ -45,17 +46,15 @@ def show_tests(view: frame.View) -> None:
     choice = st.segmented_control(
         "Channel filter class (SAE J211-1)", [AS_READ, *(f"CFC {cfc}" for cfc in CLASSES)], default=AS_READ,
         required=True, key="filter", persist_state="session",
-        help="Only what is drawn: what is learned from and rated are the pulses as read.",
+        help="For this figure only: approaches are fitted and rated on the pulses as read.",
     )  # fmt: skip
     cfc = None if choice == AS_READ else float(choice.removeprefix("CFC "))
-    evidence.show_figure(
+    show_figure(
         plots.measured_pulses(
             campaign.tests,
             highlight=test.id,
             cfc=cfc,
-            window_ms=view.window_ms,
-            unit=view.unit,
-            deceleration=view.deceleration,
+            display=view.display,
         ),
         alt="Pulses of all tests over time, coloured by speed",
     )
@@ -65,15 +64,14 @@ def show_tests(view: frame.View) -> None:
     if cfc is None:
         st.caption(f"Pulses were read {reading}. Dark is slow, bright is fast; dashes tell repeats apart.")
         return
-    scale = accel_scale(view.unit, deceleration=False)
     peaks = [
-        abs(accel * scale).max()
+        abs(accel * view.display.accel_scale).max()
         for accel in (test.pulse.accel_mps2, cfc_filter(test.pulse.accel_mps2, cfc=cfc, dt_s=test.pulse.dt_s))
     ]
     st.caption(
         f"Thick: filtered to {choice}; thin: as read, {reading}. The filter takes the peak of {plain(test.id)} from "
-        f"{peaks[0]:.1f} to {peaks[1]:.1f} {view.unit}. It sees 0–100 ms only, so the first and last milliseconds may "
-        "differ from a filtered full record."
+        f"{peaks[0]:.1f} to {peaks[1]:.1f} {view.display.unit}. It sees 0–100 ms only, so the first and last "
+        "milliseconds may differ from those of a filtered full record."
     )
 
 
@@ -81,7 +79,7 @@ def show_conditions(view: frame.View) -> None:
     """Where tests and CAE runs lie, and how the CAE model rates before any correction."""
     campaign = view.campaign
     st.subheader("Conditions")
-    evidence.show_kept_figure(
+    show_cached_figure(
         lambda: condition_space(campaign.cae, campaign.tests, held_out=view.held_out.id),
         "Speed against front and rear weight of CAE runs and tests; the same numbers are in the table below",
         "conditions",
@@ -96,16 +94,12 @@ def show_library(view: frame.View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
     st.subheader("CAE model")
-    evidence.show_kept_figure(
-        lambda: plots.library_band(
-            campaign.cae, campaign.tests, window_ms=view.window_ms, unit=view.unit, deceleration=view.deceleration
-        ),
+    show_cached_figure(
+        lambda: plots.library_band(campaign.cae, campaign.tests, display=view.display),
         "Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
         "library",
         campaign.fingerprint,
-        view.window_ms,
-        view.unit,
-        view.deceleration,
+        view.display,
     )
     st.caption(
         "The shaded band holds the middle 90 % of all CAE runs at each time, whatever their speed. "

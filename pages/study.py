@@ -6,6 +6,7 @@ from functools import partial
 import streamlit as st
 
 from crashfuse.approaches.calibration import LEVELS
+from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.paper_tables import TABLE_3, TABLE_5
 from crashfuse.reporting.plots.calibration import calibration_curves
@@ -14,26 +15,29 @@ from crashfuse.reporting.report import study_report
 from crashfuse.reporting.result_tables import scores_table, study_metrics
 from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import Study
-from crashfuse.ui import evidence, frame, page_tables
+from crashfuse.ui import explanations, frame, page_tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
+from crashfuse.ui.downloads import download_report, download_table
+from crashfuse.ui.figures import show_clickable, show_figure
+from crashfuse.ui.navigation import open_page
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
 from crashfuse.ui.text import plain
 
 view = frame.enter_with_campaign("Study")
 campaign, config = view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
-window = page_tables.window_label(view.window_ms)
+window = page_tables.window_label(view.display.window_ms)
 st.markdown(
     "How well does each approach predict a test that it has not seen? Every test is left out in turn, predicted from "
-    "all others, and rated; then once more without any other test at about its speed."
+    "all others, and rated; then again without any other test at about its speed."
 )
 if config.preset == "fast":  # a paper fit takes minutes, or a GPU
     config = replace(config, leave_out="both")
 study = result_of(
     StudyRequest(campaign, campaign.test_ids, config),
     invitation=f"The study of all {len(campaign.tests)} tests has not been run yet. "
-    + evidence.patience(
-        config, "It takes several minutes the first time; you can go on working on the other pages meanwhile."
+    + explanations.patience(
+        config, "It takes several minutes the first time; meanwhile you can work on the other pages."
     ),
     button=f"Leave out each of {len(campaign.tests)} tests",
 )
@@ -49,22 +53,23 @@ def show_ratings(study: Study, way: str) -> None:
     """Means by window, and every test by approach."""
     st.table(page_tables.mean_ratings(study), border="horizontal")
     overall = {
-        fold.held_out: {name: by_window[view.window_ms].overall for name, by_window in fold.ratings.items()}
+        fold.held_out: {name: by_window[view.display.window_ms].overall for name, by_window in fold.ratings.items()}
         for fold in study.folds
     }
     st.markdown(f"**Each test, {window}**")
-    chosen = evidence.clickable(
+    chosen = show_clickable(
         rating_heatmap(overall),
         alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables below",
         key=way,
         on_click=lambda test_id: open_test(test_id, study),
     )
     if chosen:
-        st.switch_page(frame.pages()["compare"], query_params={})  # what is bound to widgets can't be cleared
+        open_page("compare")
     st.caption("Click a cell to open its test on the page Compare.")
 
 
-evidence.show_recommendation(recommend(study).sentences)
+explanations.show_recommendation(recommend(study).sentences)
+explanations.show_settings(config)
 st.subheader("Mean rating over the tests")
 names = ["Each test left out alone", "With all tests at about its speed"][: 1 if study.speed_groups is None else 2]
 for tab, tab_name, own in zip(st.tabs(names), names, (study, study.speed_groups), strict=False):
@@ -78,33 +83,33 @@ for test in campaign.tests:
 
 if study.coverage:
     st.subheader(f"How sure the ratings are, {window}")
-    evidence.show_figure(
-        rating_spread(study.rating_spread(view.window_ms)),
-        alt="Rating of each held-out test by approach, with the interval that single drawn pulses are rated in",
+    show_figure(
+        rating_spread(study.rating_spread(view.display.window_ms)),
+        alt="Rating of each held-out test by approach, with the interval of the ratings of single drawn pulses",
     )
     st.caption(
-        "Marks: the rating of the expected pulse. Lines: where 95 % of the ratings lie of single pulses drawn from the "
-        "band. A draw has every wiggle in another place, so it rates lower."
+        "Marks: rating of the expected pulse. Lines: 95 % of the ratings of single pulses drawn from the band. A "
+        "single pulse has oscillations of its own, so it rates lower."
     )
-    st.subheader("What the 95 % band is worth")
+    st.subheader("What the 95 % band is worth", help=glossary.TTZV)
     st.table(coverage_table(study.coverage).style.hide(axis="index"), border="horizontal")
     st.caption(
-        f"How much of the left-out tests lies inside. With {len(study.folds)} tests no more can be promised than these "
-        "counts."
+        "Share of the left-out tests inside the band, up to the time of zero velocity (TTZV) and after it. With "
+        f"{len(study.folds)} tests no more can be promised than these counts."
     )
-    evidence.show_figure(
+    show_figure(
         calibration_curves(LEVELS, study.reliability),
-        alt="Share of the time up to t0 at which a(t) lies inside bands of each level, by approach",
+        alt="Share of the time up to TTZV at which a(t) lies inside bands of each level, by approach",
     )
-    st.caption("Above the dotted line a band is wider than it need be, below it too narrow.")
+    st.caption("Above the dotted line a band is wider than it claims to be, below it too narrow.")
 with st.expander("Every rating, in the form of the paper's tables", icon=":material/table:"):
     fifth, third = st.tabs(["Table 5: approaches against the CAE", "Table 3: the network before and after the tests"])
     fifth.table(page_tables.paper_table(study, TABLE_5), border="horizontal")
     third.table(page_tables.paper_table(study, TABLE_3), border="horizontal")
+    third.caption(f"{glossary.LF} MF TCN: multi-fidelity (MF) network, the LF network fine-tuned on tests.")
 with st.container(horizontal=True):
-    evidence.download("scores.csv", lambda: scores_table(study))
-    evidence.download("metrics.csv", lambda: study_metrics(study))
+    download_table("scores.csv", lambda: scores_table(study))
+    download_table("metrics.csv", lambda: study_metrics(study))
     if study.speed_groups is not None:
-        evidence.download("speed_groups.csv", partial(scores_table, study.speed_groups))
-    evidence.download_report(lambda: study_report(study))
-evidence.show_settings(config)
+        download_table("speed_groups.csv", partial(scores_table, study.speed_groups))
+    download_report(lambda: study_report(study))

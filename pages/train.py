@@ -1,100 +1,104 @@
-"""Train: choose what to predict and how, start it, watch it, stop it."""
+"""Train: fit on all tests, to predict new conditions; or leave tests out, to see how good such predictions are."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import TypeVar
 
 import streamlit as st
-import torch
 
-from crashfuse.approaches.registry import APPROACHES, LABELS
-from crashfuse.approaches.settings import DEVICES
+from crashfuse.study.study import Study
 from crashfuse.ui import frame
-from crashfuse.ui.computation import StudyRequest, chosen_config, jobs
-from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test
+from crashfuse.ui.computation import FitRequest, Fitted, StudyRequest, jobs
+from crashfuse.ui.downloads import download_bytes
+from crashfuse.ui.navigation import open_page, pages
+from crashfuse.ui.panel import Request, show_end, show_job, stop_with_a_single_test
 from crashfuse.ui.text import plain
+from crashfuse.ui.train.settings import choose_settings
+
+T = TypeVar("T")
+FIT, LEAVE_OUT = "Fit on all tests", "Leave tests out"
 
 view = frame.enter_with_campaign("Train")
 campaign = view.campaign
-stop_with_a_single_test(campaign)
-st.markdown("Leave a test out, let every approach learn from all the others, and see how well it predicts that test.")
 
-held_out = st.multiselect(
-    "Held-out tests, each in turn",
-    campaign.test_ids,
-    default=[view.held_out.id],
-    key=f"train {campaign.fingerprint[:8]} {view.held_out.id}",
-    persist_state="session",
-    help="While one is predicted, all others train, those in this list included.",
-)
-chosen = st.pills(
-    "Approaches",
-    APPROACHES,
-    selection_mode="multi",
-    default=APPROACHES,
-    format_func=LABELS.__getitem__,
-    key="approaches",
-    persist_state="session",
-)
-left, right = st.columns(2, gap="large")
-left.radio(
-    "Settings",
-    ["fast", "paper"],
-    captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023), for comparison."],
-    format_func={"fast": "Fast", "paper": "Paper"}.__getitem__,
-    key="preset",
-    persist_state="session",
-)
-with right.expander("Advanced", icon=":material/tune:"):
-    st.number_input(
-        "Seed", min_value=0, max_value=2**31 - 1, value=0, step=1, key="seed", persist_state="session",
-        help="Of all that is random. Same seed, same numbers.",
-    )  # fmt: skip
-    st.radio(
-        "Leave out with a test",
-        ["test", "speed group"],
-        format_func={"test": "Nothing else", "speed group": "All tests at about its speed"}.__getitem__,
-        key="leave_out",
-        persist_state="session",
-        help="Without any test at about its speed the prediction is a step to a new speed: the harder question. "
-        "Tests less than 2 mph apart are at about one speed.",
-    )
-    st.radio(
-        "Networks are trained on",
-        DEVICES if torch.cuda.is_available() else ("auto", "cpu"),
-        format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
-        key="device",
-        persist_state="session",
-        help="GPU means CUDA. Numbers of different devices differ in their last digits.",
-    )
-config = chosen_config()
-if config.preset == "paper":
-    st.warning(
-        "The paper's settings take many hours without a GPU. You can cancel at any time.", icon=":material/timer:"
-    )
 
-request = StudyRequest(campaign, tuple(test for test in campaign.test_ids if test in held_out), config)
-ready = bool(request.held_out and chosen)
-if not ready:
-    st.info("Choose at least one test and one approach.")
-job = request.find() if ready else None
-if job is None or not job.active:
-    st.button(
-        "Start", type="primary", icon=":material/play_arrow:", on_click=request.start,
-        disabled=not ready or (job is not None and job.state == "done"),
-    )  # fmt: skip
-if job is not None:
-    if job.active:
+def choose_held_out() -> tuple[str, ...]:
+    """Ask which tests to leave out; in the campaign's order."""
+    chosen = st.multiselect(
+        "Held-out tests, each in turn",
+        campaign.test_ids,
+        default=[view.held_out.id],
+        key=f"train {campaign.fingerprint[:8]} {view.held_out.id}",
+        persist_state="session",
+        help="While one is predicted, all others train, those in this list included.",
+    )
+    return tuple(test for test in campaign.test_ids if test in chosen)
+
+
+def compute(request: Request[T], show_result: Callable[[T], None], *, ready: bool) -> None:
+    """Offer to start what was asked for, show how it goes, and in the end its result."""
+    job = request.find() if ready else None
+    if job is None or not job.active:
+        st.button(
+            "Start", type="primary", icon=":material/play_arrow:", on_click=request.start,
+            disabled=not ready or (job is not None and job.state == "done"),
+        )  # fmt: skip
+    if job is not None and job.active:
         show_job(job)
-    elif job.state == "done":
-        st.success("The predictions are ready, and kept for next time.", icon=":material/check_circle:")
-        with st.container(horizontal=True):
-            for test_id in request.held_out:
-                if st.button(
-                    f"Compare {plain(test_id)}", icon=":material/arrow_forward:", on_click=frame.choose_held_out,
-                    args=(campaign.test(test_id),),
-                ):  # fmt: skip
-                    st.switch_page(frame.pages()["compare"], query_params={})
-    else:
+    elif job is not None and job.result is not None:
+        show_result(job.result)
+    elif job is not None:
         show_end(job)
+    if others := [other for other in jobs().active if other is not job]:
+        st.subheader("Also running or waiting")
+        for other in others:
+            show_job(other)
 
-if others := [other for other in jobs().active if other is not job]:
-    st.subheader("Also running or waiting")
-    for other in others:
-        show_job(other)
+
+def show_models(fitted: Fitted) -> None:
+    """Say what the models are for, and hand them out."""
+    st.success(
+        f"Learned from {len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs. The models are kept for next "
+        "time; the page Predict answers any condition at once.",
+        icon=":material/check_circle:",
+    )
+    st.page_link(pages()["predict"], label="Predict a new condition", icon=":material/arrow_forward:")
+    download_bytes("models.zip", partial(fitted.models, campaign))
+    st.caption("The files that `crashfuse train` writes, zipped; `crashfuse predict --models` reads their folder.")
+
+
+def show_predicted(study: Study) -> None:
+    """Say that the predictions are there, and lead to each."""
+    st.success("The predictions are ready, and kept for next time.", icon=":material/check_circle:")
+    with st.container(horizontal=True):
+        for fold in study.folds:
+            if st.button(
+                f"Compare {plain(fold.held_out)}", icon=":material/arrow_forward:", on_click=frame.choose_held_out,
+                args=(campaign.test(fold.held_out),),
+            ):  # fmt: skip
+                open_page("compare")
+
+
+purpose = st.segmented_control(
+    "What for", [LEAVE_OUT, FIT], default=LEAVE_OUT if len(campaign.tests) > 1 else FIT, required=True, key="purpose",
+    persist_state="session", label_visibility="collapsed",
+)  # fmt: skip
+if purpose == FIT:
+    st.markdown(
+        "Fit every approach on all tests, as `crashfuse train` does, to predict conditions that were not tested."
+    )
+    config, ready = choose_settings(leaving_out=False)
+    if not ready:
+        st.info("Choose at least one approach.")
+    compute(FitRequest(campaign, config), show_models, ready=ready)
+else:
+    stop_with_a_single_test(campaign)
+    st.markdown(
+        "Leave a test out, fit every approach on all others, as `crashfuse study` does, and see how well that test is "
+        "predicted."
+    )
+    held_out = choose_held_out()
+    config, ready = choose_settings(leaving_out=True)
+    if not (ready and held_out):
+        st.info("Choose at least one test and one approach.")
+    compute(StudyRequest(campaign, held_out, config), show_predicted, ready=ready and bool(held_out))

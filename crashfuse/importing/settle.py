@@ -225,7 +225,7 @@ def _check(record: Record, pulse: Pulse, condition: Condition, role: Role, steps
         steps.append(f"The record ends {end / MS:.4g} ms after contact.")
     whole_mm = motion.displacement_m.max() / MS
     if motion.t0_s <= GRID_S[-1]:
-        steps.append(f"The vehicle stops at {motion.t0_s / MS:.1f} ms, after {whole_mm:.0f} mm.")
+        steps.append(f"Zero velocity (TTZV) at {motion.t0_s / MS:.1f} ms, after {whole_mm:.0f} mm.")
         return
     last_s = min(end, float(GRID_S[-1]))
     by_then_mm = motion.displacement_m[min(after.sum() - 1, round(last_s / pulse.dt_s))] / MS

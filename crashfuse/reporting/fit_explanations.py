@@ -1,4 +1,4 @@
-"""How a fit went and what its band is worth, in words and tables for people: the page, the report, the record."""
+"""How a fit went and what its band is worth, in sentences and tables for pages and reports."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +9,7 @@ import pandas as pd
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
 
-_HEADINGS = {"accel": "a(t) up to t0", "velocity": "v(t) up to t0", "rebound": "a(t) after t0"}
+_HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration"}
 
 
@@ -43,42 +43,46 @@ def fit_table(state: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:
-    """What a bias model's fit found, a sentence each."""
+    """How the fit of an approach went and what its band is worth, in sentences; none for one without a fit."""
     sentences = []
     if "hyperparameters" in state:
-        explains = "nothing: treat the result as uncorrected" if state["dead"] else "more than noise"
+        verdict = "no more than noise: treat the result as uncorrected" if state["dead"] else "more than noise"
         sentences.append(
-            f"Fitted to {state['points']} points of a bias of {state['bias_rms_g']:.1f} g (root mean square); "
-            f"log marginal likelihood {state['log_marginal_likelihood']:.0f}, further starts {state['retries']}. "
-            f"The fit explains {explains}."
+            f"Fitted to {state['points']} points of a bias of {state['bias_rms_g']:.1f} g RMS; log marginal likelihood "
+            f"{state['log_marginal_likelihood']:.0f}, restarts {state['retries']}. The fit explains {verdict}."
         )
     if len(densities := state.get("left_out_log_density", {})) > 1:
         compared = ", ".join(f"{name} {value:.0f}" for name, value in densities.items())
         used = " and ".join(state["factors"]) or "none"
-        sentences.append(f"Factors: {used}. Log density of tests left out in turn (more is better): {compared}.")
+        sentences.append(
+            f"Factors: {used}. Log predictive density of tests left out in turn (higher is better): {compared}."
+        )
     if errors := state.get("left_out_rmse"):
         sentences.append(
-            f"Fine-tuning: {state['members']} networks of {state['weights']:,} weights. A test has a share of "
-            f"{state['penalty']:g} of the increments to itself, chosen of {', '.join(errors)} by leaving each out; "
-            f"such a test's change of velocity was met to {100 * state['left_out_delta_v_misfit']:.1f} % of its speed."
+            f"Fine-tuning: {state['members']} networks of {state['weights']:,} weights; {state['penalty']:g} of the "
+            f"increments are a test's own, chosen from {', '.join(errors)} by leaving each test out; the change of "
+            f"velocity of left-out tests was met to {100 * state['left_out_delta_v_misfit']:.1f} % of impact speed."
         )
-    if beside := state.get("weights_beside_a_test"):
+    if near := state.get("weights_beside_a_test"):
         far = state["weights_far_from_tests"]
-        weights = ", ".join(f"{voice} {beside[voice]:.2f} (far from all tests {far[voice]:.2f})" for voice in beside)
-        sentences.append(f"Weights beside a test: {weights}; by how each predicted tests that it had not seen (CRPS).")
+        weights = ", ".join(f"{name} {near[name]:.2f} (far from all tests {far[name]:.2f})" for name in near)
+        sentences.append(f"Weights near a test: {weights}; from how well each predicted left-out tests (CRPS).")
     if check := state.get("band_check"):
-        n = check["left_out_tests"]
-        verdict = "" if check["holds"] else " That is less than a 95 % band should hold."
-        late = f" ({check['late_widening']:g} after t0)" if "late_widening" in check else ""
-        after = np.nan if check["rebound_inside"] is None else check["rebound_inside"]
-        sentences.append(
-            f"Band: checked on {n} tests, each predicted from the others, and scaled by {check['widening']:g}"
-            f"{late}; then a(t) lies inside {_percent(check['accel_inside'])} and v(t) "
-            f"{_percent(check['velocity_inside'])} of the time up to t0, a(t) {_percent(after)} of the time after it, "
-            f"maximum crush in "
-            f"{check['crush_inside']} of {n} tests and peak in {check['peak_inside']} of {n}.{verdict}"
-        )
+        sentences.append(_band_sentence(check))
     return sentences
+
+
+def _band_sentence(check: Mapping[str, Any]) -> str:
+    n = check["left_out_tests"]
+    late = f" ({check['late_widening']:g} after TTZV)" if "late_widening" in check else ""
+    after = np.nan if check["rebound_inside"] is None else check["rebound_inside"]
+    verdict = "" if check["holds"] else " That is too little for a 95 % band."
+    return (
+        f"Band: calibrated on {n} tests, each predicted from the others, and scaled by {check['widening']:g}{late}. "
+        f"Up to the time of zero velocity (TTZV) it holds a(t) {_percent(check['accel_inside'])} and v(t) "
+        f"{_percent(check['velocity_inside'])} of the time, after it a(t) {_percent(after)}; it holds maximum crush in "
+        f"{check['crush_inside']} of {n} tests and peak deceleration in {check['peak_inside']}.{verdict}"
+    )
 
 
 def _percent(share: float) -> str:

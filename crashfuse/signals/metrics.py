@@ -114,14 +114,14 @@ class _Reading(NamedTuple):
     needs: str = ""
 
 
-_STOP = "the vehicle stops"
+_STOP = "zero velocity"
 _READINGS: Mapping[str, _Reading] = {
     "peak": _Reading("Peak deceleration", _peak, "g", G),
     "peak_time": _Reading("Time of peak", _peak_time, "ms", MS),
     "delta_v": _Reading("ΔV, rebound included", _delta_v, "km/h", KPH),
-    "t0": _Reading("Time of zero velocity", _t0, "ms", MS, _STOP),
+    "t0": _Reading("Time of zero velocity (TTZV)", _t0, "ms", MS, _STOP),
     "max_crush": _Reading("Maximum dynamic crush", _max_crush, "mm", 1e-3, _STOP),
-    "mean": _Reading("Mean deceleration until zero velocity", _mean, "g", G, _STOP),
+    "mean": _Reading("Mean deceleration until TTZV", _mean, "g", G, _STOP),
     "sm25": _Reading("SM25, largest mean over 25 ms", _sm25, "g", G, "25 ms are over"),
     "olc": _Reading("OLC, occupant load criterion", _olc, "g", G, "the occupant has moved 300 mm within the vehicle"),
     "vpi": _Reading("VPI, vehicle pulse index", _vpi, "g", G, "the occupant's deceleration has peaked"),

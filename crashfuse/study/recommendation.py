@@ -135,8 +135,9 @@ def _recommendation(study: Study) -> Recommendation:
         found = study.coverage[chosen]
         n = len(found.tests)
         sentences.append(
-            f"95 % model band: {100 * found.share('accel'):.0f} % of a(t) up to the time of zero velocity inside, "
-            f"maximum crush in {found.count('crush')} of {n} left-out tests, peak in {found.count('peak')} of {n}."
+            f"95 % model band: {100 * found.share('accel'):.0f} % of a(t) up to the time of zero velocity (TTZV) "
+            f"inside, maximum crush in {found.count('crush')} of {n} left-out tests, peak in "
+            f"{found.count('peak')} of {n}."
         )
     if study.speed_groups is not None:
         apart = _Verdict(study.speed_groups)

@@ -1,8 +1,6 @@
 """What this server has computed, and how a page has something computed: the jobs behind the pages."""
 
-import io
 import threading
-import zipfile
 from collections.abc import Callable, Hashable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -24,6 +22,7 @@ from crashfuse.study.fold import Fold
 from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Study, fold_key, run_study
 from crashfuse.study.sweep import Sweep, sweep_speed, usual_speeds
+from crashfuse.ui.downloads import zipped
 from crashfuse.ui.jobs import Job, Jobs
 
 
@@ -138,11 +137,7 @@ class Fitted:
 
     def models(self, campaign: Campaign) -> bytes:
         """The fitted approaches as files, zipped: unpacked into a folder, ``crashfuse predict --models`` takes them."""
-        buffer = io.BytesIO()
-        with zipfile.ZipFile(buffer, "w") as archive:
-            for fit in self.fits:
-                archive.writestr(model_file(fit.approach.name), model_bytes(fit, campaign))
-        return buffer.getvalue()
+        return zipped({model_file(fit.approach.name): model_bytes(fit, campaign) for fit in self.fits})
 
 
 @dataclass(frozen=True)
@@ -161,7 +156,7 @@ class FitRequest:
     @property
     def title(self) -> str:
         """What the user calls it."""
-        return f"{self.campaign.name}: learn from all {len(self.campaign.tests)} tests"
+        return f"{self.campaign.name}: fit on all {len(self.campaign.tests)} tests"
 
     def start(self) -> None:
         """Queue it, unless it is queued or done already."""

@@ -1,45 +1,22 @@
-"""The frame around every page: navigation, the choices in the sidebar, the notice of a synthetic campaign."""
+"""The frame around every page: how it begins, the choices in the sidebar, the notice of a synthetic campaign."""
 
 from collections.abc import Iterable
 from contextvars import ContextVar
 from dataclasses import dataclass
 
 import streamlit as st
-from streamlit.navigation.page import Page
 
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import DataError, Problem
-from crashfuse.reporting.plots.canvas import Unit
+from crashfuse.reporting.plots.display import Display, Unit
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.ui import campaigns
 from crashfuse.ui.computation import jobs
+from crashfuse.ui.navigation import navigate, pages
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
 from crashfuse.units import MPH
 
-_PAGES = {
-    "data": ("Data", ":material/folder_open:"),
-    "train": ("Train", ":material/model_training:"),
-    "compare": ("Compare", ":material/stacked_line_chart:"),
-    "study": ("Study", ":material/grid_on:"),
-    "predict": ("Predict", ":material/trending_up:"),
-}
-
-# drawn here, for Streamlit would fetch an icon of its own font from the internet for the browser's tab
-_PULSE = '<path d="M3 7h5c3 0 3 12 6 17s3-9 5-9 3 9 5 9 2-17 5-17" fill="none" stroke="%s" stroke-width="3"/>'
-_ICON = f'<svg viewBox="0 0 32 32"><rect width="32" height="32" rx="6" fill="#0B5CAD"/>{_PULSE % "#FFFFFF"}</svg>'
-_BLUE = "#2B7CCB"  # reads on the light and on the dark page
-_LOGO = (
-    f'<svg viewBox="0 0 156 32" width="156" height="32">{_PULSE % _BLUE}<text x="40" y="23" font-size="23" '
-    f'font-weight="600" font-family="Helvetica, Arial, sans-serif" fill="{_BLUE}">crashfuse</text></svg>'
-)
-# Streamlit writes white on the accent colour, which in the dark is too light for it; on the first visit of a browser
-# its sidebar is narrower than asked for, and three windows would not stand side by side
-_STYLE = (
-    '<style>button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F) }'
-    '[data-testid="stSidebar"] [data-testid="stButtonGroup"] button { padding-inline: 0.6rem }</style>'
-)
-_SIDEBAR_PX = 320
 _NOT_FOUND = "not found"  # in the session: what its link asked for in vain
 REFUSED = "refused"  # in the session: what is wrong with the campaign that was last tried
 
@@ -52,16 +29,12 @@ class View:
     ----------
     campaign : Campaign
     held_out : CrashTest
-    window_ms : float
-    unit : {"g", "m/s²"}
-    deceleration : bool
+    display : Display
     """
 
     campaign: Campaign
     held_out: CrashTest
-    window_ms: float
-    unit: Unit
-    deceleration: bool
+    display: Display
 
 
 class _Choice:
@@ -76,7 +49,7 @@ _choice: ContextVar[_Choice | None] = ContextVar("choice", default=None)
 
 def route() -> None:
     """Set up the frame and run the page that the address names; app.py does nothing else."""
-    page = _navigate()
+    page = navigate()
     if not page.url_path:  # the bare address
         page.run()
     token = _choice.set(_sidebar())
@@ -94,7 +67,7 @@ def enter() -> View | None:
     """
     choice = _choice.get()
     if choice is None:
-        _navigate()
+        navigate()
         st.rerun()
     if missing := st.session_state.get(_NOT_FOUND):
         st.warning(plain(missing), icon=":material/link_off:")
@@ -115,14 +88,6 @@ def enter_with_campaign(title: str) -> View:
         st.page_link(pages()["data"], label="Open a campaign of your own", icon=":material/folder_open:")
         st.stop()
     return view
-
-
-def pages() -> dict[str, Page]:
-    """The five pages by the name in their address."""
-    return {
-        name: st.Page(f"pages/{name}.py", title=title, icon=icon, url_path=name)
-        for name, (title, icon) in _PAGES.items()
-    }
 
 
 def offer_sample() -> None:
@@ -146,21 +111,6 @@ def choose_held_out(test: CrashTest) -> None:
     """Select the test to be held out; to be called from a callback, before the sidebar is drawn."""
     st.session_state["held_out"] = _label(test)
     _forget()
-
-
-def _navigate() -> Page:
-    # before the navigation, which would have the browser fetch the page's icon for its tab from the internet
-    st.set_page_config(page_icon=_ICON, layout="wide", initial_sidebar_state=_SIDEBAR_PX)
-    home = st.Page(_open_first_page, title="Data", default=True, visibility="hidden")
-    page = st.navigation([home, *pages().values()])
-    st.set_page_config(page_title=f"{page.title} · crashfuse")
-    st.logo(_LOGO, size="large")
-    st.html(_STYLE)
-    return page
-
-
-def _open_first_page() -> None:
-    st.switch_page(pages()["data"], query_params=st.query_params.to_dict())
 
 
 def _sidebar() -> _Choice:
@@ -216,7 +166,7 @@ def _sidebar() -> _Choice:
             bind="query-params", help="Braking is negative as an acceleration (SAE J1733), positive as a deceleration.",
         )  # fmt: skip
         _keep_up(st.context.theme.type)
-    choice.view = View(campaign, held_out, float(window), unit, sign == "Deceleration")
+    choice.view = View(campaign, held_out, Display(float(window), unit, sign == "Deceleration"))
     return choice
 
 

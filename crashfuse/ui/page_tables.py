@@ -9,7 +9,7 @@ from pandas.io.formats.style import Styler
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.paper_tables import best, rating_table
-from crashfuse.reporting.plots.canvas import Unit
+from crashfuse.reporting.plots.display import Unit
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse

@@ -7,9 +7,10 @@ import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.learning import learning_curves
-from crashfuse.ui import evidence, frame
 from crashfuse.ui.computation import jobs
+from crashfuse.ui.figures import show_figure
 from crashfuse.ui.jobs import Job, Step
+from crashfuse.ui.navigation import pages
 from crashfuse.ui.text import plain
 
 T = TypeVar("T")
@@ -64,7 +65,7 @@ def stop_with_a_single_test(campaign: Campaign) -> None:
         "from. The page Predict works; how well it predicts cannot be checked before there is a second test.",
         icon=":material/looks_one:",
     )
-    st.page_link(frame.pages()["predict"], label="Predict another condition", icon=":material/arrow_forward:")
+    st.page_link(pages()["predict"], label="Predict another condition", icon=":material/arrow_forward:")
     st.stop()
 
 
@@ -107,7 +108,7 @@ def show_job(job: Job[Any]) -> None:
             column.caption(name)
             with column:
                 figure = learning_curves(curves, value=_quantity(curves), total=step.progress.total)
-                evidence.show_figure(figure, alt=f"{name}, so far", key=f"{name} {id(job)}")
+                show_figure(figure, alt=f"{name}, so far", key=f"{name} {id(job)}")
 
 
 def _show_step(name: str, step: Step) -> None:

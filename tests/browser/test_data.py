@@ -61,7 +61,7 @@ def test_a_german_table_is_mapped_seen_and_added(server: "Server", user: "User",
     for label, value in (("Speed (km/h)", "56"), ("Front weight (kg)", "950"), ("Rear weight (kg)", "750")):
         user.fill(label, value)
     user.sees("Column Kanal 2 is the acceleration")
-    user.sees("The vehicle stops at")
+    user.sees("Zero velocity (TTZV) at")
     user.find('[data-testid="stPlotlyChart"] .scatterlayer')
     user.fill("Campaign folder on this computer", str(campaign))
     user.press("Add as test")

@@ -59,7 +59,7 @@ def test_a_click_on_a_cell_of_the_study_opens_its_test_on_compare(engineer: "Use
     """Anywhere in the cell, not only on the words; the frame then holds that test out."""
     engineer.go("Study")
     engineer.press("Leave out each of 4 tests")
-    engineer.sees("Fast settings")  # the end of the page: until then the figures move
+    engineer.sees("report.html")  # the end of the page: until then the figures move
 
     def opened() -> bool:
         figure = engineer.find(FIGURE, "Test T3")

@@ -1,8 +1,11 @@
 """Trainings in a real browser: watched, shared and stopped while they run."""
 
+import json
+import zipfile
 from typing import TYPE_CHECKING
 
 import pytest
+import safetensors
 
 pytestmark = pytest.mark.slow
 
@@ -30,3 +33,26 @@ def test_a_training_survives_a_reload_is_joined_and_can_be_cancelled_by_another_
     assert "Start" in user.sees("Cancelled.")
     user.go("Data")
     user.sees("Fingerprint")
+
+
+def test_fitting_on_all_tests_hands_out_a_model_and_predict_answers_at_once(
+    small_server: "Server", user: "User"
+) -> None:
+    """The file names what it was fitted on, as that of ``crashfuse train`` does; Predict has nothing left to start."""
+    user.open(small_server, "train")
+    user.press("Fit on all tests")
+    user.sees("as crashfuse train does")
+    user.choose_approaches("CAE")
+    user.press("Start")
+    user.sees("Learned from 4 tests")
+    user.press("models.zip", '[data-testid="stDownloadButton"] button')
+    file = user.downloads / "models.zip"
+    user.wait(file.is_file, "The model never arrived.")
+    with zipfile.ZipFile(file) as archive:
+        model_file = archive.extract("cae.safetensors", user.downloads)
+    with safetensors.safe_open(model_file, framework="numpy") as model:
+        record = json.loads(model.metadata()["crashfuse"])
+    assert (record["approach"], record["preset"], record["seed"]) == ("cae", "fast", 0)
+    user.go("Predict")
+    user.sees("Pulse metrics")
+    assert [button.text for button in user.all("button") if button.text.strip() == "Predict"] == []

@@ -45,11 +45,11 @@ def test_the_table_of_coverage_says_percent_and_counts() -> None:
     """Shares of time in percent, tests in numbers, and a dash where nothing is known."""
     never = Coverage(1.0, 1.0, float("nan"), crush=False, peak=True)
     row = coverage_table({"displacement_domain": Calibration(1.0, (INSIDE, never))}).iloc[0]
-    assert row["a(t) up to t0"] == "100 %"
-    assert row["v(t) up to t0"] == "95 %"
-    assert row["a(t) after t0"] == "80 %"
+    assert row["a(t) up to TTZV"] == "100 %"
+    assert row["v(t) up to TTZV"] == "95 %"
+    assert row["a(t) after TTZV"] == "80 %"
     assert row["Maximum crush"] == "1 of 2"
-    assert coverage_table({"displacement_domain": Calibration(1.0, (never,))}).iloc[0]["a(t) after t0"] == "–"
+    assert coverage_table({"displacement_domain": Calibration(1.0, (never,))}).iloc[0]["a(t) after TTZV"] == "–"
 
 
 def test_hyperparameters_are_shown_with_their_spread_and_bounds() -> None:
@@ -66,9 +66,9 @@ def test_a_fit_is_told_in_sentences() -> None:
     assert "300 points" in text
     assert "Factors: powertrain" in text
     assert "none -10, powertrain -3" in text
-    assert "scaled by 1.15;" in text
-    assert "crush in 3 of 3 tests" in text
-    assert "less than a 95 % band should hold" in text  # v(t) 90 %
+    assert "scaled by 1.15." in text
+    assert "crush in 3 of 3 tests and peak deceleration in 3." in text
+    assert "too little for a 95 % band" in text  # v(t) 90 %
     assert fit_sentences({}) == []
 
 
@@ -84,30 +84,31 @@ def test_a_fine_tuning_is_told_in_sentences() -> None:
     }
     first, second = fit_sentences(state)
     assert "4 networks of 63,000 weights" in first
-    assert "0.02 of the increments to itself, chosen of 0.02, 0.06" in first
-    assert "4.1 % of its speed" in first
-    assert second.startswith("Band: checked on 3 tests")
+    assert "0.02 of the increments are a test's own, chosen from 0.02, 0.06" in first
+    assert "met to 4.1 % of impact speed" in first
+    assert second.startswith("Band: calibrated on 3 tests")
     assert fit_table(state).empty
 
 
 def test_a_dead_fit_is_called_one() -> None:
     """So that nobody takes an uncorrected pulse for a corrected one."""
-    assert "explains nothing" in " ".join(fit_sentences({**STATE, "dead": True}))
+    assert "explains no more than noise" in " ".join(fit_sentences({**STATE, "dead": True}))
+    assert "explains more than noise" in " ".join(fit_sentences(STATE))
 
 
 def test_a_mixture_is_told_in_a_sentence() -> None:
-    """The weight of each voice beside a test, and far from all."""
-    voices = ("time domain", "displacement domain", "raw CAE")
+    """The weight of each component beside a test, and far from all."""
+    components = ("time domain", "displacement domain", "raw CAE")
     state = {
-        "weights_beside_a_test": dict(zip(voices, (0.4, 0.6, 0.0), strict=True)),
-        "weights_far_from_tests": dict(zip(voices, (0.3, 0.5, 0.2), strict=True)),
+        "weights_beside_a_test": dict(zip(components, (0.4, 0.6, 0.0), strict=True)),
+        "weights_far_from_tests": dict(zip(components, (0.3, 0.5, 0.2), strict=True)),
     }
     (sentence,) = fit_sentences(state)
     assert "time domain 0.40 (far from all tests 0.30), displacement domain 0.60 (far from all tests 0.50)" in sentence
 
 
-def test_a_factor_of_its_own_after_t0_is_told() -> None:
-    """A band that was widened more after the stop says so."""
+def test_a_factor_of_its_own_after_zero_velocity_is_told() -> None:
+    """A band that was widened more after TTZV says so."""
     check = Calibration(1.15, (INSIDE,) * 3, late_widening=2.0).state
     (sentence,) = fit_sentences({"band_check": check})
-    assert "scaled by 1.15 (2 after t0);" in sentence
+    assert "scaled by 1.15 (2 after TTZV)." in sentence

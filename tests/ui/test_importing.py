@@ -122,7 +122,7 @@ def test_tdms_is_read(visit: Visit) -> None:
     field(session, "Front weight").set_value(950.0)
     field(session, "Rear weight").set_value(750.0)
     assert "Add as test" in session.run().buttons
-    assert "The vehicle stops at" in session.words
+    assert "Zero velocity (TTZV) at" in session.words
 
 
 def test_weights_that_do_not_add_up_are_a_sentence(visit: Visit) -> None:
@@ -133,7 +133,7 @@ def test_weights_that_do_not_add_up_are_a_sentence(visit: Visit) -> None:
     assert "950 kg in front with a mass of 800 kg" in session.run().words
     field(session, "Mass").set_value(1700.0)
     assert "Add as test" in session.run().buttons
-    assert "The vehicle stops at" in session.words
+    assert "Zero velocity (TTZV) at" in session.words
 
 
 @pytest.mark.slow

@@ -1,12 +1,15 @@
 """Every page in every state, driven through app.py without a browser."""
 
+import io
 import json
 import re
 import threading
 import time
+import zipfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -17,6 +20,7 @@ from streamlit.testing.v1 import AppTest
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.progress import SILENT, Watch
@@ -24,8 +28,11 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
+from crashfuse.study.saved_models import load_model
 from crashfuse.study.study import Study
-from crashfuse.ui import computation, displacement
+from crashfuse.ui import computation
+from crashfuse.ui.compare import displacement
+from crashfuse.units import LB, MPH, G
 from tests.conftest import ROOT
 
 APP = ROOT / "app.py"
@@ -237,6 +244,32 @@ def test_the_settings_reach_the_study_and_hold_on_other_pages(monkeypatch: pytes
     assert len(asked) == 1
 
 
+def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
+    open_campaign: Path, tmp_path: Path, fitting_is_an_error: Callable[[], None]
+) -> None:
+    """What ``crashfuse train`` does: the file predicts what the page Predict shows, and nothing is fitted again."""
+    app = start("train")
+    app.button_group(key="purpose").set_value("Fit on all tests").run()
+    assert not app.multiselect
+    assert "leave_out" not in [radio.key for radio in app.radio]
+    app.button_group(key="approaches").set_value(["cae"]).run()
+    finish(press(app, "Start"))
+    campaign = load_campaign(open_campaign)
+    assert f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs." in words(app)
+    assert downloads(app) == ["models.zip"]
+    fitting_is_an_error()
+    job = computation.FitRequest(campaign, StudyConfig(approaches=("cae",))).find()
+    assert job is not None
+    assert job.result is not None
+    with zipfile.ZipFile(io.BytesIO(job.result.models(campaign))) as archive:
+        file = archive.extract("cae.safetensors", tmp_path)
+    go(app, "predict")
+    speed, front, rear = (float(field.value or 0) for field in app.number_input)
+    pulse = load_model(file, campaign).approach.predict(Condition(speed * MPH, front * LB, rear * LB)).accel_mps2
+    shown = tables(app)[0].set_index("Pulse metric")["CAE"]
+    assert shown["Peak deceleration (g)"] == f"{-pulse.min() / G:.1f}"
+
+
 @pytest.mark.usefixtures("open_campaign")
 def test_nothing_can_be_started_without_a_test_or_an_approach() -> None:
     """The button waits until both are chosen."""
@@ -284,7 +317,7 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert metrics.columns[:2].tolist() == ["Pulse metric", "Test"]
     assert "[" in metrics["Displacement domain"][0]
     assert "Made for a test." in words(app)
-    assert "Fitted to 300 points of a bias of 7.2 g" in words(app)
+    assert "Fitted to 300 points of a bias of 7.2 g RMS" in words(app)
     assert fit["Known to a factor of"].tolist() == ["1.50"]
     assert downloads(app) == ["scores.csv", "pulses.csv", "metrics.csv", "report.html"]
 
@@ -304,11 +337,11 @@ def test_compare_shows_five_figures_over_displacement() -> None:
     """One at a time, each with a word on what it tells; the choice holds when another test is chosen."""
     app = finish(press(start("compare"), "Predict test T1"))
     told = {
-        "Acceleration": "who brakes less must crush further",
-        "Energy": "All of ½ m v0² at maximum crush",
-        "Bias by speed": "T1 is held out: drawn, never learned from",
-        "Parts of the bias": "What the other 3 tests say about the bias in T1",
-        "Check of the integration": "nothing is lost on that way",
+        "Acceleration": "a lower deceleration means more crush",
+        "Energy": "All of ½ m v0² is absorbed at maximum crush",
+        "Bias by speed": "T1 is held out: drawn here, not used in the fit",
+        "Parts of the bias": "What the other 3 tests predict of the bias in T1",
+        "Check of the integration": "the conversion is lossless",
     }
     for choice, sentence in told.items():
         app.button_group(key="over displacement").set_value(choice).run()
@@ -358,14 +391,14 @@ def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_lear
     monkeypatch.setitem(FITS, "time_domain", state)
     app = start("compare")
     finish(press(app, "Predict test T1"))
-    assert "Before: learned from CAE runs alone" in words(app)
+    assert "Before: trained on CAE runs only" in words(app)
     assert "After: fine-tuned on the other tests" in words(app)
     before, after = (json.loads(chart.proto.spec)["layout"]["yaxis"] for chart in app.get("plotly_chart")[1:3])
     assert before["range"] == after["range"]
     app.button_group(key="networks").set_value("Learning curves").run()
     assert not app.exception
     assert charts(app) == n_charts
-    assert "Learning from CAE runs" in words(app)
+    assert "Training on CAE runs" in words(app)
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
@@ -377,13 +410,13 @@ def test_a_single_network_is_shown_with_what_is_true_of_it_alone() -> None:
     finish(press(app, "Start"))
     shown = words(go(app, "compare"))
     assert "What the other tests add to the networks." in shown
-    assert "should repeat the CAE model" not in shown
+    assert "should reproduce the CAE model" not in shown
     assert "Left" not in shown
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
 @pytest.mark.slow
-def test_the_papers_bias_is_said_to_be_of_one_piece() -> None:
+def test_the_papers_bias_model_has_no_parts_and_says_so() -> None:
     """Table 4 has no parts to show, and fitting it would take minutes."""
     app = start("train")
     app.radio(key="preset").set_value("paper").run()
@@ -392,7 +425,7 @@ def test_the_papers_bias_is_said_to_be_of_one_piece() -> None:
     app.button_group(key="over displacement").set_value("Parts of the bias").run()
     assert not app.exception
     assert charts(app) == 3
-    assert "all of one piece" in words(app)
+    assert "one Gaussian process" in words(app)
 
 
 # --- Study ---------------------------------------------------------------------------------------------------------

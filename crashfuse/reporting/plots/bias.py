@@ -1,18 +1,21 @@
 """Figures of the CAE model's bias over displacement: what it got wrong, and the parts that explain it."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
 from crashfuse.campaign import CrashTest
-from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, Unit, accel_scale, height_under_names
-from crashfuse.reporting.plots.displacement import displacement_figure, draw_band, draw_line, fit_axis
-from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR, speed_lines
+from crashfuse.reporting.plots.canvas import add_band, add_line, height_under_names
+from crashfuse.reporting.plots.curves import TEST, by_speed, curve_line
+from crashfuse.reporting.plots.displacement import displacement_figure, fit_axis
+from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.plots.palette import COLOURS
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import MPH
 
+_MM = 1e-3
 _PARTS: Mapping[str, str] = {
     "shared": "Shared",
     "by speed": "By speed",
@@ -29,8 +32,7 @@ def bias_by_speed(
     biases: Sequence[BiasPoints],
     *,
     highlight: str | None = None,
-    unit: Unit = "g",
-    deceleration: bool = False,
+    display: Display = DEFAULT,
 ) -> go.Figure:
     """Draw what the CAE model got wrong in each test, over displacement and coloured by speed (Fig. 16).
 
@@ -41,28 +43,18 @@ def bias_by_speed(
         Of these tests, in their order.
     highlight : str, optional
         Id of the test to draw thick (the held-out one).
-    unit, deceleration
-        As in :func:`over_displacement`.
+    display : Display, optional
 
     Returns
     -------
     plotly.graph_objects.Figure
     """
     figure = displacement_figure(height_under_names(len(tests)))
-    scale = accel_scale(unit, deceleration)
-    lines = speed_lines(tests)
-    for test, bias in sorted(zip(tests, biases, strict=True), key=lambda pair: pair[0].condition.speed_mps):
-        thick = test.id == highlight
-        draw_line(
-            figure,
-            bias.displacement_m,
-            bias.bias_mps2 * scale,
-            name=f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph" + (" (held out)" if thick else ""),
-            line={**lines[test.id], "width": 4 if thick else 1.7},
-            legendgroup=test.id,  # names of one group each stand as close as they can
-        )
-    figure.update_layout(LEGEND_ABOVE)
-    figure.update_yaxes(title=f"Bias, test − CAE ({unit})")
+    of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
+    for test, style in by_speed(tests, highlight):
+        bias = of_test[test.id]
+        add_line(figure, bias.displacement_m / _MM, bias.bias_mps2 * display.accel_scale, **style)
+    figure.update_yaxes(title=f"Bias, test − CAE ({display.unit})")
     return fit_axis(figure)
 
 
@@ -70,9 +62,7 @@ def bias_parts(
     parts: Sequence[BiasPart],
     displacement_m: FloatArray,
     measured: BiasPoints | None = None,
-    *,
-    unit: Unit = "g",
-    deceleration: bool = False,
+    display: Display = DEFAULT,
 ) -> go.Figure:
     """Draw the parts of the bias that is expected at a condition, and their total, each with its 95 % band.
 
@@ -86,8 +76,7 @@ def bias_parts(
         Where they are given, in m.
     measured : BiasPoints, optional
         The held-out test's own bias, black over the total: what was to be foreseen.
-    unit, deceleration
-        As in :func:`over_displacement`.
+    display : Display, optional
 
     Returns
     -------
@@ -110,32 +99,29 @@ def bias_parts(
     figure.update_annotations(font_size=14)
     figure.update_xaxes(x_style)
     figure.update_yaxes(y_style)
-    scale, colour = accel_scale(unit, deceleration), COLOURS["displacement_domain"]
+    at_mm = displacement_m / _MM
+    scale, colour = display.accel_scale, COLOURS["displacement_domain"]
     for part, place in zip((total, *some), places, strict=True):
-        first = part is total
-        draw_band(
-            figure, displacement_m, part.lower_mps2, part.upper_mps2, scale, colour,
-            name="95 % band", showlegend=first, legendgroup="band", **place,
-        )  # fmt: skip
-        draw_line(
-            figure, displacement_m, part.mean_mps2 * scale, name="Expected", line={"color": colour, "width": 2},
-            showlegend=first, legendgroup="mean", **place,
-        )  # fmt: skip
+        style: dict[str, Any] = {"showlegend": part is total, **place}
+        ends = part.lower_mps2 * scale, part.upper_mps2 * scale
+        add_band(figure, at_mm, *ends, colour=colour, name="95 % band", legendgroup="band", **style)
+        line = {"color": colour, "width": 2}
+        add_line(figure, at_mm, part.mean_mps2 * scale, name="Expected", line=line, legendgroup="mean", **style)
     if measured is not None:
-        draw_line(
-            figure, measured.displacement_m, measured.bias_mps2 * scale, name="Measured in this test",
-            line={"color": MEASURED_COLOUR, "width": 2.5}, **places[0],
+        add_line(
+            figure, measured.displacement_m / _MM, measured.bias_mps2 * scale, name="Measured in this test",
+            line=curve_line(TEST), **places[0],
         )  # fmt: skip
-    figure.update_layout(LEGEND_ABOVE, margin={"t": 64}, legend={"y": 1.06})
+    figure.update_layout(margin={"t": 64}, legend={"y": 1.06})
     figure.update_xaxes(title=None, nticks=4)
     figure.update_xaxes(title="Displacement (mm)", row=1 + rows, col=min(2, len(some) - _IN_A_ROW * (rows - 1)))
     before = np.full(displacement_m.size, True) if measured is None else displacement_m <= measured.displacement_m.max()
     bounds = scale * np.array([[part.lower_mps2[before], part.upper_mps2[before]] for part in some])
     figure.update_yaxes(range=_with_margin(bounds), showticklabels=False)  # to be compared
-    figure.update_yaxes(title=f"Bias ({unit})", showticklabels=True, col=1)
+    figure.update_yaxes(title=f"Bias ({display.unit})", showticklabels=True, col=1)
     shown = [total.lower_mps2[before], total.upper_mps2[before]] + ([measured.bias_mps2] if measured else [])
     figure.update_yaxes(
-        title=f"Bias, test − CAE ({unit})", range=_with_margin(scale * np.concatenate(shown)), row=1, col=1
+        title=f"Bias, test − CAE ({display.unit})", range=_with_margin(scale * np.concatenate(shown)), row=1, col=1
     )
     return fit_axis(figure)
 

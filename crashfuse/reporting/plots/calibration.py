@@ -38,5 +38,5 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
     figure.update_xaxes(
         title="Level of the band (%)", range=[0, 100], dtick=20, unifiedhovertitle={"text": "%{x:.0f} % band"}
     )
-    figure.update_yaxes(title="a(t) up to t0 inside (%)", range=[0, 102], dtick=20)
+    figure.update_yaxes(title="a(t) up to TTZV inside (%)", range=[0, 102], dtick=20)
     return figure

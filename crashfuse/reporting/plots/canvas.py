@@ -2,32 +2,23 @@
 
 import re
 from collections.abc import Iterable
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
+from plotly.colors import hex_to_rgb
 
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, GRID, IN_THE_DARK, INK, PAPER, WINDOW, WINDOW_INK
-from crashfuse.signals.pulse import GRID_S, FloatArray
-from crashfuse.units import MS, G
-
-Unit = Literal["g", "m/s²"]
+from crashfuse.signals.pulse import FloatArray
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
 _SHEER = re.compile(r"rgba\((\d+), (\d+), (\d+), ([\d.]+)\)")
-_BAND_STEP = 4  # samples, 0.32 ms: a pixel or three
+_BAND_POINTS = 320  # 0.32 ms apart: a pixel or three
 _BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.25
-
-LEGEND_ABOVE: dict[str, Any] = {
-    "legend": {"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},
-    "modebar": {"orientation": "v"},
-    "margin": {"l": 64, "r": 44, "t": 40, "b": 52},
-}
-"""Layout of a figure with wide curves: the legend above them, the tools beside them."""
 
 
 def new_figure(height: int) -> go.Figure:
-    """An empty figure over time in ms, in the one look that all figures share."""
+    """An empty figure over time in ms, in the look that all figures share: the legend above it, the tools beside it."""
     axis = {"gridcolor": GRID, "zerolinecolor": AXIS, "linecolor": AXIS, "automargin": True}
     figure = go.Figure()
     figure.update_layout(
@@ -36,10 +27,11 @@ def new_figure(height: int) -> go.Figure:
         font={"family": _FONT, "size": 14, "color": INK},
         paper_bgcolor=PAPER,
         plot_bgcolor=PAPER,
-        margin={"l": 64, "r": 16, "t": 32, "b": 52},
+        margin={"l": 64, "r": 44, "t": 40, "b": 52},
+        modebar={"orientation": "v"},
         hovermode="x unified",
         hoverlabel={"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
-        legend={"orientation": "v", "x": 1.01, "y": 1, "xanchor": "left"},
+        legend={"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},
     )
     figure.update_xaxes(
         **axis,
@@ -80,51 +72,47 @@ def darkened(figure: go.Figure) -> go.Figure:
     return go.Figure(traces, _in_the_dark(drawn["layout"]))
 
 
-def accel_scale(unit: Unit, deceleration: bool) -> float:
-    """Factor from signed m/s² to what the axis shows."""
-    return (1 / G if unit == "g" else 1.0) * (-1 if deceleration else 1)
+def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -> None:
+    """Draw one curve, as float32.
 
-
-def accel_title(unit: Unit, deceleration: bool) -> str:
-    """Label of the axis, with its unit."""
-    return f"{'Deceleration' if deceleration else 'Acceleration'} ({unit})"
-
-
-def add_line(figure: go.Figure, time_s: FloatArray, values: FloatArray, *, row: int = 1, **style: object) -> None:
-    """Draw one curve over time in ms, in the first or a lower row, as float32."""
-    x, y = (time_s / MS).astype(np.float32), values.astype(np.float32)
-    # one x axis for all rows: that is what makes one cursor run through all of them
-    figure.add_scatter(x=x, y=y, mode="lines", yaxis=_y_axis(row), hovertemplate="%{y:.1f}", **style)
+    All rows of stacked plots take the one x axis, which is what makes one cursor run through all of them; a lower row
+    is named by its ``yaxis``, as ``"y2"``.
+    """
+    figure.add_scatter(x=_single(x), y=_single(y), **{"mode": "lines", "hovertemplate": "%{y:.1f}", **style})
 
 
 def add_band(
-    figure: go.Figure, lower: FloatArray, upper: FloatArray, *, colour: str, name: str, row: int = 1, **style: object
+    figure: go.Figure, x: FloatArray, lower: FloatArray, upper: FloatArray, *, colour: str, **style: object
 ) -> None:
-    """Shade between two curves on the study grid, as one closed outline; its edges are smooth, so a few points do."""
-    some = np.append(np.arange(0, len(GRID_S) - 1, _BAND_STEP), len(GRID_S) - 1)
-    time_ms, lower, upper = GRID_S[some] / MS, lower[some], upper[some]
+    """Shade between two curves, with a gap wherever either is unknown (NaN); its edges are smooth, so few points do."""
+    some = np.append(np.arange(0, x.size - 1, -(-x.size // _BAND_POINTS)), x.size - 1)
+    x, lower, upper = x[some], lower[some], upper[some]
+    known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
+    if not known.size:
+        return
+    outline: list[FloatArray] = []
+    for stretch in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+        forth, back = (np.array([x[stretch], end[stretch]]) for end in (lower, upper))
+        outline += [forth, back[:, ::-1], np.full((2, 1), np.nan)]
+    across, up = np.hstack(outline[:-1])
     figure.add_scatter(
-        x=np.concatenate([time_ms, time_ms[::-1]]).astype(np.float32),
-        y=np.concatenate([lower, upper[::-1]]).astype(np.float32),
-        name=name,
+        x=_single(across),
+        y=_single(up),
         mode="lines",
         line={"width": 0, "color": colour},
         fill="toself",
-        fillcolor=f"rgba({', '.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))}, {_BAND_ALPHA})",
+        fillcolor=f"rgba{(*hex_to_rgb(colour), _BAND_ALPHA)}",
         hoverinfo="skip",
-        yaxis=_y_axis(row),
         **style,
     )
 
 
-def shade_window(figure: go.Figure, window_ms: float | None, *, rows: int = 1) -> None:
+def shade_window(figure: go.Figure, window_ms: float, *, rows: int = 1) -> None:
     """Shade the rated window [0, window_ms) in every row, and name it."""
-    if window_ms is None:
-        return
     for row in range(1, rows + 1):
         figure.add_shape(
-            type="rect", xref="x", yref=f"{_y_axis(row)} domain", x0=0, x1=window_ms, y0=0, y1=1, layer="below",
-            fillcolor=WINDOW, opacity=0.55, line_width=0,
+            type="rect", xref="x", yref=f"y{row if row > 1 else ''} domain", x0=0, x1=window_ms, y0=0, y1=1,
+            layer="below", fillcolor=WINDOW, opacity=0.55, line_width=0,
         )  # fmt: skip
     figure.add_annotation(
         x=window_ms, xref="x", y=1, yref="y domain", xanchor="right", yanchor="top", showarrow=False,
@@ -141,8 +129,8 @@ def share_y_range(figures: Iterable[go.Figure]) -> None:
         figure.update_yaxes(range=[values.min() - margin, values.max() + margin])
 
 
-def _y_axis(row: int) -> str:
-    return "y" if row == 1 else f"y{row}"
+def _single(values: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    return values.astype(np.float32)
 
 
 def _in_the_dark(part: dict[str, Any]) -> dict[str, Any]:

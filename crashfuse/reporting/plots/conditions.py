@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.campaign import CaeLibrary, CrashTest
-from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, new_figure
+from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import LB, MPH
@@ -62,7 +62,7 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
         figure.update_yaxes(
             title=f"{weight.capitalize()} (lb)", range=[bottom[row] - margin[row], top[row] + margin[row]], row=row
         )
-    figure.update_layout(LEGEND_ABOVE, hovermode="closest")
+    figure.update_layout(hovermode="closest")
     return figure
 
 

@@ -3,15 +3,13 @@
 import numpy as np
 import plotly.graph_objects as go
 
-from crashfuse.reporting.plots.canvas import Unit, accel_scale
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating_scores import INNER_CORRIDOR, OUTER_CORRIDOR
 from crashfuse.units import MS
 
 
-def add_corridors(
-    figure: go.Figure, measured: Pulse, window_ms: float, *, unit: Unit = "g", deceleration: bool = False
-) -> go.Figure:
+def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT) -> go.Figure:
     """Shade both corridors over the rated window: a curve scores 1 inside the inner, 0 outside the outer.
 
     Parameters
@@ -19,19 +17,17 @@ def add_corridors(
     figure : Figure
         Acceleration over time in ms, in its first row.
     measured : Pulse
-        The reference of the rating.
-    window_ms : float
-        Both corridors are as wide as its largest acceleration in [0, window_ms) decides.
-    unit, deceleration
-        Those of the figure.
+        The reference of the rating: both corridors are as wide as its largest acceleration in the window decides.
+    display : Display, optional
+        That of the figure.
 
     Returns
     -------
     plotly.graph_objects.Figure
         The same figure.
     """
-    inside = measured.time_s < window_ms * MS
-    time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * accel_scale(unit, deceleration)
+    inside = measured.time_s < display.window_ms * MS
+    time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * display.accel_scale
     largest = np.abs(accel).max()
     outline = np.concatenate([time, time[::-1]]).astype(np.float32)
     for name, share, colour in (("outer", OUTER_CORRIDOR, 0.10), ("inner", INNER_CORRIDOR, 0.30)):
@@ -39,6 +35,6 @@ def add_corridors(
         figure.add_scatter(
             x=outline, y=np.concatenate([accel - half, (accel + half)[::-1]]).astype(np.float32), mode="lines",
             line={"width": 0, "color": "#7A5AB5"}, fill="toself", fillcolor=f"rgba(122, 90, 181, {colour})",
-            name=f"Corridor of the rating, {name} (± {half:.1f} {unit})", hoverinfo="skip", legendrank=3,
+            name=f"Corridor of the rating, {name} (± {half:.1f} {display.unit})", hoverinfo="skip",
         )  # fmt: skip
     return figure

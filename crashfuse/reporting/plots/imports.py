@@ -7,8 +7,10 @@ import plotly.graph_objects as go
 
 from crashfuse.importing.settle import Settled
 from crashfuse.readers.record import ACCELERATION_UNITS, RecordedChannel
-from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, Unit, accel_scale, accel_title, add_line, new_figure
-from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
+from crashfuse.reporting.plots.canvas import add_line, new_figure
+from crashfuse.reporting.plots.curves import TEST, curve_line
+from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.plots.palette import COLOURS
 from crashfuse.units import MS
 
 _FROM_S, _TO_S = -0.02, 0.15
@@ -16,11 +18,7 @@ _MOST_CHANNELS, _MOST_POINTS = 8, 4000
 
 
 def imported_pulse(
-    channels: Sequence[RecordedChannel],
-    settled: Settled | None,
-    *,
-    unit: Unit = "g",
-    deceleration: bool = False,
+    channels: Sequence[RecordedChannel], settled: Settled | None, display: Display = DEFAULT
 ) -> go.Figure:
     """Draw the pulse that comes of a record over its channels as recorded, contact at 0.
 
@@ -30,16 +28,14 @@ def imported_pulse(
         Those that are averaged; no more than eight are drawn.
     settled : Settled or None
         None while the record cannot be settled: then its channels alone, in the file's own time and unit.
-    unit : {"g", "m/s²"}
-    deceleration : bool
-        Flip the sign.
+    display : Display, optional
 
     Returns
     -------
     plotly.graph_objects.Figure
     """
     figure = new_figure(height=420)
-    scale = accel_scale(unit, deceleration)
+    scale = display.accel_scale
     factor, zero_s = 1.0, 0.0
     if settled is not None:
         factor = ACCELERATION_UNITS[settled.unit] * (1 if settled.deceleration_sign == "negative" else -1) * scale
@@ -49,10 +45,9 @@ def imported_pulse(
         shown = np.flatnonzero((time >= _FROM_S) & (time <= _TO_S)) if settled is not None else np.arange(time.size)
         shown = shown[:: -(-shown.size // _MOST_POINTS) or 1]
         add_line(
-            figure, time[shown], channel.values[shown] * factor, line={"color": COLOURS["cae"], "width": 1},
+            figure, time[shown] / MS, channel.values[shown] * factor, line={"color": COLOURS["cae"], "width": 1},
             opacity=0.6, name="As recorded", legendgroup="recorded", showlegend=number == 0, hoverinfo="skip",
         )  # fmt: skip
-    figure.update_layout(LEGEND_ABOVE)
     if settled is None:
         figure.update_xaxes(autorange=True, range=None, title="Time in the file (ms)")
         figure.update_yaxes(title="As in the file")
@@ -60,9 +55,9 @@ def imported_pulse(
     pulse = settled.pulse
     inside = (pulse.time_s >= _FROM_S) & (pulse.time_s <= _TO_S)
     add_line(
-        figure, pulse.time_s[inside], pulse.accel_mps2[inside] * scale, line={"color": MEASURED_COLOUR, "width": 2.5},
+        figure, pulse.time_s[inside] / MS, pulse.accel_mps2[inside] * scale, line=curve_line(TEST),
         name=settled.id,
     )  # fmt: skip
     figure.update_xaxes(range=[_FROM_S / MS, _TO_S / MS])
-    figure.update_yaxes(title=accel_title(unit, deceleration))
+    figure.update_yaxes(title=display.accel_title)
     return figure

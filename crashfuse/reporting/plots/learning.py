@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, new_figure
+from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.palette import CURSOR
 
 
 def learning_curves(
@@ -32,7 +33,7 @@ def learning_curves(
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
         done, values = np.array(points, dtype=np.float32).T
         figure.add_scatter(x=done, y=values, name=name, mode="lines", line={"color": colour, "width": 2})
-    figure.update_layout(LEGEND_ABOVE, showlegend=True)
+    figure.update_layout(showlegend=True)
     figure.update_xaxes(title=step, range=[0, total], unifiedhovertitle=None)
     figure.update_yaxes(title=value)
     if all(value > 0 for points in curves.values() for _, value in points):
@@ -64,9 +65,8 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
     place = list(errors).index(chosen)
     side = "left" if place > len(errors) / 2 else "right"
     figure.add_vline(
-        x=place, line={"color": "#5B6270", "dash": "dot"}, annotation_text="chosen", annotation_position=f"top {side}"
+        x=place, line={"color": CURSOR, "dash": "dot"}, annotation_text="chosen", annotation_position=f"top {side}"
     )
-    figure.update_layout(LEGEND_ABOVE)
     figure.update_xaxes(title="Share a test has to itself", type="category", range=None, unifiedhovertitle=None)
     figure.update_yaxes(title="Error (CAE RMS = 1)", rangemode="tozero")
     return figure

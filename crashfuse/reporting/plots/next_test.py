@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.campaign import CrashTest
-from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, new_figure
+from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
 from crashfuse.study.next_test import NextTest
 from crashfuse.units import LB, MPH, G
@@ -70,7 +70,7 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Fig
             x=[None], y=[None], name="Outside the CAE runs", mode="markers",
             marker={"color": colour, "symbol": "circle-open", "size": 9, "line": {"width": 1.5}},
         )  # fmt: skip
-    figure.update_layout(LEGEND_ABOVE, hovermode="closest")
+    figure.update_layout(hovermode="closest")
     figure.update_xaxes(title="Impact speed (mph)", range=None, unifiedhovertitle=None)
     figure.update_yaxes(title="Band shrinks by (%)", rangemode="tozero")
     return figure

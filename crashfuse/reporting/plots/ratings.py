@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, new_figure
+from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS
 from crashfuse.signals.rating import GRADES, grade
 
@@ -59,7 +59,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
         hovermode="closest",
         hoverdistance=-1,  # wherever in a cell, its own mark is the nearest
         dragmode=False,
-        margin={"t": 52, "b": 8},
+        margin={"t": 52, "b": 8, "r": 16},
         modebar={"remove": ["zoom2d", "pan2d", "resetScale2d", "toImage"]},
     )
     figure.update_xaxes(side="top", title=None, range=None, ticks="", showline=False, showgrid=False, showspikes=False)
@@ -98,7 +98,7 @@ def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]
     for limit, _ in GRADES:
         if limit > 0:
             figure.add_hline(y=limit, line={"color": AXIS, "width": 1, "dash": "dot"})
-    figure.update_layout(LEGEND_ABOVE, hovermode="closest")
+    figure.update_layout(hovermode="closest")
     figure.update_xaxes(
         title="Held-out test", tickvals=list(range(len(tests))), ticktext=tests, range=[-0.6, len(tests) - 0.4],
         zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.colors import hex_to_rgb
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.reporting.plots.canvas import LEGEND_ABOVE, new_figure
-from crashfuse.reporting.plots.palette import COLOURS, DASHES, MEASURED_COLOUR
+from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.curves import Curve, draw_curves
+from crashfuse.reporting.plots.palette import MEASURED_COLOUR
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.sweep import Sweep, measured_metrics, uncovered_speeds
@@ -36,73 +36,46 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign) -> go
     plotly.graph_objects.Figure
     """
     figure = new_figure(height=460)
-    for sweep in sweeps:
-        _band(figure, sweep, sweep.over_speed(metric))
-    for sweep in sweeps:
-        _line(figure, sweep, sweep.over_speed(metric))
+    readings = {sweep.approach: sweep.over_speed(metric) for sweep in sweeps}
+    speeds = sweeps[0].speeds_mps
+    draw_curves(
+        figure,
+        {name: _curve(speeds, own) for name, own in readings.items()},
+        mode="lines+markers",
+        marker={"size": 4},
+        connectgaps=False,
+    )
+    for name, own in readings.items():
+        figure.update_traces(
+            customdata=[_text(*reading) for reading in zip(speeds.tolist(), own, strict=True)],
+            hovertemplate=f"<b>{LABELS[name]}</b><br>%{{customdata[0]}}<br>%{{customdata[1]}}<extra></extra>",
+            selector={"legendgroup": name, "mode": "lines+markers"},
+        )
     _points(figure, campaign.tests, metric)
-    speeds = np.concatenate([sweeps[0].speeds_mps, [test.condition.speed_mps for test in campaign.tests]])
+    speeds = np.concatenate([speeds, [test.condition.speed_mps for test in campaign.tests]])
     margin = 0.02 * np.ptp(speeds) + 0.1 * MPH
     low, high = float(speeds.min() - margin), float(speeds.max() + margin)
     _mark_speeds(figure, campaign, low, high)
-    unit = sweeps[0].over_speed(metric)[0].unit
-    figure.update_layout(LEGEND_ABOVE, hovermode="closest")
+    figure.update_layout(hovermode="closest")
     figure.update_xaxes(title="Impact speed (mph)", range=[low / MPH, high / MPH], showspikes=False)
-    figure.update_yaxes(title=f"{METRIC_LABELS[metric]} ({unit})")
+    figure.update_yaxes(title=f"{METRIC_LABELS[metric]} ({readings[sweeps[0].approach][0].unit})")
     return figure
 
 
-def _line(figure: go.Figure, sweep: Sweep, metrics: Sequence[Metric]) -> None:
-    name = sweep.approach
-    has_band = any(metric.lower is not None for metric in metrics)
-    figure.add_scatter(
-        x=_mph(sweep.speeds_mps),
-        y=np.array([metric.value for metric in metrics], dtype=np.float32),
-        name=LABELS[name] + (" (95 % band)" if has_band else ""),
-        mode="lines+markers",
-        line={"color": COLOURS[name], "width": 2, "dash": DASHES[name]},
-        marker={"size": 4},
-        connectgaps=False,
-        legendgroup=name,
-        customdata=_texts(sweep.speeds_mps, metrics),
-        hovertemplate=f"<b>{LABELS[name]}</b><br>%{{customdata[0]}}<br>%{{customdata[1]}}<extra></extra>",
+def _curve(speeds_mps: FloatArray, metrics: Sequence[Metric]) -> Curve:
+    """A metric over speed in mph, with gaps where it or an end of its interval is missing."""
+    value, lower, upper = (
+        np.array([getattr(metric, name) for metric in metrics], dtype=np.float64)
+        for name in ("value", "lower", "upper")
     )
-
-
-def _band(figure: go.Figure, sweep: Sweep, metrics: Sequence[Metric]) -> None:
-    """One closed outline for each stretch of speeds at which both ends are known."""
-    lower, upper = (
-        np.array([getattr(metric, end) for metric in metrics], dtype=np.float32) for end in ("lower", "upper")
-    )
-    known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
-    if not known.size:
-        return
-    x: list[FloatArray] = []
-    y: list[FloatArray] = []
-    gap = np.array([np.nan])
-    for stretch in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
-        speeds = _mph(sweep.speeds_mps[stretch])
-        x += [speeds, speeds[::-1], gap]
-        y += [lower[stretch], upper[stretch][::-1], gap]
-    colour = COLOURS[sweep.approach]
-    figure.add_scatter(
-        x=np.concatenate(x, dtype=np.float32),
-        y=np.concatenate(y, dtype=np.float32),
-        name=f"{LABELS[sweep.approach]} (95 % band)",
-        mode="lines",
-        line={"width": 0, "color": colour},
-        fill="toself",
-        fillcolor=f"rgba{(*hex_to_rgb(colour), 0.18)}",
-        hoverinfo="skip",
-        legendgroup=sweep.approach,
-        showlegend=False,
-    )
+    speeds = speeds_mps / MPH
+    return Curve(speeds, value, (speeds, lower, upper) if np.isfinite(lower).any() else None)
 
 
 def _points(figure: go.Figure, tests: Sequence[CrashTest], metric: str) -> None:
     found = [(test, own) for test in tests for own in measured_metrics(test) if own.name == metric]
     figure.add_scatter(
-        x=_mph(np.array([test.condition.speed_mps for test, _ in found])),
+        x=np.array([test.condition.speed_mps / MPH for test, _ in found], dtype=np.float32),
         y=np.array([own.value for _, own in found], dtype=np.float32),
         name="Tests (each with its own weights)",
         mode="markers",
@@ -136,14 +109,6 @@ def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps
         )  # fmt: skip
 
 
-def _texts(speeds_mps: FloatArray, metrics: Sequence[Metric]) -> list[tuple[str, str]]:
-    return [_text(speed, metric) for speed, metric in zip(speeds_mps.tolist(), metrics, strict=True)]
-
-
 def _text(speed_mps: float, metric: Metric) -> tuple[str, str]:
     """Speed in both units, and the metric with its interval."""
     return f"{speed_mps / MPH:.1f} mph ({speed_mps / KPH:.1f} km/h)", f"{metric.text} {metric.unit}"
-
-
-def _mph(speeds_mps: FloatArray) -> FloatArray:
-    return np.asarray(speeds_mps / MPH, dtype=np.float32)

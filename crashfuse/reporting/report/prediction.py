@@ -36,8 +36,8 @@ def prediction_report(campaign: Campaign, estimates: Sequence[Estimate], config:
         condition=condition,
         verdict=recommend_for(estimates, campaign, condition).sentences,
         nearest=nearest_sentences(campaign, condition),
-        motion=motion(None, predictions, speed_mps=condition.speed_mps),
-        over_displacement=over_displacement(None, predictions, speed_mps=condition.speed_mps),
+        motion=motion(None, predictions, condition.speed_mps),
+        over_displacement=over_displacement(None, predictions, condition.speed_mps),
         about=details(estimates),
         bias=bias(campaign),
     )

@@ -9,6 +9,7 @@ from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.paper_tables import TABLE_3, TABLE_5, best, rating_table
 from crashfuse.reporting.plots.calibration import calibration_curves
 from crashfuse.reporting.plots.displacement import over_displacement
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import motion
 from crashfuse.reporting.plots.ratings import rating_heatmap, rating_spread
 from crashfuse.reporting.provenance import study_command
@@ -99,11 +100,11 @@ def _fold(study: Study, fold: Fold) -> dict[str, object]:
         "test": test,
         "advice": advice.sentences,
         "outcome": fold.ratings[advice.approach][window],
-        "motion": motion(test.pulse, predictions, speed_mps=speed, window_ms=window),
+        "motion": motion(test.pulse, predictions, speed, Display(window_ms=window)),
         "ratings": _by_approach(
             {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}
         ),
-        "over_displacement": over_displacement(test.pulse, predictions, speed_mps=speed),
+        "over_displacement": over_displacement(test.pulse, predictions, speed),
         "details": details(fold.estimates, pulse_metrics(test.pulse.accel_mps2, speed, dt_s=test.pulse.dt_s)),
     }
 

@@ -11,10 +11,11 @@ from crashfuse.errors import Problem
 from crashfuse.importing import Choices, Settled
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
-from crashfuse.reporting.plots.canvas import Unit
+from crashfuse.reporting.plots.display import DEFAULT
 from crashfuse.reporting.plots.imports import imported_pulse
 from crashfuse.signals.pulse import kinematics
-from crashfuse.ui import evidence, frame
+from crashfuse.ui import frame
+from crashfuse.ui.figures import show_figure
 from crashfuse.ui.importing.adding import WHAT, counted, own_class, show_add_form
 from crashfuse.ui.importing.condition import Units
 from crashfuse.ui.importing.fields import choices_of, reading_of
@@ -118,9 +119,8 @@ def _preview(record: Record, choices: Choices, settled: Settled | None, view: fr
     known = {channel.name: channel for channel in record.channels}
     names = settled.channels if settled is not None else choices.channels or record.proposed
     channels = [known[name] for name in names if name in known] or list(record.channels)
-    unit: Unit = "g" if view is None else view.unit
-    evidence.show_figure(
-        imported_pulse(channels, settled, unit=unit, deceleration=view is not None and view.deceleration),
+    show_figure(
+        imported_pulse(channels, settled, DEFAULT if view is None else view.display),
         alt=f"The pulse that comes of {record.id}, over its channels as recorded",
     )
     if settled is not None:
@@ -141,7 +141,7 @@ def _table(settled: Sequence[Settled], units: Units) -> None:
                 f"Front ({units.weight})": round(one.condition.front_weight_kg / units.weight_kg),
                 f"Rear ({units.weight})": round(one.condition.rear_weight_kg / units.weight_kg),
                 "Peak (g)": round(float(abs(one.pulse.accel_mps2).max()) / G, 1),
-                "Stops (ms)": f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record",
+                "Zero velocity, TTZV (ms)": f"{stop_s / MS:.1f}" if np.isfinite(stop_s) else "not in the record",
                 "Crush (mm)": round(float(motion.displacement_m.max()) / MS),
             }
         )

@@ -6,6 +6,7 @@ import pytest
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.corridors import add_corridors
+from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import G
 
@@ -13,7 +14,7 @@ from crashfuse.units import G
 def test_they_are_5_and_50_percent_of_the_largest_acceleration_wide(campaign: Campaign) -> None:
     """To either side of the test, over the rated window only."""
     pulse = campaign.tests[1].pulse
-    outer, inner = add_corridors(new_figure(400), pulse, 40.0).data
+    outer, inner = add_corridors(new_figure(400), pulse, Display(window_ms=40.0)).data
     largest = np.abs(pulse.accel_mps2[GRID_S < 0.04]).max() / G
     for corridor, share in ((outer, 0.5), (inner, 0.05)):
         n = len(corridor.x) // 2

@@ -13,6 +13,7 @@ from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.reporting.plots import bias as bias_plots
 from crashfuse.reporting.plots import displacement as plots
+from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import MS, G
 
@@ -51,7 +52,9 @@ def motion(test: CrashTest) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def trace(figure: go.Figure, name: str, axis: str = "y") -> go.Scatter:
     """The one line of this name on this axis."""
-    (found,) = [t for t in figure.data if t.name == name and t.mode == "lines" and (t.yaxis or "y") == axis]
+    (found,) = [
+        t for t in figure.data if t.name == name and t.mode == "lines" and t.fill is None and (t.yaxis or "y") == axis
+    ]
     return found
 
 
@@ -70,7 +73,7 @@ def test_a_half_sine_over_displacement_is_that_of_the_closed_form(
 ) -> None:
     """In mm and g, and it ends at maximum crush."""
     speed = test.condition.speed_mps
-    curve = trace(plots.over_displacement(test.pulse, predictions, speed_mps=speed), "Test")
+    curve = trace(plots.over_displacement(test.pulse, predictions, speed), "Test")
     _, displacement, accel = motion(test)
     np.testing.assert_allclose(curve.y, np.interp(curve.x / 1000, displacement, accel) / G, atol=0.05)
     assert curve.x[-1] == pytest.approx(displacement[-1] * 1000, abs=0.1)
@@ -79,7 +82,7 @@ def test_a_half_sine_over_displacement_is_that_of_the_closed_form(
 def test_every_curve_holds_the_same_energy(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """The area below it is half the square of the impact speed."""
     speed = test.condition.speed_mps
-    figure = plots.over_displacement(test.pulse, predictions, speed_mps=speed, unit="m/s²", deceleration=True)
+    figure = plots.over_displacement(test.pulse, predictions, speed, Display(unit="m/s²", deceleration=True))
     for name in ("Test", "CAE", "Displacement domain (95 % band)"):
         curve = trace(figure, name)
         x, y = curve.x.astype(float) / 1000, curve.y.astype(float)
@@ -91,7 +94,7 @@ def test_the_band_holds_95_percent_of_the_draws_that_get_so_far(
 ) -> None:
     """From 155 to 345 m/s² until the hardest have stopped, after v0² / 2a, and no further than half of them get."""
     energy = 0.5 * test.condition.speed_mps**2
-    figure = plots.over_displacement(None, predictions, speed_mps=test.condition.speed_mps, unit="m/s²")
+    figure = plots.over_displacement(None, predictions, test.condition.speed_mps, Display(unit="m/s²"))
     x, lower, upper = band(figure)
     early = x < 1000 * energy / 350
     np.testing.assert_allclose(lower[early], -345, rtol=1e-5)
@@ -103,7 +106,7 @@ def test_the_band_holds_95_percent_of_the_draws_that_get_so_far(
 def test_the_mark_is_the_maximum_crush_with_its_interval(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """v0² / 2a at 250 m/s², from 345 to 155 m/s²."""
     energy = 0.5 * test.condition.speed_mps**2
-    figure = plots.over_displacement(None, predictions, speed_mps=test.condition.speed_mps)
+    figure = plots.over_displacement(None, predictions, test.condition.speed_mps)
     (mark,) = [t for t in figure.data if t.mode == "markers" and t.legendgroup == "displacement_domain"]
     crush, error = mark.x[0], mark.error_x
     assert crush == pytest.approx(1000 * energy / 250, rel=1e-4)
@@ -114,7 +117,7 @@ def test_the_mark_is_the_maximum_crush_with_its_interval(test: CrashTest, predic
 def test_a_vehicle_that_never_stops_has_no_maximum_crush(test: CrashTest) -> None:
     """Its curve ends with the record, without a mark."""
     gentle = Prediction(test.condition, np.full(GRID_S.size, -10.0))
-    figure = plots.over_displacement(None, {"cae": gentle}, speed_mps=test.condition.speed_mps)
+    figure = plots.over_displacement(None, {"cae": gentle}, test.condition.speed_mps)
     assert [t.name for t in figure.data] == ["CAE"]
 
 
@@ -132,7 +135,7 @@ def test_the_bias_is_zero_where_the_cae_model_is_right(campaign: Campaign, model
 def test_the_bias_added_to_the_cae_model_is_the_test(campaign: Campaign, model: CaeModel) -> None:
     """At every displacement up to the test's maximum crush; the sign turns with the axis."""
     biases = [measured_bias(test, model) for test in campaign.tests]
-    figure = bias_plots.bias_by_speed(campaign.tests, biases, unit="m/s²", deceleration=True)
+    figure = bias_plots.bias_by_speed(campaign.tests, biases, display=Display(unit="m/s²", deceleration=True))
     for test, bias, curve in zip(campaign.tests, biases, figure.data, strict=True):
         _, displacement, accel = motion(test)
         expected = np.interp(curve.x / 1000, displacement, accel)
@@ -156,9 +159,9 @@ def test_the_way_over_displacement_gives_the_closed_form_back(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     """Line and circles are the displacement of the closed form, and their difference is below 0.1 mm."""
-    figure = plots.integration_check(test.pulse, predictions, speed_mps=test.condition.speed_mps)
+    figure = plots.integration_check(test.pulse, predictions, test.condition.speed_mps)
     time, displacement, _ = motion(test)
-    circles = next(t for t in figure.data if t.name == "Test, Eq. 29")
+    circles = next(t for t in figure.data if t.name == "Eq. 29" and t.legendgroup == "test")
     for shown in (trace(figure, "Test"), circles):
         np.testing.assert_allclose(shown.y, np.interp(shown.x * MS, time, displacement) * 1000, atol=0.1)
     for name in ("Test", "CAE", "Displacement domain"):
@@ -178,7 +181,7 @@ def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
     """Each in a panel of its own with its band; the measured bias over the total only."""
     parts = [part("shared", -3.0), part("by speed", 2.0), part("own", 0.0), part("total", -1.0)]
     measured = BiasPoints(test.condition, S, np.linspace(1, 0, S.size), np.zeros(S.size), np.full(S.size, -2.0))
-    figure = bias_plots.bias_parts(parts, S, measured, unit="m/s²")
+    figure = bias_plots.bias_parts(parts, S, measured, Display(unit="m/s²"))
     expected = [t for t in figure.data if t.name == "Expected"]
     assert [t.y[0] for t in expected] == [-1, -3, 2, 0]
     assert len({t.xaxis for t in expected}) == 4
@@ -206,7 +209,7 @@ def test_bands_beyond_the_crush_do_not_squeeze_what_is_before_it(test: CrashTest
     parts = [BiasPart(name, np.zeros(S.size), -half, half) for name in ("shared", "total")]
     before = S[S <= 0.4]
     measured = BiasPoints(test.condition, before, before, before, np.linspace(0.0, 30.0, before.size))
-    layout = bias_plots.bias_parts(parts, S, measured, unit="m/s²").layout
+    layout = bias_plots.bias_parts(parts, S, measured, Display(unit="m/s²")).layout
     for axis, low, high in ((layout.yaxis, -5, 30), (layout.yaxis2, -5, 5)):
         room = 0.1 * (high - low)
         assert low - room < axis.range[0] <= low
@@ -217,7 +220,7 @@ def test_the_parts_share_one_scale_so_that_they_can_be_compared() -> None:
     """It holds all of them, whichever way the sign is."""
     parts = [part("shared", -30.0), part("by speed", 20.0), part("total", -10.0)]
     for deceleration in (False, True):
-        figure = bias_plots.bias_parts(parts, S, unit="m/s²", deceleration=deceleration)
+        figure = bias_plots.bias_parts(parts, S, display=Display(unit="m/s²", deceleration=deceleration))
         (low, high), other = figure.layout.yaxis2.range, figure.layout.yaxis3.range
         assert (low, high) == tuple(other)
         assert low <= (-21 if deceleration else -31)
@@ -229,7 +232,7 @@ def test_energy_over_crush_is_in_kilojoules_up_to_all_of_it(
 ) -> None:
     """Constant braking: m a s, a straight line to ½ m v0² at v0²/2a; the test ends at the same energy."""
     speed, mass = test.condition.speed_mps, test.condition.mass_kg
-    figure = plots.energy_over_crush(test.pulse, predictions, speed_mps=speed, mass_kg=mass)
+    figure = plots.energy_over_crush(test.pulse, predictions, speed, mass)
     cae = trace(figure, "CAE")
     np.testing.assert_allclose(cae.y, mass * 200.0 * np.asarray(cae.x, dtype=float) / 1e6, rtol=1e-3, atol=0.05)
     assert cae.x[-1] == pytest.approx(1000 * speed**2 / 400, rel=1e-3)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from crashfuse.importing import settle
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.imports import imported_pulse
 from tests.importing.crashes import CONDITION, PEAK_MPS2, channel, record
 
@@ -15,11 +16,11 @@ def test_the_recording_lies_under_its_pulse() -> None:
     raw = replace(channel(scale=-9.80665, unit="m/s²"), time_s=channel().time_s + 0.3)
     source = replace(record(raw, condition=CONDITION), own_time_zero="")
     found = settle(source)
-    recorded, pulse = imported_pulse([raw], found, unit="m/s²").data
+    recorded, pulse = imported_pulse([raw], found, Display(unit="m/s²")).data
     assert recorded.y.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
     assert pulse.y.min() == pytest.approx(-PEAK_MPS2, rel=0.01)
     assert recorded.x[recorded.y.argmin()] == pytest.approx(pulse.x[pulse.y.argmin()], abs=0.5)
-    flipped, _ = imported_pulse([raw], found, unit="m/s²", deceleration=True).data
+    flipped, _ = imported_pulse([raw], found, Display(unit="m/s²", deceleration=True)).data
     assert flipped.y.max() == pytest.approx(PEAK_MPS2, rel=1e-3)
 
 

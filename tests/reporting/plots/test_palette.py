@@ -58,10 +58,10 @@ def figures(campaign: Campaign, predictions: dict[str, Prediction]) -> list[go.F
     """Figures with all that figures have: curves, bands, points, windows, text."""
     test = campaign.test("T2")
     return [
-        overlay(test.pulse, predictions, window_ms=40),
-        motion(test.pulse, predictions, speed_mps=test.condition.speed_mps, window_ms=40),
-        measured_pulses(campaign.tests, highlight="T2", cfc=180, window_ms=40),
-        library_band(campaign.cae, campaign.tests, window_ms=40),
+        overlay(test.pulse, predictions),
+        motion(test.pulse, predictions, test.condition.speed_mps),
+        measured_pulses(campaign.tests, highlight="T2", cfc=180),
+        library_band(campaign.cae, campaign.tests),
         condition_space(campaign.cae, campaign.tests, held_out="T2"),
     ]
 

@@ -7,6 +7,7 @@ import pytest
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.reporting.plots import pulses as plots
+from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES
 from crashfuse.units import KPH, MPH, G
@@ -50,14 +51,14 @@ def test_deceleration_in_si_is_the_negative_of_the_signed_data(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     """The sign and the unit are the plot's own; the axis says so."""
-    figure = plots.overlay(test.pulse, predictions, unit="m/s²", deceleration=True)
+    figure = plots.overlay(test.pulse, predictions, Display(unit="m/s²", deceleration=True))
     np.testing.assert_allclose(trace(figure, "CAE").y, -predictions["cae"].accel_mps2, rtol=1e-6)
     assert figure.layout.yaxis.title.text == "Deceleration (m/s²)"
 
 
 def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Of 101 evenly spaced draws from -50 to +50 the interval is -47.5 to +47.5."""
-    figure = plots.overlay(test.pulse, predictions, unit="m/s²")
+    figure = plots.overlay(test.pulse, predictions, Display(unit="m/s²"))
     (band,) = [t for t in figure.data if t.fill == "toself"]
     half = band.x.size // 2
     lower, upper = band.y[:half], band.y[half:][::-1]
@@ -69,7 +70,7 @@ def test_the_band_is_the_central_95_percent_of_the_draws(test: CrashTest, predic
 
 def test_the_rated_window_is_shaded_and_named(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """A rectangle from 0 to the window, and words."""
-    figure = plots.overlay(test.pulse, predictions, window_ms=40.0)
+    figure = plots.overlay(test.pulse, predictions, Display(window_ms=40.0))
     (shape,) = figure.layout.shapes
     assert (shape.x0, shape.x1) == (0, 40)
     assert figure.layout.annotations[0].text == "rated: 0–40 ms"
@@ -86,7 +87,7 @@ def test_every_curve_is_float32_with_one_point_a_sample_and_bands_have_fewer(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
     """Nothing is blown up on its way to the browser; curves lose nothing, and both ends of the record are there."""
-    for curve in plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps).data:
+    for curve in plots.motion(test.pulse, predictions, test.condition.speed_mps).data:
         assert curve.y.dtype == np.float32
         assert curve.x.size == curve.y.size
         assert curve.x.size < N_SAMPLES if curve.fill == "toself" else curve.x.size == N_SAMPLES
@@ -98,7 +99,7 @@ def test_velocity_and_displacement_are_those_of_the_closed_form(
 ) -> None:
     """A half sine that stops the car and throws it back at a tenth of v0: v(t) = v0 (0.45 + 0.55 cos(π t / T))."""
     v0 = test.condition.speed_mps
-    figure = plots.motion(test.pulse, predictions, speed_mps=v0)
+    figure = plots.motion(test.pulse, predictions, v0)
     duration = 0.07 * test.condition.mass_kg / 1700
     time = np.minimum(GRID_S, duration)
     velocity = v0 * (0.45 + 0.55 * np.cos(np.pi * time / duration))
@@ -109,7 +110,7 @@ def test_velocity_and_displacement_are_those_of_the_closed_form(
 
 def test_the_three_rows_share_one_time_axis(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """One x axis object: only then does one cursor run through all of them."""
-    figure = plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps)
+    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
     assert {t.xaxis or "x" for t in figure.data} == {"x"}
     assert {t.yaxis or "y" for t in figure.data} == {"y", "y2", "y3"}
     assert figure.layout.hoversubplots == "axis"
@@ -117,7 +118,7 @@ def test_the_three_rows_share_one_time_axis(test: CrashTest, predictions: dict[s
 
 def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """The acceleration carries the other two; they don't repeat themselves."""
-    figure = plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps)
+    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
     accel = trace(figure, "CAE")
     np.testing.assert_array_equal(accel.customdata[:, 0], trace(figure, "CAE", 2).y)
     np.testing.assert_array_equal(accel.customdata[:, 1], trace(figure, "CAE", 3).y)
@@ -155,7 +156,7 @@ def test_the_library_band_shows_its_quantiles(campaign: Campaign) -> None:
     """101 constant pulses of 0 to -100 m/s²: 95, 50 and 5 % lie at -5, -50 and -95."""
     levels = np.repeat(-np.arange(101.0)[:, None], N_SAMPLES, axis=1).astype(np.float32)
     library = CaeLibrary(tuple(map(str, range(101))), campaign.cae.conditions[:1] * 101, levels)
-    band, median = plots.library_band(library, unit="m/s²").data
+    band, median = plots.library_band(library, display=Display(unit="m/s²")).data
     assert (band.y.min(), band.y.max(), median.y.max()) == (-95, -5, -50)
     assert band.name == "5–95 % of 101 runs"
 
@@ -173,7 +174,7 @@ def test_the_library_band_carries_the_paired_runs(campaign: Campaign) -> None:
 def test_filtered_tests_are_drawn_over_what_was_read(campaign: Campaign) -> None:
     """Two curves a test of one colour: the thin one as read, the named one filtered to the class."""
     plain = plots.measured_pulses(campaign.tests)
-    figure = plots.measured_pulses(campaign.tests, cfc=180, unit="m/s²")
+    figure = plots.measured_pulses(campaign.tests, cfc=180, display=Display(unit="m/s²"))
     assert (len(plain.data), len(figure.data)) == (4, 8)
     for test in campaign.tests:
         read, filtered = (trace for trace in figure.data if trace.legendgroup == test.id)
@@ -187,6 +188,28 @@ def test_filtered_tests_are_drawn_over_what_was_read(campaign: Campaign) -> None
 
 def test_the_grid_of_all_three_rows_of_motion_is_the_same(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """Velocity and displacement are read off as acceleration is, in the dark too."""
-    figure = plots.motion(test.pulse, predictions, speed_mps=test.condition.speed_mps)
+    figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
     axes = [figure.layout.yaxis, figure.layout.yaxis2, figure.layout.yaxis3]
     assert len({(axis.gridcolor, axis.linecolor, axis.zerolinecolor) for axis in axes}) == 1
+
+
+def test_a_constant_miss_is_a_horizontal_line_with_its_rms(campaign: Campaign) -> None:
+    """A prediction that is 2 g off all the time, with a band of 1 g to either side."""
+    test = campaign.tests[1]
+    accel = test.pulse.accel_mps2 - 2 * G
+    draws = accel + np.linspace(-1, 1, 401)[:, None] * G / 0.95
+    figure = plots.residuals(test.pulse, {"fused": Prediction(test.condition, accel, draws)})
+    band, line = figure.data
+    assert line.name == "Fused (95 % band), RMS 2.0 g"
+    np.testing.assert_allclose(line.y, -2.0, atol=1e-4)
+    assert (band.y.min(), band.y.max()) == pytest.approx((-3.0, -1.0), abs=1e-4)
+
+
+def test_a_flipped_sign_flips_the_residuals(campaign: Campaign) -> None:
+    """As every figure of accelerations."""
+    test = campaign.tests[1]
+    prediction = Prediction(test.condition, 0.5 * test.pulse.accel_mps2)
+    one, other = (
+        plots.residuals(test.pulse, {"cae": prediction}, Display(deceleration=flip)).data[0] for flip in (False, True)
+    )
+    np.testing.assert_array_equal(one.y, -other.y)

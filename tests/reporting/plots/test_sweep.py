@@ -48,8 +48,8 @@ def test_missing_numbers_leave_gaps(figure: Figure) -> None:
 def test_the_band_is_drawn_where_both_ends_are_known(figure: Figure) -> None:
     """One outline from 10 to 30 mph, none beyond; and none at all for an approach without."""
     (band,) = [trace for trace in figure.data if trace.fill == "toself"]
-    np.testing.assert_allclose(band.x[:-1], [10, 20, 30, 30, 20, 10])
-    np.testing.assert_allclose(band.y[:-1], [8, 18, 28, 32, 22, 12])
+    np.testing.assert_allclose(band.x, [10, 20, 30, 30, 20, 10])
+    np.testing.assert_allclose(band.y, [8, 18, 28, 32, 22, 12])
     assert band.legendgroup == "fused"
     assert band.fillcolor == "rgba(0, 158, 115, 0.18)"
 
@@ -60,8 +60,8 @@ def test_separate_stretches_of_the_band_are_not_joined(campaign: Campaign) -> No
     metrics = (*whole.metrics[:4], (Metric("olc", 50.0, 45.0, 55.0, "g"),))
     sweep = Sweep("fused", whole.condition, whole.speeds_mps, metrics)
     (band,) = [trace for trace in sweep_figure([sweep], "olc", campaign).data if trace.fill == "toself"]
-    np.testing.assert_array_equal(band.x, [10, 20, 30, 30, 20, 10, np.nan, 50, 50, np.nan])
-    np.testing.assert_array_equal(band.y, [8, 18, 28, 32, 22, 12, np.nan, 45, 55, np.nan])
+    np.testing.assert_array_equal(band.x, [10, 20, 30, 30, 20, 10, np.nan, 50, 50])
+    np.testing.assert_array_equal(band.y, [8, 18, 28, 32, 22, 12, np.nan, 45, 55])
 
 
 def test_the_cursor_reads_both_units_of_speed_and_the_interval(figure: Figure) -> None:

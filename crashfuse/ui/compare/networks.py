@@ -1,4 +1,4 @@
-"""The networks on the page Compare: before and after they have seen tests, and how they learned."""
+"""The networks before and after fine-tuning on tests, and how they were trained."""
 
 from collections.abc import Hashable
 from typing import Any
@@ -11,33 +11,33 @@ from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.learning import learning_curves, tuning_strength
 from crashfuse.reporting.plots.pulses import overlay
 from crashfuse.study.fold import Fold
-from crashfuse.ui import evidence
+from crashfuse.ui.figures import show_cached_figure, show_figure
 from crashfuse.ui.frame import View
 
 _BEFORE_AND_AFTER, _LEARNING = "Before and after the tests", "Learning curves"
 _TITLES = {
-    "lf_tcn": "Before: learned from CAE runs alone",
+    "lf_tcn": "Before: trained on CAE runs only",
     "time_domain": "After: fine-tuned on the other tests",
 }
 _MEANING = {
-    "lf_tcn": "The networks should repeat the CAE model; what is left between them and the test is what CAE alone "
-    "cannot know.",
+    "lf_tcn": "The networks should reproduce the CAE model; the remaining difference from the test is what no CAE run "
+    "can tell them.",
     "time_domain": "What the other tests add to the networks.",
 }
 
 
 @st.fragment
-def show(view: View, fold: Fold, about: Hashable) -> None:
-    """Show what the tests made of the networks (Figs. 12 and 13), or how they learned; a choice says which.
+def show(view: View, fold: Fold, key: Hashable) -> None:
+    """Show the networks before and after fine-tuning (Figs. 12 and 13), or how they were trained; a choice says which.
 
-    ``about`` stands for fold and view where figures are kept.
+    ``key`` stands for fold and display where figures are cached.
     """
     states: dict[str, dict[str, Any]] = {
         estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _TITLES
     }
     if not states:
         return
-    st.subheader("Networks in time")
+    st.subheader("Networks")
     choice = st.segmented_control(
         "Figure", [_BEFORE_AND_AFTER, _LEARNING], default=_BEFORE_AND_AFTER, required=True, key="networks",
         persist_state="session", label_visibility="collapsed",
@@ -46,41 +46,41 @@ def show(view: View, fold: Fold, about: Hashable) -> None:
     if choice == _BEFORE_AND_AFTER:
         for column, name in zip(columns, states, strict=False):
             with column:
-                _show_beside_the_cae(view, fold, name, about)
+                _show_beside_the_cae(view, fold, name, key)
         return
-    st.caption("How both trainings went is kept with the predictions, and written to study.json.")
+    st.caption("Both learning curves are kept with the predictions, and written to study.json.")
     network = states.get("time_domain", states.get("lf_tcn", {}))
     with columns[0]:
-        st.markdown("**Learning from CAE runs**")
+        st.markdown("**Training on CAE runs**")
         _show_curve(network["learning_curve"], "Mean square error", "Epoch")
         st.caption(
-            f"Mean square error, mean of {network['members']} network{'s' if network['members'] != 1 else ''}; for "
-            "validation on the tenth of the runs that a network does not learn from."
+            f"Mean square error, averaged over {network['members']} network{'s' if network['members'] != 1 else ''}; "
+            "validation is on the tenth of the runs that is not trained on."
         )
     with columns[1]:
         if "left_out_rmse" in network:
-            st.markdown("**Learning from tests**")
-            evidence.show_figure(
+            st.markdown("**Fine-tuning on tests**")
+            show_figure(
                 tuning_strength(network["rmse"], network["left_out_rmse"], str(network["penalty"])),
-                alt="Error on tests for each strength of the fine-tuning, on tests learned from and left out in turn",
+                alt="Error for each strength of the fine-tuning, on tests fitted to and on tests left out in turn",
             )
             st.caption(
-                "The fine-tuning has an exact solution, so there are no epochs: what is chosen is its strength. The "
-                "weakest is taken whose error on left-out tests is within one standard error of the least."
+                "The fine-tuning has an exact solution, so there are no epochs, only a strength to choose: the weakest "
+                "whose error on left-out tests is within one standard error of the lowest."
             )
         elif "tuning_curve" in network:
-            st.markdown("**Learning from tests**")
+            st.markdown("**Fine-tuning on tests**")
             _show_curve(network["tuning_curve"], "Loss", "Step")
 
 
-def _show_beside_the_cae(view: View, fold: Fold, name: str, about: Hashable) -> None:
-    rating = fold.ratings[name][view.window_ms]
+def _show_beside_the_cae(view: View, fold: Fold, name: str, key: Hashable) -> None:
+    rating = fold.ratings[name][view.display.window_ms]
     st.markdown(f"**{_TITLES[name]}** · {LABELS[name]} {rating.overall:.3f}, {rating.grade.lower()}")
-    evidence.show_kept_figure(
+    show_cached_figure(
         lambda: _beside_the_cae(view, fold)[name],
         f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}",
         name,
-        about,
+        key,
     )
     st.caption(_MEANING[name])
 
@@ -92,9 +92,7 @@ def _beside_the_cae(view: View, fold: Fold) -> dict[str, go.Figure]:
         name: overlay(
             view.held_out.pulse,
             {shown: prediction for shown, prediction in predictions.items() if shown in ("cae", name)},
-            window_ms=view.window_ms,
-            unit=view.unit,
-            deceleration=view.deceleration,
+            view.display,
         )
         for name in _TITLES
         if name in predictions
@@ -106,6 +104,4 @@ def _beside_the_cae(view: View, fold: Fold) -> dict[str, go.Figure]:
 def _show_curve(curve: dict[str, list[float]], value: str, step: str) -> None:
     epochs = [int(epoch) for epoch in curve["epoch"]]
     losses = {name.replace("_", " "): list(zip(epochs, curve[name], strict=True)) for name in curve if name != "epoch"}
-    evidence.show_figure(
-        learning_curves(losses, value=value, step=step, total=epochs[-1]), alt=f"{value} over {step.lower()}s"
-    )
+    show_figure(learning_curves(losses, value=value, step=step, total=epochs[-1]), alt=f"{value} over {step.lower()}s")

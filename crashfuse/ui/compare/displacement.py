@@ -1,4 +1,4 @@
-"""The view over displacement on the page Compare: five figures, each computed when it is asked for."""
+"""Test and predictions over displacement: five figures, each computed when it is asked for."""
 
 from collections.abc import Hashable, Mapping
 
@@ -18,7 +18,7 @@ from crashfuse.reporting.plots import bias
 from crashfuse.reporting.plots import displacement as plots
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
-from crashfuse.ui import evidence
+from crashfuse.ui.figures import show_cached_figure, show_figure
 from crashfuse.ui.frame import View
 
 _CURVES, _ENERGY, _BIAS = "Acceleration", "Energy", "Bias by speed"
@@ -28,10 +28,10 @@ _BEYOND = 1.1  # times the CAE model's own crush: the held-out test, which may g
 
 
 @st.fragment
-def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction], about: Hashable) -> None:
+def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction], key: Hashable) -> None:
     """Show the held-out test, the CAE model and its correction over displacement; a choice says which figure.
 
-    ``about`` stands for predictions and view where figures are kept.
+    ``key`` stands for predictions and display where figures are cached.
     """
     test, condition = view.held_out, view.held_out.condition
     st.subheader("Over displacement")
@@ -41,75 +41,70 @@ def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction],
         label_visibility="collapsed",
     )  # fmt: skip
     if choice == _CURVES:
-        evidence.show_kept_figure(
-            lambda: plots.over_displacement(
-                test.pulse, predictions, speed_mps=condition.speed_mps, unit=view.unit, deceleration=view.deceleration
-            ),
+        show_cached_figure(
+            lambda: plots.over_displacement(test.pulse, predictions, condition.speed_mps, view.display),
             f"Acceleration over displacement: test {test.id} and every prediction of it, up to maximum crush",
             choice,
-            about,
+            key,
         )
         st.caption(
-            "Up to maximum crush (the marks, with their 95 % interval). Between a curve and zero lies the energy that "
-            "was absorbed, ½ v0², the same for all: who brakes less must crush further."
+            "Up to maximum crush (the marks, with their 95 % interval). The area under each curve is the absorbed "
+            "energy per unit mass, ½ v0², the same for all: a lower deceleration means more crush."
         )
     elif choice == _ENERGY:
-        evidence.show_kept_figure(
-            lambda: plots.energy_over_crush(
-                test.pulse, predictions, speed_mps=condition.speed_mps, mass_kg=condition.mass_kg
-            ),
+        show_cached_figure(
+            lambda: plots.energy_over_crush(test.pulse, predictions, condition.speed_mps, condition.mass_kg),
             f"Absorbed energy over crush: test {test.id} and every prediction of it",
             choice,
-            about,
+            key,
         )
         st.caption(
-            "All of ½ m v0² at maximum crush. Where a curve is steep the vehicle brakes hard; one that ends further to "
-            "the right takes more of its length for the same energy."
+            "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force; a curve that ends further "
+            "right needs more crush for the same energy."
         )
     elif choice == _BIAS:
-        evidence.show_figure(
+        show_figure(
             bias.bias_by_speed(
                 view.campaign.tests,
                 _biases(view.campaign.fingerprint, view.campaign),
                 highlight=test.id,
-                unit=view.unit,
-                deceleration=view.deceleration,
+                display=view.display,
             ),
             alt="What the CAE model got wrong in each test, over displacement, coloured by speed",
         )
         st.caption(
-            f"What has to be added to the CAE model to get each test. The displacement domain learns from these; "
-            f"{test.id} is held out: drawn, never learned from. The steep ends are where a vehicle stops."
+            "What has to be added to the CAE model to get each test. The displacement domain is fitted to these; "
+            f"{test.id} is held out: drawn here, not used in the fit. The steep ends are at zero velocity."
         )
     elif choice == _PARTS:
         _show_parts(view, config)
     else:
-        evidence.show_figure(
-            plots.integration_check(test.pulse, predictions, speed_mps=condition.speed_mps),
-            alt="Displacement over time, integrated over time and by the way over displacement, and their difference",
+        show_figure(
+            plots.integration_check(test.pulse, predictions, condition.speed_mps),
+            alt="Displacement over time, integrated over time and recovered from a(s), and their difference",
         )
         st.caption(
-            "Lines: each pulse integrated twice over time, up to zero velocity. Circles: the motion that its "
-            "acceleration over displacement gives back (Eq. 29). Where they agree, nothing is lost on that way."
+            "Lines: each pulse integrated twice over time, up to zero velocity. Circles: the same motion recovered "
+            "from acceleration over displacement (Eq. 29). Where they agree, the conversion is lossless."
         )
 
 
 def _show_parts(view: View, config: StudyConfig) -> None:
     if config.preset == "paper":
-        st.info("The paper's model of the bias (Table 4) is all of one piece; the fast settings have parts.")
+        st.info("The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts.")
         return
     campaign, test = view.campaign, view.held_out
     rest = config.training_campaign(campaign, test.id)
     grid, expected = _parts(rest.fingerprint, test.condition, config.seed, rest)
     measured = _biases(campaign.fingerprint, campaign)[campaign.tests.index(test)]
-    evidence.show_figure(
-        bias.bias_parts(expected, grid, measured, unit=view.unit, deceleration=view.deceleration),
+    show_figure(
+        bias.bias_parts(expected, grid, measured, view.display),
         alt=f"Parts of the bias that is expected in test {test.id}, over displacement, each with its 95 % band",
     )
     st.caption(
-        f"What the other {len(rest.tests)} tests say about the bias in {test.id} before it is run. Parts can cancel: "
-        "the tests tell the sum better than each part. What is the test's own, its repeatability, can't be foreseen, "
-        "only how large it may be. The measured bias is drawn only."
+        f"What the other {len(rest.tests)} tests predict of the bias in {test.id}. Parts can cancel each other: their "
+        "sum is better known than each of them. The test's own part, its repeatability, can't be predicted, only its "
+        "size. The measured bias is drawn for comparison only."
     )
 
 
@@ -119,7 +114,7 @@ def _biases(fingerprint: str, _campaign: Campaign) -> tuple[BiasPoints, ...]:  #
     return tuple(measured_bias(test, model) for test in _campaign.tests)
 
 
-@st.cache_data(show_spinner="Taking the bias apart …", max_entries=32)
+@st.cache_data(show_spinner="Splitting the bias into parts …", max_entries=32)
 def _parts(
     fingerprint: str,  # noqa: ARG001 - the key, with the next two
     condition: Condition,

@@ -1,0 +1,8 @@
+"""Terms that pages and reports explain once each."""
+
+TTZV = (
+    "Time of zero velocity (TTZV): the vehicle has come to rest, its crush is at its maximum, and rebound begins. "
+    "Counted from contact, at 0 ms. The paper calls it t0, which in crash laboratories means contact."
+)
+LF = "LF TCN: low-fidelity (LF) network, trained on CAE runs only."
+TIME_DOMAIN = "Time domain: multi-fidelity (MF) network, the LF network fine-tuned on tests."

@@ -1,0 +1,76 @@
+"""What a page says about its numbers: recommendation, settings, terms, remarks of the approaches, how fits went."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+
+import streamlit as st
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting import glossary
+from crashfuse.reporting.fit_explanations import fit_sentences, fit_table
+from crashfuse.reporting.plots.display import Unit
+from crashfuse.reporting.plots.palette import GRADE_COLOURS
+from crashfuse.signals.metrics import Metric, missing_sentences
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.ui import page_tables
+from crashfuse.ui.text import plain
+
+
+def show_recommendation(sentences: Sequence[str]) -> None:
+    """Show what is recommended and why."""
+    st.info("\n\n".join(plain(sentence) for sentence in sentences), icon=":material/lightbulb:")
+
+
+def show_grade(grade: str) -> None:
+    """Show a grade word on the colour it has in every table and figure."""
+    st.html(
+        f'<span style="background: {GRADE_COLOURS[grade]}; color: #000; padding: 0.1rem 0.6rem; border-radius: 4px">'
+        f"{grade}</span>"
+    )
+
+
+def show_settings(config: StudyConfig, *, left_out: bool = False) -> None:
+    """Say under which settings the numbers came about, and what LF stands for where it is named."""
+    terms = f" {glossary.LF}" if "lf_tcn" in config.approaches else ""
+    group = left_out and config.leave_out == "speed group"
+    beside = " Every test at about the speed of a held-out test is left out with it." if group else ""
+    st.caption(
+        f"{config.preset.capitalize()} settings, seed {config.seed}, as chosen on the page Train.{beside}{terms}"
+    )
+
+
+def patience(config: StudyConfig, usually: str) -> str:
+    """How long a computation takes: as usual, unless the settings are the paper's."""
+    return usually if config.preset == "fast" else "With the paper's settings this takes many hours without a GPU."
+
+
+def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], unit: Unit) -> None:
+    """Show pulse metrics by column (the test, an approach), and why numbers are missing."""
+    st.subheader("Pulse metrics", help=glossary.TTZV)
+    st.table(page_tables.metrics(columns, unit), border="horizontal")
+    for sentence in missing_sentences(columns):
+        st.caption(plain(sentence))
+    st.caption("Shaded bands and brackets: central 95 % of the model's predictive distribution, where it has one.")
+
+
+def show_notes(predictions: Mapping[str, Prediction], said: Collection[str] = ()) -> None:
+    """List the approaches' remarks, each once with those who make it, without what the page has ``said`` already."""
+    makers: dict[str, list[str]] = {}
+    for name, prediction in predictions.items():
+        for note in prediction.notes:
+            if note not in said:
+                makers.setdefault(note, []).append(LABELS[name])
+    if makers:
+        st.subheader("Notes")
+        st.markdown("\n".join(f"- {', '.join(names)}: {plain(note)}" for note, names in makers.items()))
+
+
+def show_fits(estimates: Iterable[Estimate]) -> None:
+    """Tell how the fits went, folded away: few ask, but who asks needs it all."""
+    for estimate in estimates:
+        if sentences := fit_sentences(estimate.state):
+            with st.expander(f"How the fit went: {LABELS[estimate.approach].lower()}"):
+                st.markdown("\n\n".join(plain(sentence) for sentence in sentences))
+                if not (table := fit_table(estimate.state)).empty:
+                    st.table(table.style.hide(axis="index"), border="horizontal")

@@ -1,0 +1,53 @@
+"""Figures on a page: in its theme, with a text for those who can't see them, drawn once for all sessions."""
+
+from collections.abc import Callable, Hashable
+from typing import Any
+
+import plotly.graph_objects as go
+import streamlit as st
+
+from crashfuse.reporting.plots.canvas import darkened
+
+_CACHED = 200  # figures of up to half a megabyte
+_TOOLS = {
+    "displaylogo": False,
+    "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
+    "toImageButtonOptions": {"format": "svg", "filename": "crashfuse"},
+}
+
+
+def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:
+    """Show a figure with the tools of use on a curve; ``alt`` says what it shows."""
+    st.plotly_chart(_in_theme(figure), alt=alt, key=key, theme=None, config=_TOOLS)
+
+
+def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable) -> None:
+    """As :func:`show_figure`, but drawn once for all sessions; ``key`` is all that decides what is drawn."""
+    st.plotly_chart(_cached(key, st.context.theme.type == "dark", draw), alt=alt, theme=None, config=_TOOLS)
+
+
+def show_clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[str], None]) -> bool:
+    """Show a figure and tell ``on_click`` what its clicked mark stands for; returns whether one was clicked."""
+
+    def take() -> None:
+        for point in _points(st.session_state[key]):
+            on_click(point)
+
+    event = st.plotly_chart(
+        _in_theme(figure), alt=alt, key=key, theme=None, config=_TOOLS, on_select=take, selection_mode="points"
+    )
+    return bool(_points(event))
+
+
+def _points(event: Any) -> list[str]:  # noqa: ANN401 - Streamlit gives it two forms
+    return [str(point["customdata"]) for point in event["selection"]["points"] if point.get("customdata")]
+
+
+def _in_theme(figure: go.Figure) -> go.Figure:
+    return darkened(figure) if st.context.theme.type == "dark" else figure
+
+
+@st.cache_resource(max_entries=_CACHED, show_spinner=False)
+def _cached(key: tuple[Hashable, ...], dark: bool, _draw: Callable[[], go.Figure]) -> go.Figure:  # noqa: ARG001
+    figure = _draw()
+    return darkened(figure) if dark else figure

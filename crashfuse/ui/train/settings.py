@@ -1,0 +1,57 @@
+"""How approaches are fitted: which of them, the preset, seed and device; other pages take the same settings."""
+
+import streamlit as st
+import torch
+
+from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.approaches.settings import DEVICES
+from crashfuse.reporting import glossary
+from crashfuse.study.config import StudyConfig
+from crashfuse.ui.computation import chosen_config
+
+
+def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
+    """Ask for the settings, with what is left out beside a test where tests are; whether an approach is chosen."""
+    chosen = st.pills(
+        "Approaches", APPROACHES, selection_mode="multi", default=APPROACHES, format_func=LABELS.__getitem__,
+        key="approaches", persist_state="session",
+    )  # fmt: skip
+    st.caption(f"{glossary.LF} {glossary.TIME_DOMAIN}")
+    left, right = st.columns(2, gap="large")
+    left.radio(
+        "Settings",
+        ["fast", "paper"],
+        captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023), for comparison."],
+        format_func={"fast": "Fast", "paper": "Paper"}.__getitem__,
+        key="preset",
+        persist_state="session",
+    )
+    with right.expander("Advanced", icon=":material/tune:"):
+        st.number_input(
+            "Seed", min_value=0, max_value=2**31 - 1, value=0, step=1, key="seed", persist_state="session",
+            help="Of all random numbers. The same seed gives the same results.",
+        )  # fmt: skip
+        if leaving_out:
+            st.radio(
+                "Leave out with a test",
+                ["test", "speed group"],
+                format_func={"test": "Nothing else", "speed group": "All tests at about its speed"}.__getitem__,
+                key="leave_out",
+                persist_state="session",
+                help="Without any test at about its speed the prediction is a step to a new speed: the harder "
+                "question. Tests less than 2 mph apart are at about one speed.",
+            )
+        st.radio(
+            "Networks are trained on",
+            DEVICES if torch.cuda.is_available() else ("auto", "cpu"),
+            format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
+            key="device",
+            persist_state="session",
+            help="GPU means CUDA. Results of different devices differ in their last digits.",
+        )
+    config = chosen_config()
+    if config.preset == "paper":
+        st.warning(
+            "The paper's settings take many hours without a GPU. You can cancel at any time.", icon=":material/timer:"
+        )
+    return config, bool(chosen)

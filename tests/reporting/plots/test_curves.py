@@ -1,0 +1,48 @@
+"""Curves that figures share: bands lie under all lines, names and colours are those of the approaches."""
+
+import numpy as np
+
+from crashfuse.campaign import Campaign
+from crashfuse.reporting.plots.canvas import add_band, new_figure
+from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, draw_curves
+from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
+
+X = np.array([0.0, 1.0])
+
+
+def test_bands_are_drawn_before_all_lines_and_the_test_last() -> None:
+    """Else the band of one approach would cover the line of another."""
+    figure = new_figure(300)
+    curves = {
+        "cae": Curve(X, X),
+        "fused": Curve(X, X, (X, X - 1, X + 1), remark=", RMS 1.0 g"),
+        TEST: Curve(X, 2 * X),
+    }
+    draw_curves(figure, curves, yaxis="y2", showlegend=False)
+    band, cae, fused, test = figure.data
+    assert band.fill == "toself"
+    assert not band.showlegend
+    assert [trace.name for trace in (cae, fused, test)] == ["CAE", "Fused (95 % band), RMS 1.0 g", "Test"]
+    assert [trace.line.color for trace in (cae, fused, test)] == [COLOURS["cae"], COLOURS["fused"], MEASURED_COLOUR]
+    assert {trace.yaxis for trace in figure.data} == {"y2"}
+    assert test.legendrank < cae.legendrank < fused.legendrank
+
+
+def test_a_band_of_many_points_keeps_both_ends_and_a_few_between() -> None:
+    """1,250 samples become some 300, with the first and the last among them."""
+    figure = new_figure(300)
+    x = np.arange(1250.0)
+    add_band(figure, x, x - 1, x + 1, colour="#000000")
+    (band,) = figure.data
+    n = len(band.x) // 2
+    assert 300 < n < 330
+    assert (band.x[0], band.x[n - 1]) == (0, 1249)
+    np.testing.assert_array_equal(band.y[n:][::-1] - band.y[:n], 2)
+
+
+def test_tests_come_by_rising_speed_and_one_is_thick(campaign: Campaign) -> None:
+    """The held-out test says that it is."""
+    styles = [(test.id, style["line"]["width"], style["name"]) for test, style in by_speed(campaign.tests[::-1], "T2")]
+    assert [test_id for test_id, _, _ in styles] == ["T1", "T2", "T3", "T4"]
+    assert [width for _, width, _ in styles] == [1.7, 4, 1.7, 1.7]
+    assert styles[1][2] == "T2 · 25.0 mph (held out)"
