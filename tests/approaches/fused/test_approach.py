@@ -51,6 +51,15 @@ def test_the_reason_is_a_sentence_with_the_weights(campaign: Campaign, fused: Fu
     assert len(fused.calibration_.tests) == 3
 
 
+def test_what_several_of_its_parts_note_is_said_once(campaign: Campaign, fused: Fused) -> None:
+    """Its own reason first, then that the vehicle is heavier than any CAE run, which both approaches note."""
+    base = campaign.test("T3").condition
+    notes = fused.predict(replace(base, front_weight_kg=1.2 * base.front_weight_kg)).notes
+    assert notes[0].startswith("Nearest test")
+    assert sum("Extrapolation" in note for note in notes) == 1
+    assert len(set(notes)) == len(notes)
+
+
 def test_the_band_holds_draws_of_its_components_by_their_weights(campaign: Campaign, fused: Fused) -> None:
     """Each drawn pulse is a component's own but for the band's factor, in proportion; the held-out test lies inside."""
     test = campaign.test("T3")
