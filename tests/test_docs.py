@@ -176,6 +176,7 @@ def test_every_page_is_built_and_every_link_leads_somewhere(site: Path) -> None:
     assert dead == []
 
 
+@pytest.mark.slow
 def test_a_reader_fetches_nothing_from_elsewhere(site: Path) -> None:
     """No font, script, style or picture of another server: not by a page, a style or a script."""
     fetched = {value for path in site.rglob("*.html") for value in _Page(path).fetched}

@@ -84,6 +84,7 @@ def test_a_new_approach_keeps_the_contract_and_is_studied(
     assert "\nScaled CAE  " in run(program, "-m", "crashfuse", *study, "--approach", "cae", "scaled_cae")
 
 
+@pytest.mark.slow
 def test_a_new_format_is_recognised_and_imported(program: Path, tmp_path: Path) -> None:
     """By its name; the rest is detected as in any format."""
     time_s = np.arange(1200) * 1e-4
@@ -108,6 +109,7 @@ def test_a_new_metric_is_read_off_every_pulse(program: Path) -> None:
     assert run(program, "-c", code) == "300.0 [300.0, 300.0] mm Crush at 20 ms\n"
 
 
+@pytest.mark.slow
 def test_a_new_figure_draws_what_it_is_given(program: Path) -> None:
     """A curve for each test, over ms."""
     code = """if True:

@@ -72,6 +72,7 @@ def test_it_predicts_a_whole_finite_pulse_the_same_each_time(
     assert same(prediction, fits[name].predict(condition))
 
 
+@pytest.mark.slow
 def test_a_refit_forgets_and_a_held_out_pulse_changes_nothing(
     name: str, campaign: Campaign, fits: dict[str, Approach]
 ) -> None:
@@ -85,6 +86,7 @@ def test_a_refit_forgets_and_a_held_out_pulse_changes_nothing(
     assert same(approach.predict(test.condition), fits[name].predict(test.condition))
 
 
+@pytest.mark.slow
 def test_its_fitted_state_predicts_the_same_bits(name: str, campaign: Campaign, fits: dict[str, Approach]) -> None:
     """What it learned goes through JSON and arrays; so does what it says of its fit and of tests left out."""
     rest, condition = campaign.without([HELD_OUT]), campaign.test(HELD_OUT).condition
@@ -127,6 +129,7 @@ def test_a_fit_that_is_cancelled_ends_at_its_next_report(name: str, campaign: Ca
         create(name, Settings()).fit(campaign, Watch(cancel=cancel))
 
 
+@pytest.mark.slow
 def test_without_tests_it_fits_or_says_that_it_needs_some(name: str, campaign: Campaign) -> None:
     """What learns from tests says so; what does not is as good without."""
     bare, condition = campaign.without(campaign.test_ids), campaign.tests[0].condition
@@ -138,6 +141,7 @@ def test_without_tests_it_fits_or_says_that_it_needs_some(name: str, campaign: C
         assert same(approach.fit(bare).predict(condition), create(name, Settings()).fit(campaign).predict(condition))
 
 
+@pytest.mark.slow
 def test_of_too_few_cae_runs_it_says_so(name: str, campaign: Campaign) -> None:
     """None is too few for all; one is enough, or it is said in a sentence."""
     with pytest.raises(CrashfuseError, match=r"CAE runs"):

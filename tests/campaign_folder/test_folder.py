@@ -99,6 +99,7 @@ def test_every_form_of_the_folder_gives_the_same_campaign(
     assert_same(load_campaign(campaign_folder), before)
 
 
+@pytest.mark.slow
 def test_runs_cut_by_a_batch_are_joined(campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A batch that ends within a run changes nothing."""
     before = load_campaign(campaign_folder)

@@ -123,6 +123,7 @@ def test_the_report_needs_no_network(study_folder: Path) -> None:
     assert "Maximum dynamic crush (mm)" in text
 
 
+@pytest.mark.slow
 def test_resuming_takes_the_settings_that_were_recorded(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -300,6 +301,7 @@ def test_a_reader_that_has_seen_enough_is_no_error(campaign_on_disk: Path) -> No
     assert (ended.returncode, ended.stderr) == (cli.CUT_OFF, b"")
 
 
+@pytest.mark.slow
 def test_predict_writes_pulses_metrics_and_report(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -478,6 +480,7 @@ def test_saved_models_predict_without_learning_again(
     assert record["config"]["preset"] == "fast"
 
 
+@pytest.mark.slow
 def test_what_saved_models_cannot_be_combined_with_is_said(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -519,6 +522,7 @@ def test_the_device_is_recorded(campaign_on_disk: Path, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "study.json").read_text())["config"]["device"] == "cpu"
 
 
+@pytest.mark.slow
 def test_a_whole_study_leaves_speed_groups_out_too(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -572,6 +576,7 @@ def test_a_series_of_studies_gives_what_each_gives_alone(
     assert (row["mean"], row["least"]) == pytest.approx((own.mean(), own.min()), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_series_loads_each_campaign_once_and_checks_each_study_once(
     campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -637,6 +642,7 @@ def test_a_series_goes_on_where_it_was_and_says_first_what_is_impossible(
     assert "holds a series of studies" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_sweep_writes_metrics_over_speed_with_the_tests_beside(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -43,6 +43,7 @@ def figures(text: str) -> int:
     return len(re.findall('class="plotly-graph-div"', text))
 
 
+@pytest.mark.slow
 def test_a_study_has_its_figures_and_two_for_each_held_out_test(text: str) -> None:
     """Heat map, spread of the ratings, calibration, bias by speed; motion, and the same over displacement."""
     assert figures(text) == 4 + 2 * 2
@@ -83,6 +84,7 @@ def test_a_study_names_the_command_that_makes_it_again(text: str, campaign: Camp
     assert campaign.fingerprint in text
 
 
+@pytest.mark.slow
 def test_the_best_rating_of_each_window_is_bold(study: Study) -> None:
     """As it is shown, to three digits; names stand before the numbers."""
     config = StudyConfig(approaches=("cae", "fused"), windows_ms=(20.0, 60.0))

@@ -34,6 +34,7 @@ def test_an_impossible_speed_is_refused(campaign: Campaign, speed_mps: float, sa
 
 @pytest.mark.parametrize("approach", APPROACHES)
 @pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.slow
 def test_far_beyond_the_library_the_vehicle_still_stops(campaign: Campaign, approach: str, factor: float) -> None:
     """At half and twice the weights every approach predicts a crash, and flags the extrapolation."""
     base = campaign.tests[1].condition
@@ -58,6 +59,7 @@ def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: 
     assert len(draws) == 20
 
 
+@pytest.mark.slow
 def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(
     campaign: Campaign, fitting_is_an_error: Callable[[], None]
 ) -> None:

@@ -22,7 +22,7 @@ from crashfuse.study.estimate import Fit
 from crashfuse.study.saved_models import load_model, save_model
 from crashfuse.units import LB, MPH
 
-pytestmark = pytest.mark.usefixtures("quick_networks")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_networks")]
 
 NEW = Condition(22 * MPH, 2060 * LB, 1520 * LB)
 
@@ -180,7 +180,6 @@ def test_an_unfitted_approach_cannot_be_saved(campaign: Campaign, tmp_path: Path
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
 def test_a_model_of_one_process_is_read_by_another(campaign_on_disk: Path, tmp_path: Path) -> None:
     """Trained and used by two calls of the command line: CAE and displacement domain, the same numbers each time."""
     condition = ["--speed-mph", "22", "--front-weight-lb", "2060", "--rear-weight-lb", "1520"]

@@ -135,6 +135,7 @@ def _count_fits(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return fits
 
 
+@pytest.mark.slow
 def test_a_second_run_is_answered_from_the_cache(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same study again fits nothing and gives the same bits."""
     fits = _count_fits(monkeypatch)
@@ -151,6 +152,7 @@ def test_a_second_run_is_answered_from_the_cache(campaign: Campaign, monkeypatch
     assert a.prediction.notes == b.prediction.notes
 
 
+@pytest.mark.slow
 def test_the_cache_is_searched_once_for_each_prediction(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -130,6 +130,7 @@ def test_a_standing_vehicle_feels_nothing(vehicle: Vehicle) -> None:
 
 
 @MODELS
+@pytest.mark.slow
 def test_a_finer_time_step_changes_nothing(vehicle: Vehicle) -> None:
     """With four times as many steps the speed differs by less than 0.5 % of the impact speed at any time."""
     coarse, fine = (simulate(vehicle, CONDITIONS, steps_per_sample=steps).accel_mps2 for steps in (2, 8))
@@ -254,6 +255,7 @@ def test_the_folder_holds_the_campaign(sample: Campaign, written: Path) -> None:
         np.testing.assert_allclose(test.pulse.accel_mps2, expected.pulse.accel_mps2, rtol=0, atol=1e-4 * G)
 
 
+@pytest.mark.slow
 def test_the_shipped_sample_is_what_the_generator_writes(written: Path) -> None:
     """sample_data/ has the same files, tables and pulses as a fresh sample, and at most 6 MB."""
     names = {file.relative_to(written) for file in written.rglob("*")}

@@ -31,6 +31,7 @@ def rated(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return rated
 
 
+@pytest.mark.slow
 def test_a_fold_that_was_computed_for_one_list_of_tests_serves_another(campaign: Campaign, rated: list[str]) -> None:
     """What Train computed Compare finds at once; a longer list computes only what it has more."""
     trained = StudyRequest(campaign, ("T1", "T2"), CONFIG)

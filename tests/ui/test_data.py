@@ -190,6 +190,7 @@ def test_the_files_of_a_campaign_are_opened_together(visit: Visit, campaign_fold
     assert not session.app.file_uploader[0].value
 
 
+@pytest.mark.slow
 def test_a_bad_upload_is_refused_row_by_row_and_not_kept(visit: Visit, campaign_folder: Path) -> None:
     """Two cells that are no number in one file, by their rows, and another file that is missing."""
     pulse = campaign_folder / "tests" / "T3.csv"
@@ -240,6 +241,7 @@ def test_nothing_dropped_or_all_too_large_is_said(visit: Visit) -> None:
     assert kept() == []
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_a_sentence(visit: Visit, campaign_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The page says so, and nothing half-written stays."""
 

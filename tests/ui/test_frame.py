@@ -43,6 +43,7 @@ def test_choices_hold_on_every_page(visit: Visit) -> None:
         assert sidebar.button_group(key="sign").value == "Deceleration"
 
 
+@pytest.mark.slow
 def test_an_address_reproduces_the_view(visit: Visit, campaign_folder: Path) -> None:
     """A folder that is open on the server by its name, the test, the window, the unit, the sign."""
     campaigns.open_folder(campaign_folder)

@@ -102,6 +102,7 @@ def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -
     assert field(session, "Campaign folder").value == str(tmp_path / "nova")
 
 
+@pytest.mark.slow
 def test_an_isomme_zip_says_what_it_lacks(visit: Visit, tmp_path: Path) -> None:
     """It knows the mass alone; the front axle's share completes it."""
     session = drop(visit(), m_zip=zipped(isomme("M1")))
@@ -147,6 +148,7 @@ def test_lsdyna_runs_become_cae_runs(visit: Visit, tmp_path: Path) -> None:
     assert added(tmp_path / "c") == ["r0", "r1", "r2"]
 
 
+@pytest.mark.slow
 def test_a_workbook_is_a_table(visit: Visit, tmp_path: Path) -> None:
     """One sheet with pulses, one with conditions, joined by the id."""
     book = Workbook()
@@ -170,6 +172,7 @@ def test_a_workbook_is_a_table(visit: Visit, tmp_path: Path) -> None:
 # --- overruling ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_columns_without_names_are_mapped(visit: Visit, tmp_path: Path) -> None:
     """Time, unit and acceleration are said by the user; the preview follows."""
     time_s = clock()
@@ -451,6 +454,7 @@ def test_a_folder_of_foreign_files_is_imported_from_where_it_is(visit: Visit, tm
         ("x_zip", zipped({"x.mme": b"0" * 5_000_000})),
     ],
 )
+@pytest.mark.slow
 def test_bad_files_are_said_and_leave_nothing(visit: Visit, name: str, content: bytes) -> None:
     """No traceback, nothing to add, and the way back leaves no file."""
     session = drop(visit(), **{name: content})

@@ -208,6 +208,7 @@ def test_a_second_session_joins_the_job_of_the_first(gate: threading.Event) -> N
 
 
 @pytest.mark.usefixtures("open_campaign", "nothing_cached")
+@pytest.mark.slow
 def test_a_failed_training_shows_its_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     """And it can be started again."""
 
@@ -244,6 +245,7 @@ def test_the_settings_reach_the_study_and_hold_on_other_pages(monkeypatch: pytes
     assert len(asked) == 1
 
 
+@pytest.mark.slow
 def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
     open_campaign: Path, tmp_path: Path, fitting_is_an_error: Callable[[], None]
 ) -> None:
@@ -271,6 +273,7 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_nothing_can_be_started_without_a_test_or_an_approach() -> None:
     """The button waits until both are chosen."""
     app = start("train")
@@ -353,6 +356,7 @@ def test_compare_shows_five_figures_over_displacement() -> None:
     assert app.button_group(key="over displacement").value == "Check of the integration"
 
 
+@pytest.mark.slow
 def test_the_parts_on_the_page_do_not_change_with_the_held_out_pulse(campaign: Campaign) -> None:
     """It is drawn, and that is all: the parts stay the same to the bit."""
     test = campaign.test("T2")
@@ -453,6 +457,7 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
 
 @pytest.mark.usefixtures("open_campaign")
 @pytest.mark.parametrize("page", PAGES)
+@pytest.mark.slow
 def test_every_page_says_that_the_held_out_test_lies_outside_the_cae_runs(
     page: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -489,6 +494,7 @@ class Quick(Approach):
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: pytest.MonkeyPatch) -> None:
     """Once fitted, another speed is answered without fitting again."""
     fits: list[str] = []
@@ -550,6 +556,7 @@ def test_without_an_approach_the_other_pages_take_all(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
 def test_what_cannot_be_computed_is_told_by_its_job(monkeypatch: pytest.MonkeyPatch) -> None:
     """A device that has gone since it was chosen: each page opens, and the job says what is wrong."""
 

@@ -71,6 +71,7 @@ def test_a_perfect_cae_model_is_left_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("held_out", ["T3", "T6"])
+@pytest.mark.slow
 def test_a_known_bias_is_recovered(held_out: str) -> None:
     """A vehicle with a bias over displacement is predicted at a held-out speed, where the CAE model is poor."""
     campaign = made_up(bias())
@@ -145,6 +146,7 @@ def test_notes_tell_where_the_cae_pulse_comes_from(campaign: Campaign) -> None:
     assert notes[1].startswith("Extrapolation: speed")
 
 
+@pytest.mark.slow
 def test_one_test_is_a_fallback_that_is_said() -> None:
     """One test corrects the CAE model too, with a band from prior knowledge alone."""
     campaign = made_up(bias())
@@ -155,6 +157,7 @@ def test_one_test_is_a_fallback_that_is_said() -> None:
     assert np.isfinite(prediction.accel_mps2).all()
 
 
+@pytest.mark.slow
 def test_two_tests_and_tests_at_the_same_condition_work() -> None:
     """Repeats are no trouble: what they differ in is their own."""
     campaign = made_up(bias())
@@ -188,6 +191,7 @@ def test_more_tests_have_fewer_points_each() -> None:
         assert max(test.displacement_m.size for test in points) <= most + 1
 
 
+@pytest.mark.slow
 def test_the_paper_preset_runs_and_tells_how_its_fit_went() -> None:
     """Table 4: 75 points for each projection of each test, 10 restarts; here with fewer, to be quick."""
     assert DisplacementConfig.paper() == DisplacementConfig(bias="table 4", projected_points=75, restarts=10)
@@ -202,6 +206,7 @@ def test_the_paper_preset_runs_and_tells_how_its_fit_went() -> None:
     json.dumps(model.state)
 
 
+@pytest.mark.slow
 def test_progress_is_reported_and_the_state_is_plain_json(campaign: Campaign) -> None:
     """The emulator, the bias model and the check of the band each begin, in this order."""
     seen: list[Progress] = []

@@ -18,6 +18,8 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 
+pytestmark = pytest.mark.slow
+
 SMALL = TcnConfig(channels=12, epochs=1, min_steps=150, members=2)
 BY_ADAM = replace(SMALL, tuning="gradient", members=1, tuning_steps=150, tuning_rate=3e-3)
 
@@ -100,7 +102,6 @@ def test_the_state_says_what_was_chosen(mf: TimeDomain) -> None:
     assert mf.state["members"] == 2
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits(campaign: Campaign, mf: TimeDomain) -> None:
     """Mean and draws, whatever the caller's random state."""
     torch.manual_seed(77)
@@ -112,7 +113,6 @@ def test_the_same_seed_gives_the_same_bits(campaign: Campaign, mf: TimeDomain) -
     assert first.draws_mps2.tobytes() == again.draws_mps2.tobytes()
 
 
-@pytest.mark.slow
 def test_one_test_is_enough_to_predict_from(campaign: Campaign) -> None:
     """Then nothing can be chosen or left out, but there is a finite pulse and a band."""
     single = campaign.without(["T1", "T3", "T4"])
@@ -122,7 +122,6 @@ def test_one_test_is_enough_to_predict_from(campaign: Campaign) -> None:
     assert np.isfinite(prediction.draws_mps2).all()
 
 
-@pytest.mark.slow
 def test_what_the_lf_tcn_prepared_is_all_that_is_trained_on_cae_runs(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -137,7 +136,6 @@ def test_what_the_lf_tcn_prepared_is_all_that_is_trained_on_cae_runs(
     TimeDomain(quick, cache=Cache()).fit(campaign)
 
 
-@pytest.mark.slow
 def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -> None:
     """A test that was trained on is met far better than by the LF network."""
     mf = TimeDomain(BY_ADAM).fit(campaign)
@@ -146,7 +144,6 @@ def test_adam_moves_the_prediction_to_the_tests(campaign: Campaign, lf: LfTcn) -
         assert _error(mf.predict(test.condition).accel_mps2, test.pulse.accel_mps2) < 0.4 * before
 
 
-@pytest.mark.slow
 def test_an_infinite_penalty_keeps_the_lf_network(campaign: Campaign) -> None:
     """λ → ∞ leaves no increments: at the same rate, where λ = 0 moves the pulse by far, θ_MF = θ_LF to rounding."""
     condition = campaign.tests[0].condition
@@ -178,7 +175,6 @@ def test_a_training_that_is_cancelled_ends_at_its_next_report(campaign: Campaign
         TimeDomain(replace(config, epochs=5, min_steps=0)).fit(campaign, Watch(stop, cancel))
 
 
-@pytest.mark.slow
 def test_progress_carries_the_losses(campaign: Campaign) -> None:
     """The learning curve can be drawn while it grows."""
     reports: list[Progress] = []
@@ -189,7 +185,6 @@ def test_progress_carries_the_losses(campaign: Campaign) -> None:
     assert reports[-1].fraction == 1.0
 
 
-@pytest.mark.slow
 def test_the_papers_network_takes_a_few_steps(campaign: Campaign) -> None:
     """Table 2 trains and fine-tunes on a small campaign, on a GPU where there is one, and gives 1250 finite samples."""
     paper = replace(TcnConfig.paper(), epochs=1, batch=2, tuning_steps=3, tuning_rate=3e-6)

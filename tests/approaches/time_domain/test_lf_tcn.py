@@ -16,6 +16,8 @@ from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import LB, MPH
 
+pytestmark = pytest.mark.slow
+
 SMALL = TcnConfig(channels=12, epochs=1, min_steps=250, members=2)
 
 
@@ -30,7 +32,6 @@ def _error(predicted: FloatArray, true: FloatArray) -> float:
     return float(np.sqrt(np.mean((predicted - true) ** 2) / np.mean(true**2)))
 
 
-@pytest.mark.slow
 def test_the_lf_network_learns_the_cae_runs(campaign: Campaign, lf: LfTcn) -> None:
     """Its loss falls to a hundredth, and it gives the CAE pulses back to within 15 % at the tests' conditions."""
     assert lf.losses_.shape[0] == 2
@@ -41,7 +42,6 @@ def test_the_lf_network_learns_the_cae_runs(campaign: Campaign, lf: LfTcn) -> No
     assert max(errors) < 0.15
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: Campaign, lf: LfTcn) -> None:
     """Deterministic on a CPU, whatever the caller's random state."""
     torch.manual_seed(77)
@@ -52,7 +52,6 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(campaign: C
     assert np.abs(other.predict(condition).accel_mps2 - lf.predict(condition).accel_mps2).max() > 0
 
 
-@pytest.mark.slow
 def test_a_kept_network_is_not_trained_again(campaign: Campaign, lf: LfTcn, monkeypatch: pytest.MonkeyPatch) -> None:
     """The second fit takes network, scaling and learning curve from the cache, however it is fine-tuned later."""
     LfTcn(SMALL, cache=Cache()).fit(campaign)

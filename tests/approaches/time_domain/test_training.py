@@ -76,6 +76,7 @@ def test_a_training_that_was_killed_goes_on_from_its_last_checkpoint(campaign: C
 
 
 @pytest.mark.usefixtures("every_step")
+@pytest.mark.slow
 def test_a_fine_tuning_that_was_killed_goes_on_as_well(campaign: Campaign) -> None:
     """The tests' own training by Adam has its own checkpoint."""
     undisturbed = TimeDomain(BY_ADAM).fit(campaign)
@@ -116,6 +117,7 @@ def test_other_data_or_another_seed_does_not_take_the_checkpoint(campaign: Campa
     assert reports[0].done == 0
 
 
+@pytest.mark.slow
 def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
     """One flipped byte, and the training begins anew."""
     _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
@@ -149,6 +151,7 @@ def test_members_train_as_they_would_alone() -> None:
         assert other[0].abs().max() == 0
 
 
+@pytest.mark.slow
 def test_progress_is_told_within_an_epoch(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     """An epoch of the paper's network takes minutes on a CPU: nobody waits that long for Cancel."""
     monkeypatch.setattr(training, "_REPORT_S", 0.0)

@@ -85,6 +85,7 @@ def test_the_held_out_test_has_a_ring(campaign: Campaign) -> None:
     assert not traces(condition_space(campaign.cae, campaign.tests), "held out")
 
 
+@pytest.mark.slow
 def test_a_large_library_is_thinned_but_counted_whole(campaign: Campaign) -> None:
     """30,000 points would only slow the browser down; the range stays that of all runs."""
     vectors = np.random.default_rng(0).uniform([0, 900, 600], [16, 1000, 800], (30_000, 3))
