@@ -86,7 +86,6 @@ def test_a_refit_forgets_and_a_held_out_pulse_changes_nothing(
     assert same(approach.predict(test.condition), fits[name].predict(test.condition))
 
 
-@pytest.mark.slow
 def test_its_fitted_state_predicts_the_same_bits(name: str, campaign: Campaign, fits: dict[str, Approach]) -> None:
     """What it learned goes through JSON and arrays; so does what it says of its fit and of tests left out."""
     rest, condition = campaign.without([HELD_OUT]), campaign.test(HELD_OUT).condition

@@ -36,7 +36,6 @@ def content_of(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.parametrize("role", ["tests", "cae"])
 @pytest.mark.parametrize("form", ["files", "parquet", "csv"])
-@pytest.mark.slow
 def test_a_pulse_is_added_where_the_others_are(campaign_folder: Path, role: str, form: str) -> None:
     """In any form of a role, in the table's own units; the rest of the campaign stays as it was."""
     _reshape(campaign_folder, role, form)

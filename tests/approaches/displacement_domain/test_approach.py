@@ -71,7 +71,6 @@ def test_a_perfect_cae_model_is_left_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("held_out", ["T3", "T6"])
-@pytest.mark.slow
 def test_a_known_bias_is_recovered(held_out: str) -> None:
     """A vehicle with a bias over displacement is predicted at a held-out speed, where the CAE model is poor."""
     campaign = made_up(bias())
