@@ -45,8 +45,6 @@ def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> 
     ----------
     folder : Path
         A campaign folder, or one that does not exist or is empty.
-    role : {"tests", "cae"}
-    additions : sequence of Addition
 
     Raises
     ------

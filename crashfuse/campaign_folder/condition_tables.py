@@ -40,18 +40,8 @@ class ConditionTable:
 def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
     """Read a condition table, converting units by the endings of the column names.
 
-    Parameters
-    ----------
-    path : Path
-    standstill_allowed : bool
-        Whether a speed of 0 is a valid condition (a CAE run may start there, a test may not).
-    problems : list of Problem
-        What is wrong is appended here.
-
-    Returns
-    -------
-    ConditionTable or None
-        None if the table cannot be used.
+    What is wrong is appended to ``problems``; None if the table cannot be used. A speed of 0 may be allowed: a CAE run
+    may start at rest, a test may not.
     """
     before = len(problems)
     frame = _read_text(path, problems)
@@ -96,13 +86,7 @@ def sound_ids(path: Path) -> tuple[str, ...]:
 
 
 def read_candidates(path: Path) -> tuple[Condition, ...]:
-    """Read conditions that could be tested, from a table of the form of ``tests.csv``.
-
-    Raises
-    ------
-    DataError
-        With every problem of the table.
-    """
+    """Read conditions that could be tested, from a table of the form of ``tests.csv``; raise all that is wrong."""
     problems: list[Problem] = []
     table = read_conditions(path, standstill_allowed=False, problems=problems)
     if table is None or problems:

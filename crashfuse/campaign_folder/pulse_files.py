@@ -27,12 +27,7 @@ _MOST_STRANGERS = 3  # named
 class PulseFiles:
     """All pulses of ``tests`` or ``cae`` of a campaign folder, on their way to the study grid.
 
-    Parameters
-    ----------
-    folder : Path
-    role : {"tests", "cae"}
-    channel_filter_class : float or None
-        CFC to filter the whole record with, before it is cropped to the grid.
+    With a channel filter class, whole records are filtered before they are cropped to the grid.
     """
 
     folder: Path

@@ -55,13 +55,7 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
 
 
 def own_filter_class(folder: Path) -> float | None:
-    """The class with which a campaign filters all its records when it is read; None if it does not.
-
-    Raises
-    ------
-    DataError
-        If its ``campaign.toml`` is unsound.
-    """
+    """The class with which a campaign filters all its records when it is read; None if it does not."""
     problems: list[Problem] = []
     settings = read_settings(folder, problems, [])
     if problems:

@@ -18,17 +18,9 @@ from crashfuse.units import ACCELERATION, TIME
 
 
 def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
-    """Add pulses to ``<role>_pulses.parquet`` or ``.csv``.
+    """Add pulses to ``<role>_pulses.parquet`` or ``.csv``; where that fails, the table stays as it was.
 
-    Rows of the same ids, left by an import that was cut short, are replaced. The table is written anew beside itself
-    and then takes its own place.
-
-    Raises
-    ------
-    DataError
-        If the table lacks a column, or its ids are not text and these do not fit.
-    OSError
-        If it cannot be written; it is as it was then.
+    Rows of the same ids, left by an import that was cut short, are replaced. A DataError says what the table lacks.
     """
     with _replacing(path) as temporary:
         try:

@@ -44,20 +44,13 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
         ``campaign.toml``, ``<id>.csv`` … A pulse that lies beside the tables belongs to the one that has its id; where
         both have it, to the one without a table of pulses. Notes (``.md``, ``.txt``) are passed over.
     into : Path
-        An existing folder, which is the caller's to delete; a folder named after the campaign is made in it.
-    limits : Limits
-
-    Returns
-    -------
-    Path
-        The campaign folder; nobody has checked its numbers yet.
+        An existing folder, which is the caller's to delete; a folder named after the campaign is made in it, and
+        returned. Nobody has checked its numbers yet.
 
     Raises
     ------
     DataError
         If anything in the uploads is not of a campaign or beyond the limits; nothing is left in ``into``.
-    OSError
-        If ``into`` cannot be written.
     """
     members, name = _opened(uploads, limits)
     root = _root(members, name)
@@ -101,13 +94,7 @@ def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
 
 
 def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
-    """List the files of a zip in memory as :func:`zip_members` does.
-
-    Raises
-    ------
-    DataError
-        As there.
-    """
+    """List the files of a zip in memory as :func:`zip_members` does."""
     if (found := content.count(_ENTRY)) > limits.members:  # before a directory of millions is read
         raise too_many(name, found, limits)
     return zip_members(io.BytesIO(content), name, limits)

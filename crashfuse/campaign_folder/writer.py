@@ -31,12 +31,6 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
     ``cae_pulses.parquet``. Pulses that were filtered when they were read are written filtered; ``filtered_with`` in
     ``campaign.toml`` says so, and nobody filters them again.
 
-    Parameters
-    ----------
-    campaign : Campaign
-    folder : Path
-        Must not exist, or be empty.
-
     Raises
     ------
     DataError

@@ -73,13 +73,7 @@ class Budget:
         self._by_ratio = max(limits.ratio * packed, _HARMLESS)
 
     def spend(self, count: int, member_bytes: int, where: str) -> None:
-        """Count a chunk of a member that has now reached ``member_bytes``.
-
-        Raises
-        ------
-        DataError
-            If that is more than the limits allow.
-        """
+        """Count a chunk of a member that has now reached ``member_bytes``; raise a DataError beyond the limits."""
         self.total += count
         limits = self.limits
         if self.total > self._by_ratio:
@@ -101,13 +95,7 @@ class Member:
     opened: Callable[[], IO[bytes]]
 
     def chunks(self, budget: Budget) -> Iterator[bytes]:
-        """Yield its content, unpacked, in pieces of at most 1 MiB.
-
-        Raises
-        ------
-        DataError
-            If it is damaged or too large.
-        """
+        """Yield its content, unpacked, in pieces of at most 1 MiB; raise a DataError if it is damaged or too large."""
         size = 0
         try:
             with self.opened() as stream:
@@ -122,13 +110,7 @@ class Member:
 def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
     """List the files of a zip, without folders and what systems leave behind (``__MACOSX``, ``.DS_Store``).
 
-    Parameters
-    ----------
-    stream : binary file
-        Stays in use by the members.
-    name : str
-        What messages call the archive.
-    limits : Limits
+    The stream stays in use by the members.
 
     Raises
     ------

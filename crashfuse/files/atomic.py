@@ -18,13 +18,7 @@ _LONG_S = 3600.0  # no write takes that
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write to a temporary name in the same folder, then rename: readers see the old file or the new one.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be made or written; nothing is left behind.
-    """
+    """Write to a temporary name in the same folder, then rename: readers see the old file or the new one."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = _unfinished(path.parent)
     try:
@@ -40,25 +34,10 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 @contextmanager
 def written_together(folder: Path, last: str) -> Iterator[Path]:
-    """Write a set of files: all of them move to their folder once each is whole, or none does.
+    """A folder to write a set of files into: all of them move to ``folder`` once each is whole, or none does.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the files belong.
-    last : str
-        The file that moves last. As long as it does not tell of the others, they are not all there: should the
-        machine stop between two moves, that shows.
-
-    Yields
-    ------
-    Path
-        Where to write them.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be made or written.
+    The file named ``last`` moves last. As long as it does not tell of the others, they are not all there: should the
+    machine stop between two moves, that shows.
     """
     folder.mkdir(parents=True, exist_ok=True)
     staging = _unfinished(folder)

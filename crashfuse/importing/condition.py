@@ -26,15 +26,12 @@ def complete_condition(
     standstill: bool,
     also_missing: Sequence[Problem] = (),
 ) -> Condition:
-    """Complete what a record says of its condition.
+    """Complete what a record says of its condition by what the user gives, which overrules it.
+
+    A mass without axle weights keeps the record's share of the front axle, unless one is given.
 
     Parameters
     ----------
-    record : Record
-    given : PartialCondition
-        By the user; it overrules the record. A mass without axle weights keeps the record's share of the front axle.
-    front_share : float or None
-        Share of the mass on the front axle, by the user.
     steps : list of str
         What was done is appended.
     standstill : bool

@@ -23,13 +23,7 @@ class ColumnChoice:
 
     @classmethod
     def parsed(cls, text: str) -> "ColumnChoice":
-        """Read ``COLUMN=ROLE`` or ``COLUMN=ROLE:UNIT``, as in ``Zeit=time:ms``.
-
-        Raises
-        ------
-        UsageError
-            If the text is not of this form.
-        """
+        """Read ``COLUMN=ROLE`` or ``COLUMN=ROLE:UNIT``, as in ``Zeit=time:ms``; a UsageError if it is neither."""
         column, _, use = text.rpartition("=")
         name, _, unit = use.partition(":")
         role = next((known for known in get_args(ColumnRole) if known == name), None)
@@ -52,7 +46,6 @@ class TableSet:
 
     Parameters
     ----------
-    records : tuple of Record
     conditions : mapping of str to (str, PartialCondition, tuple of str)
         The id as it is written, the condition and how it was read, by the id in small letters.
     neither : tuple of str
@@ -98,7 +91,6 @@ def read_tables(
 
     Parameters
     ----------
-    paths : sequence of Path
     columns : sequence of ColumnChoice
         Overrule the proposal in every table that has such a column.
     problems : list of Problem

@@ -41,12 +41,9 @@ class Settled:
 
     Parameters
     ----------
-    id, source : str
-    condition : Condition
     pulse : Pulse
         Braking negative, m/s², 0 at first contact; filtered and cut, or whole and raw if the campaign's own
         ``channel_filter_class`` is to filter it.
-    channels : tuple of str
     unit : str
         That the file's numbers are in.
     deceleration_sign : str
@@ -76,8 +73,6 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
 
     Parameters
     ----------
-    record : Record
-    choices : Choices
     role : {"tests", "cae"}
         A CAE run begins at contact unless its time says otherwise, and may stop early or late.
     raw : bool

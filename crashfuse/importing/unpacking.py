@@ -17,20 +17,13 @@ def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Lim
     uploads : sequence of (str, bytes)
         Files and zips; each zip is unpacked into a folder of its name.
     into : Path
-        An existing folder, which is the caller's to delete.
-    limits : Limits
-
-    Returns
-    -------
-    Path
-        The one file or folder, or the folder of all of them.
+        An existing folder, which is the caller's to delete. Returned is the one file or folder in it, or the folder of
+        all of them.
 
     Raises
     ------
     DataError
         If a name is a trick, a zip is unsound, or there is more than the limits allow; nothing is left in ``into``.
-    OSError
-        If ``into`` cannot be written.
     """
     check_uploads(uploads, limits)
     home = into / "upload"

@@ -42,17 +42,8 @@ ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
     """Read one ISO-MME test: its descriptors and all its channels.
 
-    Parameters
-    ----------
-    path : Path
-        The folder of the test, its ``.mme`` file, or a zip with one such folder; films and pictures are passed over.
-    limits : Limits
-        Sizes beyond which it is refused.
-
-    Raises
-    ------
-    DataError
-        If it is no ISO-MME test, or a channel is not as its header says.
+    Its folder, its ``.mme`` file or a zip is read; films and pictures are passed over. A DataError says that it is no
+    ISO-MME test, or which channels are not as their headers say.
     """
     with opened_members(path, _is_text, "an ISO-MME folder or zip", limits) as (members, budget):
         if path.suffix.lower() == ".mme" and path.is_file():

@@ -28,24 +28,9 @@ _RAW_FIRST = "0PXSABCD"
 
 
 def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Record]:
-    """Read one ISO-MME test as a record.
+    """Read one ISO-MME test as a record: its folder, its ``.mme`` file, or a zip.
 
-    Parameters
-    ----------
-    path : Path
-        The folder of the test, its ``.mme`` file, or a zip.
-    limits : Limits
-        Sizes beyond which it is refused.
-
-    Returns
-    -------
-    tuple of one Record
-        With the vehicle's own X acceleration proposed, else that of tunnel, sills or B-pillars, both sides averaged.
-
-    Raises
-    ------
-    DataError
-        If it is no ISO-MME test, or has no X acceleration of the vehicle.
+    Proposed is the vehicle's own X acceleration, else that of tunnel, sills or B-pillars, both sides averaged.
     """
     return (record_of(read_isomme(path, limits), path.name),)
 

@@ -23,7 +23,6 @@ def opened_members(
         From a file's path to whether it is one of the format; nothing else is opened.
     kind : str
         What messages call it ("an ISO-MME folder or zip").
-    limits : Limits
 
     Raises
     ------
@@ -53,10 +52,7 @@ def opened_members(
 def files_below(folder: Path) -> Iterator[Path]:
     """Yield everything in a folder and the folders in it, but for these themselves.
 
-    Raises
-    ------
-    DataError
-        If one of them cannot be read: what is in it would silently be left out.
+    One that cannot be read raises a DataError: what is in it would silently be left out.
     """
 
     def refuse(error: OSError) -> None:

@@ -37,25 +37,10 @@ _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
 
 
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
-    """Read one NHTSA vehicle test: its conditions and the X accelerations of its vehicle.
+    """Read the conditions and the vehicle's X accelerations of one NHTSA test: its folder, its ``.EV5`` file, or a zip.
 
-    Parameters
-    ----------
-    path : Path
-        The folder of the test, its ``.EV5`` file, or a zip.
-    limits : Limits
-        Sizes beyond which it is refused.
-
-    Returns
-    -------
-    tuple of one Record
-        With the rear crossmember's channels proposed, else those at the centre of gravity; channels that the test's
-        engineers marked as failed are there to be chosen, never proposed.
-
-    Raises
-    ------
-    DataError
-        If it is no NHTSA test, or has no X acceleration of the vehicle.
+    Proposed are the rear crossmember's channels, else those at the centre of gravity; channels that the test's
+    engineers marked as failed are there to be chosen, never proposed.
     """
     with opened_members(path, _is_of_the_format, "an NHTSA folder or zip with a .EV5 file", limits) as (
         members,

@@ -65,16 +65,11 @@ def nhtsa_record(
     ----------
     stem : str
         Of the file's name: v and the number of the test.
-    source : str
     sensors : mapping of Sensor to callable
-        What reads the channel of each; it may raise a DataError.
+        What reads the channel of each. It may raise a DataError, which is passed on only for a channel that would be
+        proposed, or if no other is left.
     told : (PartialCondition, sequence of str)
         The condition, and where it was found.
-
-    Raises
-    ------
-    DataError
-        If a channel is damaged that would be proposed, or all are.
     """
     channels: dict[Sensor, RecordedChannel] = {}
     damaged: dict[Sensor, Problem] = {}
@@ -101,13 +96,7 @@ def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
 def _without_damaged(
     damaged: Mapping[Sensor, Problem], entries: Sequence[Sensor], source: str
 ) -> tuple[tuple[str, ...], dict[str, Problem]]:
-    """Do without damaged channels that nobody would propose: sentences, and what is wrong with each by its name.
-
-    Raises
-    ------
-    DataError
-        If one would be proposed, or no sound one is left.
-    """
+    """Do without damaged channels that nobody would propose: sentences, and what is wrong with each by its name."""
     wanted, _ = _at_best_place([entry for entry in entries if entry.status in _SOUND])
     if set(wanted) & set(damaged) or len(damaged) == len(entries):
         refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)

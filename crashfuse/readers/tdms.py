@@ -36,25 +36,10 @@ _Told = Mapping[str, str | float]
 
 
 def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
-    """Read TDMS files, one record each.
+    """Read TDMS files (one, a folder or a zip of them), one record each.
 
-    Parameters
-    ----------
-    path : Path
-        A file, a folder, or a zip.
-    limits : Limits
-        Sizes beyond which it is refused.
-
-    Returns
-    -------
-    tuple of Record
-        Of an NHTSA test, the X accelerations of its vehicle with those on the rear floor proposed, else those at the
-        centre of gravity; of another file, every acceleration, proposed if it is the only one.
-
-    Raises
-    ------
-    DataError
-        With what is wrong with each file that is.
+    Of an NHTSA test it has the X accelerations of its vehicle with those on the rear floor proposed, else those at the
+    centre of gravity; of another file, every acceleration, proposed if it is the only one.
     """
     kind = "a .tdms file, or a folder or zip of them"
     of_the_format = FORMATS["tdms"].has

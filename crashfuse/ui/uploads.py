@@ -33,12 +33,8 @@ class Upload(Protocol):
 def open_uploads(files: Sequence[Upload]) -> str | Source:
     """Open what was uploaded if it is a sound campaign; returns its name.
 
-    Files of a foreign format are laid out to be imported instead.
-
-    Raises
-    ------
-    DataError
-        With everything that is wrong with it; nothing of it is kept.
+    Files of a foreign format are laid out to be imported instead. A DataError has everything that is wrong; nothing is
+    kept then.
     """
     if not files:  # none was dropped, or the browser kept back what is too large
         expected = f"files of at most {st.get_option('server.maxUploadSize')} MB each"

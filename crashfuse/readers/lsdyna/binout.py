@@ -18,17 +18,8 @@ _TITLE_BYTES = 80
 def read_binout(shards: Sequence[tuple[IO[bytes], str]], most: int) -> Histories:
     """Read a run's ``binout``, the shards of its processors and of its restarts merged.
 
-    Parameters
-    ----------
-    shards : sequence of (binary file, str)
-        Each seekable and with what messages call it.
-    most : int
-        Nodes that are kept: those with a title first.
-
-    Raises
-    ------
-    DataError
-        If one is damaged.
+    Each shard is a seekable file and what messages call it. Of more than ``most`` nodes those with a title are kept
+    first.
     """
     pieces: dict[str, list[History]] = {}
     title, energy, listed = "", None, 0

@@ -36,26 +36,14 @@ class _Variable:
 
 
 class LsdaFile:
-    """One file, its symbol tables read and its data left where they are.
+    """One file, its symbol tables read and its data left where they are; a DataError if it is damaged or no such file.
 
     Parameters
     ----------
     stream : binary file
         Seekable; stays in use.
-    where : str
-        What messages call it.
     wanted : callable
         From a folder's path (``("nodout", "d000001")``) to the names that are wanted of it; the rest is skipped.
-
-    Attributes
-    ----------
-    folders : mapping of path to names
-        What there is of what is wanted.
-
-    Raises
-    ------
-    DataError
-        If it is not such a file, or damaged.
     """
 
     def __init__(
@@ -84,17 +72,11 @@ class LsdaFile:
 
     @property
     def folders(self) -> Mapping[tuple[str, ...], Mapping[str, object]]:
-        """Names of the variables by their folder's path."""
+        """Names of the variables that are there and wanted, by their folder's path."""
         return self._folders
 
     def read(self, folder: tuple[str, ...], name: str) -> npt.NDArray[Any] | None:
-        """Return the numbers of a variable, None if there is none of that name.
-
-        Raises
-        ------
-        DataError
-            If its record is not where the symbol table says.
-        """
+        """Return the numbers of a variable, None if there is none of that name."""
         variable = self._folders.get(folder, {}).get(name)
         if variable is None:
             return None

@@ -47,23 +47,9 @@ _PLACES = (
 def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...]:
     """Read LS-DYNA runs: the X accelerations of their nodes, else of their rigid bodies.
 
-    Parameters
-    ----------
-    path : Path
-        A ``binout``, any of its shards, a ``nodout``, the folder of a run or of many, or a zip.
-    limits : Limits
-        Sizes beyond which it is refused.
-
-    Returns
-    -------
-    tuple of Record
-        One a run, with the folder's name as id, the speed at which its nodes set out, and the mass that the kinetic
-        energy (``glstat``) gives at that speed.
-
-    Raises
-    ------
-    DataError
-        With what is wrong with each run that is.
+    The path is a ``binout``, any of its shards, a ``nodout``, the folder of a run or of many, or a zip. Each run is a
+    record with the folder's name as id, the speed at which its nodes set out, and the mass that the kinetic energy
+    (``glstat``) gives at that speed.
     """
     kind = "binout or nodout of LS-DYNA"
     with opened_members(path, FORMATS["lsdyna"].has, kind, limits) as (members, budget):

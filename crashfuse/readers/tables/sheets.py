@@ -35,13 +35,7 @@ _DIALECTS = (
 
 
 def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
-    """Read the tables of a text file or of the sheets of a workbook: one each, or one for each time in it.
-
-    Raises
-    ------
-    DataError
-        If the file holds no table or is larger than allowed.
-    """
+    """Read the tables of a text file or of the sheets of a workbook: one each, or one for each time in it."""
     if not path.is_file():
         raise DataError(Problem(str(path), "a table", "no such file", "check the path"))
     if path.stat().st_size > limits.member_bytes:

@@ -11,13 +11,10 @@ from crashfuse.readers.tables.sheet import Sheet
 
 
 def parted(sheet: Sheet) -> tuple[Sheet, ...]:
-    """Part a sheet in which several accelerations have times of their own.
+    """Part a sheet in which several accelerations have times of their own: a sheet for each time.
 
-    Returns
-    -------
-    tuple of Sheet
-        A sheet for each time, with the columns from it to the next; columns left of the first are in all of them.
-        The sheet as it is, if it has one time, or an acceleration left of all times.
+    Each has the columns from its time to the next; columns left of the first are in all of them. A sheet of one
+    time, or with an acceleration left of all times, stays as it is.
     """
     mapping = propose(sheet)
     roles = [use.role for use in mapping.uses]

@@ -171,13 +171,7 @@ def _open_folder() -> Path | None:
 
 
 def _target() -> Path:
-    """The folder to add to.
-
-    Raises
-    ------
-    DataError
-        If it is none that anything should be added to.
-    """
+    """The folder to add to; a DataError if it is none that anything should be added to."""
     own = _open_folder()
     if own is not None and st.session_state.get(_INTO, "open") == "open":
         return own
