@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from crashfuse.campaign_folder.recorded_pulse import RecordedPulse, cover_trouble, ends_early, joined, time_trouble
 from crashfuse.campaign_folder.sample_tables import check_length, sample_batches, whole_record
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.csv_text import unreadable
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray
@@ -96,10 +96,8 @@ class PulseFiles:
                 found, advice = " and ".join(files), "keep one of them"
                 self.problems.append(Problem(f"{folder.name}/", f"one pulse for {run_id}", found, advice))
             elif files:
-                try:
+                with collecting(self.problems):
                     record = whole_record(folder / files[0], where, self.problems)
-                except DataError as error:
-                    self.problems.extend(error.problems)
             if files:
                 yield run_id, where, record
         known = set(ids)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from crashfuse.campaign_folder.columns import find_column, listed, not_a_number
 from crashfuse.campaign_folder.recorded_pulse import RecordedPulse, joined, time_trouble
-from crashfuse.errors import DataError, Problem, shortened
+from crashfuse.errors import DataError, Problem, collecting, shortened
 from crashfuse.files.csv_text import CsvTable
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.signals.pulse import Pulse
@@ -71,12 +71,10 @@ def read_pulse(path: Path) -> Pulse:
     if not path.exists():
         raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
     problems: list[Problem] = []
-    try:
+    with collecting(problems):
         record = whole_record(path, str(path), problems)
         if not problems and (trouble := time_trouble(record, str(path))) is not None:
             problems.append(trouble)
-    except DataError as error:
-        problems += error.problems
     if problems:
         raise DataError(shortened(problems))
     return Pulse(record.time_s, record.accel_mps2)

@@ -5,13 +5,15 @@ checked before the first byte is read. Names must hold on every platform, so tha
 anywhere.
 """
 
+import io
 import stat
 import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import IO
 
 from crashfuse.errors import DataError, Problem, printable
@@ -106,6 +108,22 @@ class Member:
         except _BROKEN as error:
             raise _damaged(self.where, error) from error
 
+    def content(self, budget: Budget) -> bytes:
+        """All that it holds; errors as of :meth:`chunks`."""
+        return b"".join(self.chunks(budget))
+
+    def write_to(self, path: Path, budget: Budget) -> None:
+        """Unpack it to a path that nothing is at yet."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("xb") as stream:
+            for chunk in self.chunks(budget):
+                stream.write(chunk)
+
+
+def in_memory(name: str, content: bytes) -> Member:
+    """An uploaded file."""
+    return Member(PurePosixPath(name), name, partial(io.BytesIO, content))
+
 
 def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
     """List the files of a zip, without folders and what systems leave behind (``__MACOSX``, ``.DS_Store``).
@@ -132,7 +150,7 @@ def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -
         if trouble is not None:
             problems.append(Problem(where, *trouble))
         elif not entry.is_dir() and not left_by_the_system(entry.filename):
-            members.append(Member(PurePosixPath(entry.filename), where, _opener(archive, entry)))
+            members.append(Member(PurePosixPath(entry.filename), where, partial(archive.open, entry)))
     refuse(problems, name)
     return members
 
@@ -196,10 +214,6 @@ def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
     if entry.compress_type not in _METHODS:
         return "files packed by deflate", f"packing method {entry.compress_type}", "make an ordinary zip"
     return name_trouble(entry.orig_filename.removesuffix("/"))
-
-
-def _opener(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Callable[[], IO[bytes]]:
-    return lambda: archive.open(entry)
 
 
 def _damaged(where: str, error: Exception) -> DataError:

@@ -20,11 +20,17 @@ _LONG_S = 3600.0  # no write takes that
 def write_atomically(path: Path, content: bytes) -> None:
     """Write to a temporary name in the same folder, then rename: readers see the old file or the new one."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A name in the same folder to write a file to, which takes its place once all of it is on the disk."""
     temporary = _unfinished(path.parent)
     try:
-        with temporary.open("wb") as stream:
-            stream.write(content)
-            stream.flush()
+        yield temporary
+        with temporary.open("rb+") as stream:
             os.fsync(stream.fileno())
         temporary.replace(path)
     except BaseException:
@@ -50,6 +56,23 @@ def written_together(folder: Path, last: str) -> Iterator[Path]:
             path.replace(target)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
+
+
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """A folder to write into, which takes its place and name, free or an empty folder's, once all of it is there."""
+    folder = folder.resolve()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    home = _unfinished(folder.parent)
+    home.mkdir()
+    try:
+        yield home
+        if folder.exists():
+            folder.rmdir()
+        home.rename(folder)
+    except BaseException:
+        shutil.rmtree(home, ignore_errors=True)
+        raise
 
 
 def _unfinished(folder: Path) -> Path:

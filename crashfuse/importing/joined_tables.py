@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import get_args
 
-from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.campaign_folder.columns import listed
+from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.tables.mapping import ColumnRole, propose
 from crashfuse.readers.tables.sheet import Sheet
@@ -78,8 +79,8 @@ class TableSet:
             If a table has several accelerations, and neither ids nor conditions for each.
         """
         if self.conditions and not self.conditions.keys() & set(map(str.casefold, ids)):
-            found = f"those of {_listed([run_id for run_id, *_ in self.conditions.values()])}"
-            raise DataError(Problem("conditions", f"conditions for {_listed(ids)}", found, "make the ids the same"))
+            found = f"those of {listed([run_id for run_id, *_ in self.conditions.values()])}"
+            raise DataError(Problem("conditions", f"conditions for {listed(ids)}", found, "make the ids the same"))
         if self.unclear:
             raise OneCrashOrSeveral(self.unclear)
 
@@ -109,17 +110,15 @@ def read_tables(
     there: set[str] = set()
     faults: list[Problem] = []
     for path in paths:
-        try:
+        with collecting(faults):
             for sheet in read_sheets(path):
                 there.update(sheet.columns)
                 found.add(sheet, path, columns, together)
-        except DataError as error:
-            faults.extend(error.problems)
     if found.unread:
         raise DataError([*faults, *found.unread])
     absent = [choice.column for choice in columns if choice.column not in there]
     if absent and not faults:
-        raise UsageError(f"There is no column {_listed(absent)}; there are {_listed(sorted(there))}.")
+        raise UsageError(f"There is no column {listed(absent)}; there are {listed(sorted(there))}.")
     problems += faults
     return TableSet(found.records(), found.conditions, tuple(found.neither), tuple(found.unclear()))
 
@@ -155,14 +154,11 @@ class _Found:
             elif sheet.part_of:
                 self.parted.add(table)
         elif mapping.kind == "conditions":
-            try:
+            with collecting(self.unread):
                 read = apply_conditions(sheet, mapping)
-            except DataError as error:
-                self.unread.extend(error.problems)
-                return
-            self.conditions |= {name.casefold(): (name, known, told_of(mapping)) for name, known in read.items()}
+                self.conditions |= {name.casefold(): (name, known, told_of(mapping)) for name, known in read.items()}
         else:
-            self.neither.append(f"{sheet.name} with the columns {_listed(sheet.columns)}")
+            self.neither.append(f"{sheet.name} with the columns {listed(sheet.columns)}")
 
     def records(self) -> tuple[Record, ...]:
         return tuple(record for records in self.of_table.values() for record in records)
@@ -182,9 +178,4 @@ class _Found:
                 crashes = "give a table of their conditions (--conditions)"
                 advice = f"if they are sensors of one crash, {one}; if they are crashes, {crashes}"
                 expected = "one acceleration of the vehicle, or conditions for each"
-                yield Problem(table[1], expected, _listed(ids), advice)
-
-
-def _listed(names: Sequence[str]) -> str:
-    text = ", ".join(printable(name, 40) for name in names[:12])
-    return text + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+                yield Problem(table[1], expected, listed(ids), advice)

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath, PurePosixPath
 
 from crashfuse.errors import DataError, Problem
@@ -61,6 +61,14 @@ def files_below(folder: Path) -> Iterator[Path]:
 
     for home, _, names in os.walk(folder, onerror=refuse):
         yield from (Path(home, name) for name in names)
+
+
+def as_text(content: bytes) -> str:
+    """Text in whatever encoding of the Western ones it is."""
+    for encoding in ("utf-8-sig", "cp1252"):
+        with suppress(UnicodeDecodeError):
+            return content.decode(encoding)
+    return content.decode("latin-1")
 
 
 def is_numbered(path: PurePath) -> bool:

@@ -1,5 +1,6 @@
 """What both forms of NHTSA's database say of a test: its setup and speed, and which of its sensors are the pulse."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -41,6 +42,15 @@ class Sensor:
         """Whether it sits on the floor behind the crushed zone, where both sides follow the vehicle as a whole."""
         label = self.comment.upper()
         return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
+
+
+def number_in(value: str | float) -> float:
+    """Return a number above 0; 0, NHTSA's own sign for unknown, where there is none."""
+    try:
+        number = float(value)
+    except ValueError:
+        return 0.0
+    return number if 0 < number < math.inf else 0.0
 
 
 def setup_and_speed(setup: str, angle_deg: float, speed_kph: float, where: str) -> list[str]:

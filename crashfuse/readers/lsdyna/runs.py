@@ -15,7 +15,7 @@ from typing import IO
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, collecting
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.lsdyna.binout import read_binout
@@ -61,12 +61,9 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
         records: list[Record] = []
         problems: list[Problem] = []
         for run_id, files in runs.items():
-            try:
+            with collecting(problems), np.errstate(all="ignore"):  # damage may look like any number
                 histories = _histories(files, budget, most, zipped=zipped)
-                with np.errstate(all="ignore"):  # damage may look like any number
-                    records.append(_record(run_id, path.name if len(runs) == 1 else run_id, histories))
-            except DataError as error:
-                problems.extend(error.problems)
+                records.append(_record(run_id, path.name if len(runs) == 1 else run_id, histories))
         refuse(problems, path.name)
     return tuple(records)
 

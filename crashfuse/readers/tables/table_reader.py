@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.tables.headers import bare_name, cutoff_of
 from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole, ColumnUse, Mapping
@@ -80,10 +80,8 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     values: dict[ColumnRole, FloatArray | None] = {}
     problems: list[Problem] = []
     for role in (*roles, "front_share"):
-        try:
+        with collecting(problems):
             values[role] = _quantity(sheet, mapping, role)
-        except DataError as error:
-            problems += error.problems
     if problems:
         raise DataError(problems)
     share = values.pop("front_share")
