@@ -58,7 +58,9 @@ class PulseFiles:
                     if ends_early(record.time_s):
                         self.ends_s[run_id] = float(record.time_s[-1])
         if not self._unreadable:
-            self._report_missing([run_id for run_id in ids if run_id in missing])
+            found, advice = f"none in {self.role}/ or {self.role}_pulses", "add its pulse or remove its row"
+            for expected in (f"a pulse for {printable(run_id, 60)}" for run_id in ids if run_id in missing):
+                self.problems.append(Problem(f"{self.role}.csv", expected, found, advice, "id"))
         if strangers:
             named = ", ".join(printable(run_id, 60) for run_id in list(strangers)[:_MOST_STRANGERS])
             more = f" and {len(strangers) - _MOST_STRANGERS} more" if len(strangers) > _MOST_STRANGERS else ""
@@ -159,9 +161,3 @@ class PulseFiles:
                 f"measured: ratings over windows beyond {time[-1] / MS:.4g} ms mean nothing for it."
             )
         return np.interp(GRID_S, time, accel, right=0.0 if early else None)
-
-    def _report_missing(self, missing: Sequence[str]) -> None:
-        found = f"none in {self.role}/ or {self.role}_pulses"
-        for run_id in missing:
-            expected = f"a pulse for {printable(run_id, 60)}"
-            self.problems.append(Problem(f"{self.role}.csv", expected, found, "add its pulse or remove its row", "id"))

@@ -27,17 +27,7 @@ _DEVICES |= {f"{port}{number}" for port in ("COM", "LPT") for number in "0123456
 _SYSTEM_FILES = {"thumbs.db", "desktop.ini", "__macosx"}  # and whatever begins with a dot
 _ENCRYPTED = 0x1 | 0x40 | 0x2000  # bits of an entry's flags: classic, strong, directory too
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # the others may ask for any amount of memory
-_BROKEN = (
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    EOFError,
-    NotImplementedError,
-    RuntimeError,
-    ValueError,
-    OverflowError,
-    OSError,
-)
+_BROKEN = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError, OverflowError, OSError)
 
 
 @dataclass(frozen=True, slots=True)

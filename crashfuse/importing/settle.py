@@ -123,11 +123,8 @@ def _missing(record: Record, choices: Choices) -> list[Problem]:
         missing.append(Problem(record.source, expected, have, "choose one or several to be averaged (--channel)"))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
-        expected, advice = (
-            f"the unit of the acceleration of {record.id}",
-            "give it if the speed does not tell it (--unit)",
-        )
-        missing.append(Problem(record.source, expected, "none", advice))
+        expected = f"the unit of the acceleration of {record.id}"
+        missing.append(Problem(record.source, expected, "none", "give it if the speed does not tell it (--unit)"))
     return missing
 
 

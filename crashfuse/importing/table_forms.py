@@ -1,7 +1,7 @@
 """The tables of a source by their headers, so that what their columns are is said once for all that are alike."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
 
@@ -71,4 +71,4 @@ def table_forms(paths: Sequence[Path]) -> tuple[TableForm, ...]:
             if key not in forms:
                 head = sheet.cells.head(_HEAD).set_axis(list(sheet.columns), axis="columns")
                 forms[key] = TableForm((), propose(sheet), head)
-    return tuple(TableForm(tuple(names[key]), form.proposed, form.head) for key, form in forms.items())
+    return tuple(replace(form, names=tuple(names[key])) for key, form in forms.items())

@@ -45,7 +45,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
     objects = {channel.code[0] for channel in on_vehicles}
     vehicle = min(own or objects)
     named = _named([channel for channel in on_vehicles if channel.code[0] == vehicle])
-    timed = {name: channel for name, channel in named.items() if _is_timed(channel)}
+    timed = {name: one for name, one in named.items() if one.interval_s is not None and one.values.size >= 2}
     expected, advice = "an even time, as long as the channel", "export its sampling interval"
     untimed = {name: Problem(f"{source}, {name}", expected, "none", advice) for name in named if name not in timed}
     if not timed:
@@ -69,10 +69,6 @@ def record_of(test: IsommeTest, source: str) -> Record:
 def _on_a_vehicle(channel: Channel) -> bool:
     code = channel.code.upper()
     return len(code) == 16 and code[12:15] == "ACX" and code[0].isdigit() and code[2:6] not in _DUMMY
-
-
-def _is_timed(channel: Channel) -> bool:
-    return channel.interval_s is not None and channel.values.size >= 2
 
 
 def _place(channel: Channel) -> str:

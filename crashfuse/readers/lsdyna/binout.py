@@ -27,7 +27,7 @@ def read_binout(shards: Sequence[tuple[IO[bytes], str]], most: int) -> Histories
         file = LsdaFile(stream, where, _wanted)
         energy = _first_energy(file) if energy is None else energy
         for database, names in _DATABASES.items():
-            title = title or _text(file, (database, "metadata"), "title")
+            title = title or printable(_text(file, (database, "metadata"), "title").strip())
             found, count = _histories(file, where, database, names, most)
             listed = max(listed, count)
             for piece in found:
@@ -91,7 +91,7 @@ def _histories(
 
 def _titles(file: LsdaFile, database: str, prefix: str) -> dict[str, str]:
     folder = (database, "metadata")
-    ids, text = file.read(folder, "legend_ids"), _raw_text(file, folder, "legend")
+    ids, text = file.read(folder, "legend_ids"), _text(file, folder, "legend")
     if ids is None or ids.dtype.kind not in "iu":
         return {}
     cut = range(0, min(len(text), _TITLE_BYTES * ids.size), _TITLE_BYTES)
@@ -102,10 +102,6 @@ def _titles(file: LsdaFile, database: str, prefix: str) -> dict[str, str]:
 
 
 def _text(file: LsdaFile, folder: tuple[str, ...], name: str) -> str:
-    return printable(_raw_text(file, folder, name).strip())
-
-
-def _raw_text(file: LsdaFile, folder: tuple[str, ...], name: str) -> str:
     values = file.read(folder, name)
     return "" if values is None or values.itemsize != 1 else values.tobytes().decode("latin-1").replace("\0", " ")
 

@@ -53,12 +53,7 @@ class LsdaFile:
         self._size = stream.seek(0, 2)
         stream.seek(0)
         header = self._exactly(_HEADER_BYTES)
-        if (
-            header[0] < _HEADER_BYTES
-            or any(size not in _INTEGERS for size in header[1:5])
-            or header[5] > 1
-            or header[6]
-        ):
+        if header[0] < _HEADER_BYTES or not set(header[1:5]) <= _INTEGERS.keys() or header[5] > 1 or header[6]:
             raise self._damaged("another kind of file")
         length, offset, command, kind = (_INTEGERS[size] for size in header[1:5])
         self._order = "<" if header[5] else ">"

@@ -163,7 +163,7 @@ def _proposed(nodes: Sequence[History]) -> tuple[list[History], str]:
         named = [n for n in nodes if re.search(words, n.title, re.I) and not _DUMMY.search(n.title)]
         if named:
             return named, f"Nodes {where}: {_listed(named)}; {_average(named)}."
-    travels = np.array([_travel(node) for node in nodes])
+    travels = np.array([np.abs(_integral(node.velocity, node.time)).max() for node in nodes])
     if len(nodes) == 1 or not np.isfinite(travels).any():
         return list(nodes), f"No titles say which nodes are accelerometers; {_listed(nodes)}: {_average(nodes)}."
     middle = np.nanmedian(travels)
@@ -180,11 +180,6 @@ def _listed(nodes: Sequence[History]) -> str:
 
 def _average(nodes: Sequence[History]) -> str:
     return "their average is the pulse" if len(nodes) > 1 else "it is the pulse"
-
-
-def _travel(node: History) -> float:
-    """How far a node gets, in the run's units."""
-    return float(np.abs(_integral(node.velocity, node.time)).max())
 
 
 def _integral(values: FloatArray, time: FloatArray) -> FloatArray:

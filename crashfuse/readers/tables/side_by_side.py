@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from crashfuse.errors import printable
 from crashfuse.readers.tables.headers import bare_name, names_a_test
-from crashfuse.readers.tables.mapping import Mapping, propose
+from crashfuse.readers.tables.mapping import propose
 from crashfuse.readers.tables.sheet import Sheet
 
 
@@ -24,15 +24,11 @@ def parted(sheet: Sheet) -> tuple[Sheet, ...]:
     blocks = [(*range(times[0]), *range(*ends)) for ends in pairwise([*times, len(roles)])]
     titles = [next(filter(None, (sheet.titles[number] for number in block)), "") for block in blocks]
     tests = len(set(titles)) == len(titles) and all(map(names_a_test, titles))
-    names = titles if tests else [_named(mapping, block) for block in blocks]
+    first = [next(number for number in block if roles[number] == "acceleration") for block in blocks]
+    names = titles if tests else [bare_name(sheet.columns[number]) for number in first]
     return tuple(
         _part(sheet, block, name, "" if tests else sheet.name) for block, name in zip(blocks, names, strict=True)
     )
-
-
-def _named(mapping: Mapping, block: Sequence[int]) -> str:
-    """A block by its first acceleration."""
-    return next(bare_name(use.column) for number in block if (use := mapping.uses[number]).role == "acceleration")
 
 
 def _part(sheet: Sheet, block: Sequence[int], name: str, part_of: str) -> Sheet:
