@@ -37,8 +37,6 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
         If it cannot be written; nothing is left behind.
     """
     check_ids([*campaign.test_ids, *campaign.cae.ids], folder.name)
-    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-        raise DataError(Problem(str(folder), "a folder that holds nothing yet", "one that does", "choose another"))
     with new_folder(folder) as home:
         tests = [(test.id, test.condition) for test in campaign.tests]
         cae = list(zip(campaign.cae.ids, campaign.cae.conditions, strict=True))

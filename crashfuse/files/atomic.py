@@ -12,6 +12,8 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
+from crashfuse.errors import DataError, Problem
+
 _UNFINISHED = re.compile(r"\.unfinished-(?P<host>.+)-(?P<process>\d+)-[0-9a-f]{32}")
 _HOST = re.sub(r"[^\w.-]", "_", platform.node()) or "here"
 _LONG_S = 3600.0  # no write takes that
@@ -60,8 +62,10 @@ def written_together(folder: Path, last: str) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """A folder to write into, which takes its place and name, free or an empty folder's, once all of it is there."""
+    """A folder to write into, which takes its place and name once all of it is there; an empty one may be."""
     folder = folder.resolve()
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        raise DataError(Problem(str(folder), "a folder that holds nothing yet", "one that does", "choose another"))
     folder.parent.mkdir(parents=True, exist_ok=True)
     home = _unfinished(folder.parent)
     home.mkdir()

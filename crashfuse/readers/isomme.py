@@ -154,8 +154,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
 
 
 def _number_in(header: Pairs, name: str, where: str) -> float | None:
-    text = first_of(header, name)
-    if text is None:
+    if (text := first_of(header, name)) is None:
         return None
     try:
         value = float(text.split()[0])  # "0.0001 s" has been seen

@@ -40,13 +40,14 @@ def opened_members(
     folder = path.parent if path.is_file() else path
     if not folder.is_dir():
         raise DataError(Problem(str(path), kind, "no such folder or file", "check the path"))
-    files = []
+    members, size = [], 0
     for file in sorted(files_below(folder)):
         if wanted(file) and file.is_file():
-            files.append(file)
-            if len(files) > limits.members:
-                raise too_many(path.name, len(files), limits)
-    yield [_on_disk(file, folder) for file in files], Budget(limits, sum(file.stat().st_size for file in files))
+            members.append(_on_disk(file, folder))
+            size += file.stat().st_size
+            if len(members) > limits.members:
+                raise too_many(path.name, len(members), limits)
+    yield members, Budget(limits, size)
 
 
 def files_below(folder: Path) -> Iterator[Path]:

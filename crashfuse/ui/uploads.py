@@ -63,10 +63,10 @@ def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
     """Whether no table of a campaign is among the files, but something that can be imported."""
     names: list[PurePath] = []
     for name, content in uploads:
-        zipped = name.lower().endswith(".zip")
-        names += (
-            [member.path for member in members_of_zip(name, content, DEFAULT_LIMITS)] if zipped else [PurePath(name)]
-        )
+        if name.lower().endswith(".zip"):
+            names += [member.path for member in members_of_zip(name, content, DEFAULT_LIMITS)]
+        else:
+            names.append(PurePath(name))
     return not {"tests.csv", "cae.csv"} & {path.name for path in names} and bool(formats_of(names))
 
 

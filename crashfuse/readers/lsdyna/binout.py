@@ -25,7 +25,8 @@ def read_binout(shards: Sequence[tuple[IO[bytes], str]], most: int) -> Histories
     title, energy, listed = "", None, 0
     for stream, where in shards:
         file = LsdaFile(stream, where, _wanted)
-        energy = _first_energy(file) if energy is None else energy
+        first = file.read(("glstat", "d000001"), _ENERGY) if energy is None else None
+        energy = energy if first is None or first.size != 1 else float(first[0])
         for database, names in _DATABASES.items():
             title = title or printable(_text(file, (database, "metadata"), "title").strip())
             found, count = _histories(file, where, database, names, most)
@@ -48,11 +49,6 @@ def _wanted(folder: tuple[str, ...]) -> frozenset[str] | None:
         case ("glstat", "d000001"):
             return frozenset({_ENERGY})
     return None
-
-
-def _first_energy(file: LsdaFile) -> float | None:
-    energy = file.read(("glstat", "d000001"), _ENERGY)
-    return None if energy is None or energy.size != 1 else float(energy[0])
 
 
 def _histories(

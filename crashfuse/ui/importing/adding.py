@@ -51,13 +51,11 @@ def show_add_form(source: Source, reading: Reading, choices: Choices, role: Role
 def _ask_folder() -> None:
     open_one = _open_folder()
     if open_one is not None:
+        labels = {"open": f"{st.session_state['campaign']}, which is open", "folder": "Another folder"}
         st.radio(
             "Into",
-            ["open", "folder"],
-            format_func={
-                "open": f"{st.session_state['campaign']}, which is open",
-                "folder": "Another folder",
-            }.__getitem__,
+            list(labels),
+            format_func=labels.__getitem__,
             key=_INTO,
             persist_state="session",
             horizontal=True,

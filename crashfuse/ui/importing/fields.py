@@ -169,11 +169,9 @@ def choices_of(
         right.selectbox("Filter", [f"CFC {own_class:g}, by the campaign"], disabled=True, key=f"{source.key} own class")
         cfc: float | str | None = own_class
     else:
-        detected = None
-        if found is not None:
-            detected_class = found.channel_filter_class
-            detected = "Not filtered" if detected_class is None else f"CFC {detected_class:g}"
-        name = _field(right, "Filter", list(_CLASSES), detected, source)
+        own = found.channel_filter_class if found else None
+        detected = f"CFC {own:g}" if own is not None else "Not filtered"
+        name = _field(right, "Filter", list(_CLASSES), detected if found else None, source)
         cfc = _CLASSES[name] if name else None
     choices = Choices(
         channels,
