@@ -1,7 +1,8 @@
 """The one tree of exceptions: catch :class:`CrashfuseError` and you have caught them all."""
 
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 _LONGEST = 300  # characters of one part of a message; a stranger's cell may have millions
@@ -95,6 +96,15 @@ class DataError(CrashfuseError):
 
     def __reduce__(self) -> tuple[type["DataError"], tuple[tuple[Problem, ...]]]:
         return type(self), (self.problems,)  # a worker process hands it back whole
+
+
+@contextmanager
+def collecting(problems: list[Problem]) -> Iterator[None]:
+    """Append what is wrong with the data to ``problems`` instead of raising it."""
+    try:
+        yield
+    except DataError as error:
+        problems += error.problems
 
 
 class UsageError(CrashfuseError):

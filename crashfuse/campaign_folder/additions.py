@@ -15,10 +15,10 @@ from pathlib import Path
 from crashfuse.campaign_folder.condition_tables import Role, read_conditions
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
-from crashfuse.campaign_folder.writer import check_ids, csv_text, new_folder, pulse_csv, table_row, toml_text
+from crashfuse.campaign_folder.writer import check_ids, csv_text, pulse_csv, table_row, toml_text
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
-from crashfuse.files.atomic import write_atomically
+from crashfuse.files.atomic import new_folder, write_atomically
 from crashfuse.signals.pulse import Pulse
 
 Told = Mapping[str, str | float | Sequence[str]]
@@ -45,8 +45,6 @@ def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> 
     ----------
     folder : Path
         A campaign folder, or one that does not exist or is empty.
-    role : {"tests", "cae"}
-    additions : sequence of Addition
 
     Raises
     ------

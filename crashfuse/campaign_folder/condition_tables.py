@@ -40,25 +40,19 @@ class ConditionTable:
 def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
     """Read a condition table, converting units by the endings of the column names.
 
-    Parameters
-    ----------
-    path : Path
-    standstill_allowed : bool
-        Whether a speed of 0 is a valid condition (a CAE run may start there, a test may not).
-    problems : list of Problem
-        What is wrong is appended here.
-
-    Returns
-    -------
-    ConditionTable or None
-        None if the table cannot be used.
+    What is wrong is appended to ``problems``; None if the table cannot be used. A speed of 0 may be allowed: a CAE run
+    may start at rest, a test may not.
     """
     before = len(problems)
     frame = _read_text(path, problems)
     if frame is None:
         return None
     names = list(map(str, frame.columns))
-    columns = {name: find_column(names, name, units, path.name, problems) for name, units in _QUANTITIES.items()}
+    columns = {
+        name: pair
+        for name, units in _QUANTITIES.items()
+        if (pair := find_column(names, name, units, path.name, problems)) is not None
+    }
     if "id" not in names:
         found, advice = f"the columns {listed(names)}", "name each row in a column id"
         problems.append(Problem(path.name, "a column id", found, advice))
@@ -67,16 +61,13 @@ def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Prob
     frame["id"] = frame["id"].str.strip()
     _check_ids(frame["id"], path.name, problems)
     values = {}
-    for name, pair in columns.items():
-        assert pair is not None  # noqa: S101 - find_column has reported it otherwise
-        column, factor = pair
-        numbers = not_a_number(
-            frame[column], column, path.name, frame.index.to_numpy(), problems, _LARGEST[name] / factor
-        )
+    rows_of = frame.index.to_numpy()
+    for name, (column, factor) in columns.items():
+        numbers = not_a_number(frame[column], column, path.name, rows_of, problems, _LARGEST[name] / factor)
         smallest = 0.0 if standstill_allowed and name == "speed" else _SMALLEST[name] / factor
         _check_low(numbers, smallest, frame[column], path.name, problems)
         values[name] = factor * numbers
-    used = {"id", *(column for column, _ in filter(None, columns.values()))}
+    used = {"id", *(column for column, _ in columns.values())}
     extra = [name for name in names if name not in used]
     _check_factors(frame[extra], path.name, problems)
     if len(problems) > before:
@@ -96,13 +87,7 @@ def sound_ids(path: Path) -> tuple[str, ...]:
 
 
 def read_candidates(path: Path) -> tuple[Condition, ...]:
-    """Read conditions that could be tested, from a table of the form of ``tests.csv``.
-
-    Raises
-    ------
-    DataError
-        With every problem of the table.
-    """
+    """Read conditions that could be tested, from a table of the form of ``tests.csv``; raise all that is wrong."""
     problems: list[Problem] = []
     table = read_conditions(path, standstill_allowed=False, problems=problems)
     if table is None or problems:

@@ -40,16 +40,8 @@ def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems:
         v0, delta_v = speed[row], biggest[row]
         found = f"a change of {delta_v / MPH:+.1f} mph ({delta_v / KPH:+.1f} km/h)"
         expected = f"a change of velocity near the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
-        problems.append(
-            Problem(
-                f"{role}.csv",
-                expected,
-                found,
-                _likely_cause(float(ratio[row]), low, high),
-                f"id {table.ids[row]}",
-                table.rows[row],
-            )
-        )
+        cause, place = _likely_cause(float(ratio[row]), low, high), f"id {table.ids[row]}"
+        problems.append(Problem(f"{role}.csv", expected, found, cause, place, table.rows[row]))
 
 
 def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], warnings: list[str]) -> None:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from crashfuse.campaign_folder.recorded_pulse import RecordedPulse, cover_trouble, ends_early, joined, time_trouble
 from crashfuse.campaign_folder.sample_tables import check_length, sample_batches, whole_record
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.csv_text import unreadable
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray
@@ -27,12 +27,7 @@ _MOST_STRANGERS = 3  # named
 class PulseFiles:
     """All pulses of ``tests`` or ``cae`` of a campaign folder, on their way to the study grid.
 
-    Parameters
-    ----------
-    folder : Path
-    role : {"tests", "cae"}
-    channel_filter_class : float or None
-        CFC to filter the whole record with, before it is cropped to the grid.
+    With a channel filter class, whole records are filtered before they are cropped to the grid.
     """
 
     folder: Path
@@ -63,7 +58,9 @@ class PulseFiles:
                     if ends_early(record.time_s):
                         self.ends_s[run_id] = float(record.time_s[-1])
         if not self._unreadable:
-            self._report_missing([run_id for run_id in ids if run_id in missing])
+            found, advice = f"none in {self.role}/ or {self.role}_pulses", "add its pulse or remove its row"
+            for expected in (f"a pulse for {printable(run_id, 60)}" for run_id in ids if run_id in missing):
+                self.problems.append(Problem(f"{self.role}.csv", expected, found, advice, "id"))
         if strangers:
             named = ", ".join(printable(run_id, 60) for run_id in list(strangers)[:_MOST_STRANGERS])
             more = f" and {len(strangers) - _MOST_STRANGERS} more" if len(strangers) > _MOST_STRANGERS else ""
@@ -101,10 +98,8 @@ class PulseFiles:
                 found, advice = " and ".join(files), "keep one of them"
                 self.problems.append(Problem(f"{folder.name}/", f"one pulse for {run_id}", found, advice))
             elif files:
-                try:
+                with collecting(self.problems):
                     record = whole_record(folder / files[0], where, self.problems)
-                except DataError as error:
-                    self.problems.extend(error.problems)
             if files:
                 yield run_id, where, record
         known = set(ids)
@@ -166,9 +161,3 @@ class PulseFiles:
                 f"measured: ratings over windows beyond {time[-1] / MS:.4g} ms mean nothing for it."
             )
         return np.interp(GRID_S, time, accel, right=0.0 if early else None)
-
-    def _report_missing(self, missing: Sequence[str]) -> None:
-        found = f"none in {self.role}/ or {self.role}_pulses"
-        for run_id in missing:
-            expected = f"a pulse for {printable(run_id, 60)}"
-            self.problems.append(Problem(f"{self.role}.csv", expected, found, "add its pulse or remove its row", "id"))

@@ -21,14 +21,7 @@ SHORTEST_S = 60e-3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecordedPulse:
-    """Samples of a record as they stand in a file.
-
-    Attributes
-    ----------
-    time_s, accel_mps2 : ndarray, shape (n,)
-    rows : ndarray of int, shape (n,)
-        The file's row of each sample.
-    """
+    """Samples of a record as they stand in a file, and the file's row of each; all of shape (n,)."""
 
     time_s: FloatArray
     accel_mps2: FloatArray

@@ -9,7 +9,7 @@ import pandas as pd
 
 from crashfuse.campaign_folder.columns import find_column, listed, not_a_number
 from crashfuse.campaign_folder.recorded_pulse import RecordedPulse, joined, time_trouble
-from crashfuse.errors import DataError, Problem, shortened
+from crashfuse.errors import DataError, Problem, collecting, shortened
 from crashfuse.files.csv_text import CsvTable
 from crashfuse.files.parquet import ParquetTable
 from crashfuse.signals.pulse import Pulse
@@ -22,23 +22,10 @@ _LARGEST_S, _LARGEST_MPS2 = 1e6, 1e6  # 100,000 g: no sensor, no vehicle
 def sample_batches(
     path: Path, where: str, problems: list[Problem], *, with_id: bool = False
 ) -> Iterator[tuple[pd.Categorical, RecordedPulse]]:
-    """Yield batches as ids and SI samples.
+    """Yield the samples of a CSV or Parquet file in SI units, a batch at a time, with the id of the record of each.
 
-    Parameters
-    ----------
-    path : Path
-        A CSV or Parquet file.
-    where : str
-        What messages call it.
-    problems : list of Problem
-        Cells that are no numbers are appended, and are NaN.
-    with_id : bool
-        Whether a column tells which record a row belongs to.
-
-    Raises
-    ------
-    DataError
-        If it cannot be read, lacks a column or an id, or is empty.
+    Cells that are no numbers become problems, and NaN. Without a column of ids, all rows are of one record. A file that
+    cannot be read, lacks a column or an id, or is empty, raises a DataError.
     """
     empty = True
     with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, where) as table:
@@ -63,7 +50,7 @@ def sample_batches(
 
 
 def whole_record(path: Path, where: str, problems: list[Problem]) -> RecordedPulse:
-    """All samples of a file with one pulse; parameters and errors as of :func:`sample_batches`."""
+    """All samples of a file with one pulse; errors as of :func:`sample_batches`."""
     parts: list[RecordedPulse] = []
     for _, part in sample_batches(path, where, problems):
         parts.append(part)
@@ -80,22 +67,14 @@ def check_length(parts: Sequence[RecordedPulse], where: str) -> None:
 
 
 def read_pulse(path: Path) -> Pulse:
-    """Read one pulse from a CSV or Parquet file as it is sampled there.
-
-    Raises
-    ------
-    DataError
-        With every problem of the file.
-    """
+    """Read one pulse from a CSV or Parquet file as it is sampled there; raise every problem of the file."""
     if not path.exists():
         raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
     problems: list[Problem] = []
-    try:
+    with collecting(problems):
         record = whole_record(path, str(path), problems)
         if not problems and (trouble := time_trouble(record, str(path))) is not None:
             problems.append(trouble)
-    except DataError as error:
-        problems += error.problems
     if problems:
         raise DataError(shortened(problems))
     return Pulse(record.time_s, record.accel_mps2)

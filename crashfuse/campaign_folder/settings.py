@@ -55,13 +55,7 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
 
 
 def own_filter_class(folder: Path) -> float | None:
-    """The class with which a campaign filters all its records when it is read; None if it does not.
-
-    Raises
-    ------
-    DataError
-        If its ``campaign.toml`` is unsound.
-    """
+    """The class with which a campaign filters all its records when it is read; None if it does not."""
     problems: list[Problem] = []
     settings = read_settings(folder, problems, [])
     if problems:
@@ -94,8 +88,5 @@ def _filter_class(values: dict[str, Any], key: str, problems: list[Problem]) -> 
 
 def _shown(value: object) -> str:
     """A value as it may be shown: numbers of any size, tables of any depth."""
-    return (
-        printable(repr(value), 60)
-        if isinstance(value, str | float | bool)
-        else f"a value of type {type(value).__name__}"
-    )
+    plain = isinstance(value, str | float | bool)
+    return printable(repr(value), 60) if plain else f"a value of type {type(value).__name__}"

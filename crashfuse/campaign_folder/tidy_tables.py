@@ -1,10 +1,7 @@
 """Adding pulses to a tidy table of them, in its own columns and units, a batch at a time."""
 
 import csv
-import os
-import uuid
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,24 +10,17 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from crashfuse.errors import DataError, Problem
+from crashfuse.files.atomic import replacing
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import ACCELERATION, TIME
 
 
 def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
-    """Add pulses to ``<role>_pulses.parquet`` or ``.csv``.
+    """Add pulses to ``<role>_pulses.parquet`` or ``.csv``; where that fails, the table stays as it was.
 
-    Rows of the same ids, left by an import that was cut short, are replaced. The table is written anew beside itself
-    and then takes its own place.
-
-    Raises
-    ------
-    DataError
-        If the table lacks a column, or its ids are not text and these do not fit.
-    OSError
-        If it cannot be written; it is as it was then.
+    Rows of the same ids, left by an import that was cut short, are replaced. A DataError says what the table lacks.
     """
-    with _replacing(path) as temporary:
+    with replacing(path) as temporary:
         try:
             (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, temporary, pulses)
         except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
@@ -96,16 +86,3 @@ def _columns(names: Sequence[str], pulse: Pulse, where: str) -> Mapping[str, Flo
         found = ", ".join(names[:12])
         raise DataError(Problem(where, "one column time_… and one acceleration_…", found, "repair it first"))
     return columns
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    try:
-        yield temporary
-        with temporary.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise

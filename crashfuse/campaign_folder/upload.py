@@ -5,7 +5,6 @@ import shutil
 import unicodedata
 from collections import Counter
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path, PurePosixPath
 
 import pyarrow as pa
@@ -18,6 +17,7 @@ from crashfuse.files.archive import (
     Budget,
     Limits,
     Member,
+    in_memory,
     left_by_the_system,
     name_trouble,
     refuse,
@@ -44,20 +44,13 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
         ``campaign.toml``, ``<id>.csv`` … A pulse that lies beside the tables belongs to the one that has its id; where
         both have it, to the one without a table of pulses. Notes (``.md``, ``.txt``) are passed over.
     into : Path
-        An existing folder, which is the caller's to delete; a folder named after the campaign is made in it.
-    limits : Limits
-
-    Returns
-    -------
-    Path
-        The campaign folder; nobody has checked its numbers yet.
+        An existing folder, which is the caller's to delete; a folder named after the campaign is made in it, and
+        returned. Nobody has checked its numbers yet.
 
     Raises
     ------
     DataError
         If anything in the uploads is not of a campaign or beyond the limits; nothing is left in ``into``.
-    OSError
-        If ``into`` cannot be written.
     """
     members, name = _opened(uploads, limits)
     root = _root(members, name)
@@ -67,7 +60,7 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
     try:
         budget = Budget(limits, sum(len(content) for _, content in uploads))
         for member, target in targets.items():
-            _write(member, folder / target, budget)
+            member.write_to(folder / target, budget)
         _place(folder, [target for target in targets.values() if len(target.parts) == 1])
         _check_rows(folder, limits)
     except BaseException:
@@ -83,8 +76,7 @@ def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[
         raise DataError(Problem("upload", expected, "nothing", "choose the files"))
     check_uploads(uploads, limits)
     if not any(name.lower().endswith(".zip") for name, _ in uploads):
-        loose = [(name, content) for name, content in uploads if not left_by_the_system(name)]
-        return [Member(PurePosixPath(name), name, partial(io.BytesIO, content)) for name, content in loose], "upload"
+        return [in_memory(*upload) for upload in uploads if not left_by_the_system(upload[0])], "upload"
     if len(uploads) > 1:
         raise DataError(Problem("upload", expected, f"a zip among {len(uploads)} files", "zip all of it together"))
     name, content = uploads[0]
@@ -101,13 +93,7 @@ def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
 
 
 def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
-    """List the files of a zip in memory as :func:`zip_members` does.
-
-    Raises
-    ------
-    DataError
-        As there.
-    """
+    """List the files of a zip in memory as :func:`zip_members` does."""
     if (found := content.count(_ENTRY)) > limits.members:  # before a directory of millions is read
         raise too_many(name, found, limits)
     return zip_members(io.BytesIO(content), name, limits)
@@ -170,13 +156,6 @@ def _in_a_campaign(path: PurePosixPath) -> bool:
 def _folded(path: PurePosixPath) -> str:
     """The name as a file system sees it that minds neither capitals nor how letters are composed."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", str(path)).casefold())
-
-
-def _write(member: Member, path: Path, budget: Budget) -> None:
-    path.parent.mkdir(exist_ok=True)
-    with path.open("xb") as stream:
-        for chunk in member.chunks(budget):
-            stream.write(chunk)
 
 
 def _place(folder: Path, at_the_top: Sequence[PurePosixPath]) -> None:

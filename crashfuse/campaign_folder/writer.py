@@ -3,10 +3,7 @@
 import csv
 import io
 import json
-import shutil
-import uuid
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +14,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import id_trouble
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
+from crashfuse.files.atomic import new_folder
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import MASS, SPEED
 
@@ -30,12 +28,6 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
     Conditions are written in SI units with all their digits, each test as ``tests/<id>.csv``, the CAE runs as
     ``cae_pulses.parquet``. Pulses that were filtered when they were read are written filtered; ``filtered_with`` in
     ``campaign.toml`` says so, and nobody filters them again.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    folder : Path
-        Must not exist, or be empty.
 
     Raises
     ------
@@ -112,25 +104,6 @@ def check_ids(ids: Sequence[str], where: str) -> None:
     problems = [Problem(where, *trouble, "id") for run_id in ids if (trouble := id_trouble(run_id)) is not None]
     if problems:
         raise DataError(problems[:20])
-
-
-@contextmanager
-def new_folder(folder: Path) -> Iterator[Path]:
-    """A folder to write into, which takes its place and name only when all of it is there."""
-    folder = folder.resolve()
-    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-        raise DataError(Problem(str(folder), "a folder that holds nothing yet", "one that does", "choose another"))
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    home = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}")
-    home.mkdir()
-    try:
-        yield home
-        if folder.exists():
-            folder.rmdir()
-        home.rename(folder)
-    except BaseException:
-        shutil.rmtree(home, ignore_errors=True)
-        raise
 
 
 def toml_text(value: str | float | Sequence[str]) -> str:

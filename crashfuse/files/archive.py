@@ -5,13 +5,15 @@ checked before the first byte is read. Names must hold on every platform, so tha
 anywhere.
 """
 
+import io
 import stat
 import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import IO
 
 from crashfuse.errors import DataError, Problem, printable
@@ -25,17 +27,7 @@ _DEVICES |= {f"{port}{number}" for port in ("COM", "LPT") for number in "0123456
 _SYSTEM_FILES = {"thumbs.db", "desktop.ini", "__macosx"}  # and whatever begins with a dot
 _ENCRYPTED = 0x1 | 0x40 | 0x2000  # bits of an entry's flags: classic, strong, directory too
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # the others may ask for any amount of memory
-_BROKEN = (
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    EOFError,
-    NotImplementedError,
-    RuntimeError,
-    ValueError,
-    OverflowError,
-    OSError,
-)
+_BROKEN = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError, OverflowError, OSError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +65,7 @@ class Budget:
         self._by_ratio = max(limits.ratio * packed, _HARMLESS)
 
     def spend(self, count: int, member_bytes: int, where: str) -> None:
-        """Count a chunk of a member that has now reached ``member_bytes``.
-
-        Raises
-        ------
-        DataError
-            If that is more than the limits allow.
-        """
+        """Count a chunk of a member that has now reached ``member_bytes``; raise a DataError beyond the limits."""
         self.total += count
         limits = self.limits
         if self.total > self._by_ratio:
@@ -101,13 +87,7 @@ class Member:
     opened: Callable[[], IO[bytes]]
 
     def chunks(self, budget: Budget) -> Iterator[bytes]:
-        """Yield its content, unpacked, in pieces of at most 1 MiB.
-
-        Raises
-        ------
-        DataError
-            If it is damaged or too large.
-        """
+        """Yield its content, unpacked, in pieces of at most 1 MiB; raise a DataError if it is damaged or too large."""
         size = 0
         try:
             with self.opened() as stream:
@@ -118,17 +98,27 @@ class Member:
         except _BROKEN as error:
             raise _damaged(self.where, error) from error
 
+    def content(self, budget: Budget) -> bytes:
+        """All that it holds; errors as of :meth:`chunks`."""
+        return b"".join(self.chunks(budget))
+
+    def write_to(self, path: Path, budget: Budget) -> None:
+        """Unpack it to a path that nothing is at yet."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("xb") as stream:
+            for chunk in self.chunks(budget):
+                stream.write(chunk)
+
+
+def in_memory(name: str, content: bytes) -> Member:
+    """An uploaded file."""
+    return Member(PurePosixPath(name), name, partial(io.BytesIO, content))
+
 
 def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
     """List the files of a zip, without folders and what systems leave behind (``__MACOSX``, ``.DS_Store``).
 
-    Parameters
-    ----------
-    stream : binary file
-        Stays in use by the members.
-    name : str
-        What messages call the archive.
-    limits : Limits
+    The stream stays in use by the members.
 
     Raises
     ------
@@ -150,7 +140,7 @@ def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -
         if trouble is not None:
             problems.append(Problem(where, *trouble))
         elif not entry.is_dir() and not left_by_the_system(entry.filename):
-            members.append(Member(PurePosixPath(entry.filename), where, _opener(archive, entry)))
+            members.append(Member(PurePosixPath(entry.filename), where, partial(archive.open, entry)))
     refuse(problems, name)
     return members
 
@@ -214,10 +204,6 @@ def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
     if entry.compress_type not in _METHODS:
         return "files packed by deflate", f"packing method {entry.compress_type}", "make an ordinary zip"
     return name_trouble(entry.orig_filename.removesuffix("/"))
-
-
-def _opener(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Callable[[], IO[bytes]]:
-    return lambda: archive.open(entry)
 
 
 def _damaged(where: str, error: Exception) -> DataError:

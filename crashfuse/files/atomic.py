@@ -12,25 +12,27 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
+from crashfuse.errors import DataError, Problem
+
 _UNFINISHED = re.compile(r"\.unfinished-(?P<host>.+)-(?P<process>\d+)-[0-9a-f]{32}")
 _HOST = re.sub(r"[^\w.-]", "_", platform.node()) or "here"
 _LONG_S = 3600.0  # no write takes that
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write to a temporary name in the same folder, then rename: readers see the old file or the new one.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be made or written; nothing is left behind.
-    """
+    """Write to a temporary name in the same folder, then rename: readers see the old file or the new one."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A name in the same folder to write a file to, which takes its place once all of it is on the disk."""
     temporary = _unfinished(path.parent)
     try:
-        with temporary.open("wb") as stream:
-            stream.write(content)
-            stream.flush()
+        yield temporary
+        with temporary.open("rb+") as stream:
             os.fsync(stream.fileno())
         temporary.replace(path)
     except BaseException:
@@ -40,25 +42,10 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 @contextmanager
 def written_together(folder: Path, last: str) -> Iterator[Path]:
-    """Write a set of files: all of them move to their folder once each is whole, or none does.
+    """A folder to write a set of files into: all of them move to ``folder`` once each is whole, or none does.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the files belong.
-    last : str
-        The file that moves last. As long as it does not tell of the others, they are not all there: should the
-        machine stop between two moves, that shows.
-
-    Yields
-    ------
-    Path
-        Where to write them.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be made or written.
+    The file named ``last`` moves last. As long as it does not tell of the others, they are not all there: should the
+    machine stop between two moves, that shows.
     """
     folder.mkdir(parents=True, exist_ok=True)
     staging = _unfinished(folder)
@@ -71,6 +58,25 @@ def written_together(folder: Path, last: str) -> Iterator[Path]:
             path.replace(target)
     finally:
         shutil.rmtree(staging, ignore_errors=True)
+
+
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """A folder to write into, which takes its place and name once all of it is there; an empty one may be."""
+    folder = folder.resolve()
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        raise DataError(Problem(str(folder), "a folder that holds nothing yet", "one that does", "choose another"))
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    home = _unfinished(folder.parent)
+    home.mkdir()
+    try:
+        yield home
+        if folder.exists():
+            folder.rmdir()
+        home.rename(folder)
+    except BaseException:
+        shutil.rmtree(home, ignore_errors=True)
+        raise
 
 
 def _unfinished(folder: Path) -> Path:

@@ -22,19 +22,7 @@ _AGAIN = "export it again as comma-separated text in UTF-8"
 
 
 class CsvTable:
-    """A CSV file as tables of whole lines.
-
-    Parameters
-    ----------
-    stream : text file
-    where : str
-        What messages call it.
-
-    Attributes
-    ----------
-    names : list of str
-        The header, stripped of spaces.
-    """
+    """A CSV file as tables of whole lines; ``names`` is its header, stripped of spaces."""
 
     def __init__(self, stream: TextIO, where: str) -> None:
         self._stream, self._where = stream, where
@@ -43,12 +31,9 @@ class CsvTable:
     @classmethod
     @contextmanager
     def opened(cls, path: Path, where: str) -> Iterator[Self]:
-        """Open a file.
+        """Open a file; a DataError if it is empty, no text in UTF-8, not comma-separated, or cannot be read.
 
-        Raises
-        ------
-        DataError
-            If it is empty, no text in UTF-8, not comma-separated, or cannot be read; blocks may raise it too.
+        Blocks may raise it too.
         """
         with text_from(path, where) as stream:
             yield cls(stream, where)
@@ -56,12 +41,8 @@ class CsvTable:
     def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
         """Yield these columns and the row number of each line, the header being row 1.
 
-        A column is numeric where all its cells in the block are, ids are always text; empty cells are empty texts.
-
-        Raises
-        ------
-        DataError
-            If a line has more cells than the header.
+        A column is numeric where all its cells in the block are, ids are always text; empty cells are empty texts. A
+        line with more cells than the header raises a DataError.
         """
         at = [self.names.index(name) for name in columns]
         row, rest = 2, ""
@@ -125,12 +106,8 @@ class CsvTable:
 def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[int]]:
     """Read a small table whole: its header, its rows filled up to the header's width, and the number of each row.
 
-    Rows without anything in them are passed over.
-
-    Raises
-    ------
-    DataError
-        If it cannot be read, is larger than any library needs, or a row has more cells than the header.
+    Rows without anything in them are passed over. A table that cannot be read, is larger than any library needs, or has
+    a row with more cells than the header, raises a DataError.
     """
     with text_from(path, where) as stream:
         text = stream.read(_LARGEST_TABLE + 1)
@@ -166,13 +143,7 @@ def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[
 
 
 def header_names(cells: Sequence[str], where: str) -> list[str]:
-    """Names of the columns.
-
-    Raises
-    ------
-    DataError
-        If there are none, too many, or something else than commas is between them.
-    """
+    """Names of the columns; a DataError if there are none, too many, or something else than commas between them."""
     names = [cell.strip() for cell in cells]
     while names and not names[-1]:
         names.pop()  # a comma at the end of each line

@@ -18,13 +18,7 @@ _BATCH_ROWS = 1_000_000
 
 
 class ParquetTable:
-    """A Parquet file as batches.
-
-    Attributes
-    ----------
-    names : list of str
-        Its columns.
-    """
+    """A Parquet file as batches of the columns ``names``."""
 
     def __init__(self, path: Path, where: str) -> None:
         self._path, self._where = path, where
@@ -35,13 +29,7 @@ class ParquetTable:
     @classmethod
     @contextmanager
     def opened(cls, path: Path, where: str) -> Iterator[Self]:
-        """Open a file.
-
-        Raises
-        ------
-        DataError
-            If it is no sound Parquet file; reading its blocks may raise it too.
-        """
+        """Open a file; a DataError if it is no sound Parquet file, which reading its blocks may raise too."""
         require_file(path, where)
         try:
             yield cls(path, where)
@@ -52,12 +40,8 @@ class ParquetTable:
     def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
         """Yield these columns and the row number of each line, a header counting as row 1.
 
-        Numbers become float64, text categories; so a long text that is repeated is in memory once.
-
-        Raises
-        ------
-        DataError
-            If a column is of neither kind, or there twice.
+        Numbers become float64, text categories; so a long text that is repeated is in memory once. A column that is
+        neither, or is there twice, raises a DataError.
         """
         texts = [name for name in columns if self._is_text(name)]
         row = 2

@@ -41,7 +41,6 @@ def import_source(
         filtered with the others when the campaign is read; else they are filtered here.
     choices : Choices
         What is not to be left to be detected; it holds for every record of the source.
-    role : {"tests", "cae"}
     fmt : str, optional
         A key of :data:`crashfuse.readers.formats.FORMATS`; by default what the names in the source say.
     record_id : str, optional
@@ -84,19 +83,8 @@ def settle_each(
 ) -> tuple[Settled, ...]:
     """Settle every record that can be settled; what is wrong with the others is appended to ``problems``.
 
-    Parameters
-    ----------
-    records : iterable of Record
-    problems : list of Problem
-    choices, role, raw
-        See :func:`crashfuse.importing.settle`.
-    tolerant : bool
-        Take a choice that does not exist for a problem of the record, as choices that fit one may not fit another.
-
-    Raises
-    ------
-    UsageError
-        If a choice does not exist, unless tolerant.
+    Choices, role and raw are those of :func:`settle`. Tolerant takes a choice that does not exist for a problem of the
+    record instead of raising it, as choices that fit one may not fit another.
     """
     settled: list[Settled] = []
     for record in records:
@@ -118,8 +106,6 @@ def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") 
     ----------
     out : Path
         The campaign folder; for one that filters its records itself (:func:`own_filter_class`) they are settled raw.
-    settled : sequence of Settled
-    role : {"tests", "cae"}
 
     Raises
     ------

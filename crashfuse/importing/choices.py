@@ -20,8 +20,6 @@ class Choices:
         Whether the file writes deceleration as negative or as positive numbers.
     time_zero_s : float, optional
         Time of first contact in the file's own time.
-    channel_filter_class : float or "none", optional
-    condition : PartialCondition
     front_share : float, optional
         Share of the mass on the front axle, for files that know only the whole.
     """

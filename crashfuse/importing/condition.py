@@ -26,29 +26,19 @@ def complete_condition(
     standstill: bool,
     also_missing: Sequence[Problem] = (),
 ) -> Condition:
-    """Complete what a record says of its condition.
+    """Complete what a record says of its condition by what the user gives, which overrules it.
+
+    A mass without axle weights keeps the record's share of the front axle, unless one is given. What is missing, makes
+    no sense or does not add up raises a DataError; a share or weights by the user that cannot be, a UsageError.
 
     Parameters
     ----------
-    record : Record
-    given : PartialCondition
-        By the user; it overrules the record. A mass without axle weights keeps the record's share of the front axle.
-    front_share : float or None
-        Share of the mass on the front axle, by the user.
     steps : list of str
         What was done is appended.
     standstill : bool
         Whether a speed of 0 is a condition (a CAE run may start there, a test may not).
     also_missing : sequence of Problem
         What else is missing of the record, to be asked for together with what is missing here.
-
-    Raises
-    ------
-    DataError
-        If speed or an axle weight is known to neither or makes no sense, the file's weights do not add up, or anything
-        else is missing.
-    UsageError
-        If the share is none, or the user's weights do not add up.
     """
     if front_share is not None and not 0 < front_share < 1:
         raise UsageError(f"The front axle carries a share between 0 and 1 of the mass, not {front_share:g}.")

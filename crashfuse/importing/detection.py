@@ -11,7 +11,6 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import KPH, MPH, MS, G
 
-_CHECK = "check speed, unit, channels and time zero"
 _NO_SIGN = "let the record tell its sign (remove --deceleration-sign)"
 _DEFAULT_CFC = 60.0
 _CFC60_HZ = 110.0  # a low pass at or below it leaves nothing for CFC 60 (100 Hz) to take
@@ -53,11 +52,8 @@ def unit_and_sign(
         steps.append(f"Unit {label}, from the file.")
     change = gain * ACCELERATION_UNITS[label]
     if moving and label not in fitting:
-        advice = (
-            f"check the unit: {fitting[0]} would fit (--unit)"
-            if fitting
-            else "check speed, unit, channels and time zero"
-        )
+        fits = f"check the unit: {fitting[0]} would fit (--unit)" if fitting else ""
+        advice = fits or "check speed, unit, channels and time zero"
         expected = f"a change of velocity near the impact speed of {speed_text(speed_mps)}"
         raise DataError(Problem(record.source, expected, f"a change of {speed_text(change)} in {label}", advice))
     found = "negative" if gain <= 0 or not moving else "positive"

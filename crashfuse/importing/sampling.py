@@ -15,25 +15,9 @@ _FEWEST = 20
 
 
 def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, str]:
-    """Return a channel on an even clock, and a sentence where that took more than rounding.
+    """Return time and values of a channel on an even clock, and a sentence where that took more than rounding.
 
-    Samples without a value at either end are cut; amid the record they are refused.
-
-    Parameters
-    ----------
-    channel : RecordedChannel
-    where : str
-        What messages call its file.
-
-    Returns
-    -------
-    time_s, values : ndarray, shape (n,)
-    step : str
-
-    Raises
-    ------
-    DataError
-        If time does not increase, has gaps, or values are missing.
+    Samples without a value at either end are cut; amid the record they are refused, as are gaps in time.
     """
     place = f"{where}, {channel.name}"
     time, values = np.asarray(channel.time_s, dtype=np.float64), np.asarray(channel.values, dtype=np.float64)
@@ -61,18 +45,9 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
 
 
 def on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
-    """Return the time that channels share and their values.
+    """Return the time that channels share, as long as the shortest, and their values of shape (n_channels, n).
 
-    Returns
-    -------
-    time_s : ndarray, shape (n,)
-        As long as the shortest.
-    values : ndarray, shape (n_channels, n)
-
-    Raises
-    ------
-    DataError
-        If one is unfit, or they are not sampled alike.
+    A DataError names one that is unfit, or not sampled as the others are.
     """
     evens = [even(channel, where) for channel in channels]
     steps.extend(told for *_, told in evens if told)

@@ -41,12 +41,9 @@ class Settled:
 
     Parameters
     ----------
-    id, source : str
-    condition : Condition
     pulse : Pulse
         Braking negative, m/s², 0 at first contact; filtered and cut, or whole and raw if the campaign's own
         ``channel_filter_class`` is to filter it.
-    channels : tuple of str
     unit : str
         That the file's numbers are in.
     deceleration_sign : str
@@ -76,8 +73,6 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
 
     Parameters
     ----------
-    record : Record
-    choices : Choices
     role : {"tests", "cae"}
         A CAE run begins at contact unless its time says otherwise, and may stop early or late.
     raw : bool
@@ -128,11 +123,8 @@ def _missing(record: Record, choices: Choices) -> list[Problem]:
         missing.append(Problem(record.source, expected, have, "choose one or several to be averaged (--channel)"))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
-        expected, advice = (
-            f"the unit of the acceleration of {record.id}",
-            "give it if the speed does not tell it (--unit)",
-        )
-        missing.append(Problem(record.source, expected, "none", advice))
+        expected = f"the unit of the acceleration of {record.id}"
+        missing.append(Problem(record.source, expected, "none", "give it if the speed does not tell it (--unit)"))
     return missing
 
 

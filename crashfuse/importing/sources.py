@@ -1,12 +1,13 @@
 """What a source is: its format, and the records in it."""
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.files.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral, read_tables
 from crashfuse.importing.unpacking import lay_out_source
@@ -84,12 +85,9 @@ def read_each(reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]
     """Read every record of a source that can be read, and say what is wrong with the others."""
     problems: list[Problem] = []
     records: list[Record] = []
-    try:
+    # whoever looks at the records says whether they are of one crash
+    with collecting(problems), suppress(OneCrashOrSeveral):
         records += each_record(reading, problems)
-    except OneCrashOrSeveral:
-        pass  # whoever looks at the records says whether they belong together
-    except DataError as error:
-        problems += error.problems
     return tuple(records), tuple(problems)
 
 
@@ -155,10 +153,8 @@ def _of_homes(source: Path, fmt: str, problems: list[Problem]) -> Iterator[Recor
     """Records of a format, read one path a test where its reader takes one."""
     tests = _files(source, FORMATS[fmt].has) if FORMATS[fmt].one_a_file else []
     for home in tests if len(tests) > 1 else [source]:
-        try:
+        with collecting(problems):
             yield from FORMATS[fmt].read(home)
-        except DataError as error:
-            problems.extend(error.problems)
 
 
 def _files(folder: Path, wanted: Callable[[Path], bool]) -> list[Path]:

@@ -1,7 +1,7 @@
 """The tables of a source by their headers, so that what their columns are is said once for all that are alike."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
 
@@ -18,17 +18,7 @@ _HEAD = 3  # rows
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TableForm:
-    """Tables with the same headers.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Of the tables.
-    proposed : Mapping
-        What the columns of the first are taken for.
-    head : DataFrame of str
-        The first rows of the first.
-    """
+    """Tables with the same headers: their names; of the first, what its columns are taken for, and its first rows."""
 
     names: tuple[str, ...]
     proposed: mappings.Mapping
@@ -49,11 +39,8 @@ class TableForm:
     ) -> tuple[ColumnChoice, ...]:
         """What a user says of the columns, where it differs from the proposal.
 
-        Parameters
-        ----------
-        picked : mapping of role to columns
-            Of the roles that were asked for; a column that was proposed in one of them and is not picked is ignored.
-        units : mapping of role to str
+        Picked are the columns of each role that was asked for: one that was proposed in such a role and is not picked
+        is ignored.
         """
         role_of = {column: role for role in picked for column in picked[role]}
         choices = []
@@ -84,4 +71,4 @@ def table_forms(paths: Sequence[Path]) -> tuple[TableForm, ...]:
             if key not in forms:
                 head = sheet.cells.head(_HEAD).set_axis(list(sheet.columns), axis="columns")
                 forms[key] = TableForm((), propose(sheet), head)
-    return tuple(TableForm(tuple(names[key]), form.proposed, form.head) for key, form in forms.items())
+    return tuple(replace(form, names=tuple(names[key])) for key, form in forms.items())

@@ -6,7 +6,7 @@ from pathlib import Path, PurePosixPath
 
 from crashfuse.campaign_folder.upload import check_uploads, members_of_zip
 from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits
+from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member, in_memory
 
 
 def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
@@ -17,30 +17,26 @@ def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Lim
     uploads : sequence of (str, bytes)
         Files and zips; each zip is unpacked into a folder of its name.
     into : Path
-        An existing folder, which is the caller's to delete.
-    limits : Limits
-
-    Returns
-    -------
-    Path
-        The one file or folder, or the folder of all of them.
+        An existing folder, which is the caller's to delete. Returned is the one file or folder in it, or the folder of
+        all of them.
 
     Raises
     ------
     DataError
         If a name is a trick, a zip is unsound, or there is more than the limits allow; nothing is left in ``into``.
-    OSError
-        If ``into`` cannot be written.
     """
     check_uploads(uploads, limits)
     home = into / "upload"
     home.mkdir()
     try:
         for name, content in uploads:
+            budget = Budget(limits, len(content))
             if name.lower().endswith(".zip"):
-                _unpack(name, content, home / (PurePosixPath(name).stem.strip(". ") or "zip"), limits)
+                folder = home / (PurePosixPath(name).stem.strip(". ") or "zip")
+                for member in members_of_zip(name, content, limits):
+                    _unpack(member, folder, budget)
             else:
-                _write(home / name, name, content)
+                _unpack(in_memory(name, content), home, budget)
     except BaseException:
         shutil.rmtree(home)
         raise
@@ -48,19 +44,9 @@ def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Lim
     return single[0] if len(single) == 1 else home
 
 
-def _unpack(name: str, content: bytes, folder: Path, limits: Limits) -> None:
-    budget = Budget(limits, len(content))
-    for member in members_of_zip(name, content, limits):
-        _write(folder.joinpath(*member.path.parts), member.where, b"")
-        with folder.joinpath(*member.path.parts).open("wb") as stream:
-            for chunk in member.chunks(budget):
-                stream.write(chunk)
-
-
-def _write(path: Path, where: str, content: bytes) -> None:
+def _unpack(member: Member, folder: Path, budget: Budget) -> None:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("xb") as stream:
-            stream.write(content)
+        member.write_to(folder / member.path, budget)
     except (FileExistsError, NotADirectoryError):
-        raise DataError(Problem(where, "names that differ", "another file of this name", "rename one")) from None
+        found = "another file of this name"
+        raise DataError(Problem(member.where, "names that differ", found, "rename one")) from None

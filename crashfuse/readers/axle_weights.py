@@ -9,19 +9,12 @@ _UNEQUAL = 0.01  # of the mass: what rounding and a scale can do
 
 @dataclass(frozen=True, slots=True)
 class AxleWeights:
-    """What one source, a file or a user, says of a vehicle's weights; None where it says nothing.
-
-    Parameters
-    ----------
-    mass_kg, front_kg, rear_kg : float, optional
-    front_share : float, optional
-        Of the mass, on the front axle.
-    """
+    """What one source, a file or a user, says of a vehicle's weights; None where it says nothing."""
 
     mass_kg: float | None = None
     front_kg: float | None = None
     rear_kg: float | None = None
-    front_share: float | None = None
+    front_share: float | None = None  # of the mass, on the front axle
 
     @property
     def told(self) -> int:

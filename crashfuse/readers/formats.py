@@ -51,13 +51,7 @@ class Format:
         return re.fullmatch(self.names, path.name, re.IGNORECASE | re.DOTALL) is not None
 
     def read(self, path: Path) -> "tuple[Record, ...]":
-        """Read the records in a file, folder or zip.
-
-        Raises
-        ------
-        DataError
-            With what is wrong with it.
-        """
+        """Read the records in a file, folder or zip; a DataError says what is wrong with it."""
         module, _, function = self.reader.partition(":")
         records: tuple[Record, ...] = getattr(importlib.import_module(module), function)(path)
         return records

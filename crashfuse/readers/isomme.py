@@ -24,10 +24,10 @@ from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.isomme_channels import NO_VALUE, Channel, IsommeTest, Pairs, first_of
-from crashfuse.readers.members import is_numbered, opened_members
+from crashfuse.readers.members import as_text, is_numbered, opened_members
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 from crashfuse.signals.pulse import FloatArray
 
@@ -42,17 +42,8 @@ ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
     """Read one ISO-MME test: its descriptors and all its channels.
 
-    Parameters
-    ----------
-    path : Path
-        The folder of the test, its ``.mme`` file, or a zip with one such folder; films and pictures are passed over.
-    limits : Limits
-        Sizes beyond which it is refused.
-
-    Raises
-    ------
-    DataError
-        If it is no ISO-MME test, or a channel is not as its header says.
+    Its folder, its ``.mme`` file or a zip is read; films and pictures are passed over. A DataError says that it is no
+    ISO-MME test, or which channels are not as their headers say.
     """
     with opened_members(path, _is_text, "an ISO-MME folder or zip", limits) as (members, budget):
         if path.suffix.lower() == ".mme" and path.is_file():
@@ -77,13 +68,12 @@ def _read(members: Iterable[Member], name: str, budget: Budget) -> IsommeTest:
     problems: list[Problem] = []
     channels: list[tuple[Channel, str | None]] = []
     clocks: dict[str, Channel] = {}
-    for member in sorted((member for member in near if is_numbered(member.path)), key=_number):
-        try:
-            channels.append(_channel(member, listed, budget))
-            channel = channels[-1][0]
+    numbered = [member for member in near if is_numbered(member.path)]
+    for member in sorted(numbered, key=lambda member: int(member.path.suffix[1:])):
+        with collecting(problems):
+            channel, clock = _channel(member, listed, budget)
+            channels.append((channel, clock))
             clocks |= {name: channel for name in (member.path.suffix[1:], channel.name, channel.code) if name}
-        except DataError as error:
-            problems.extend(error.problems)
     refuse(problems, name)
     if not channels:
         raise DataError(Problem(name, "channel files .001, .002 … in Channel/", "none", "export the channels too"))
@@ -132,7 +122,7 @@ def _timed(channel: Channel, clock: Channel | None) -> Channel:
 
 
 def _lines_in(member: Member, budget: Budget) -> list[str]:
-    text = _decoded(b"".join(member.chunks(budget))).replace("\r\n", "\n").replace("\r", "\n")
+    text = as_text(member.content(budget)).replace("\r\n", "\n").replace("\r", "\n")
     if text.count("\n") > _MOST_LINES:
         raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", "more", "export a shorter record"))
     return text.split("\n")  # splitlines() would split at the … of Windows-1252 read as Latin-1, too
@@ -164,8 +154,7 @@ def _numbers(lines: Iterable[str], where: str) -> FloatArray:
 
 
 def _number_in(header: Pairs, name: str, where: str) -> float | None:
-    text = first_of(header, name)
-    if text is None:
+    if (text := first_of(header, name)) is None:
         return None
     try:
         value = float(text.split()[0])  # "0.0001 s" has been seen
@@ -188,22 +177,9 @@ def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
     return value * UNITS["time"][known]
 
 
-def _decoded(content: bytes) -> str:
-    for encoding in ("utf-8-sig", "cp1252"):
-        try:
-            return content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-    return content.decode("latin-1")
-
-
-def _is_text(path: PurePath) -> bool:
-    return path.suffix.lower() in (".mme", ".chn") or is_numbered(path)
-
-
 def _is_channel_folder(path: PurePath, home: PurePath) -> bool:
     return path.parent == home and path.name.lower() == "channel"
 
 
-def _number(member: Member) -> int:
-    return int(member.path.suffix[1:])
+def _is_text(path: PurePath) -> bool:
+    return path.suffix.lower() in (".mme", ".chn") or is_numbered(path)

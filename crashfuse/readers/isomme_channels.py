@@ -28,7 +28,6 @@ class Channel:
         Sampling interval; None where the file tells no even time.
     start_s : float or None
         Time of the first sample; None where the file does not tell it.
-    comments : tuple of str
     source : str
         What it comes from: ``transducer``, ``calculation``, ``camera``, ``simulation`` or ``parameter``.
     """
@@ -54,7 +53,6 @@ class IsommeTest:
     descriptors : sequence of (str, str)
         Lines of the ``.mme`` file in their order, without those of no value; a name may come more than once
         (``Comments``).
-    channels : tuple of Channel
     """
 
     name: str

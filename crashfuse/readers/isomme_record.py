@@ -28,24 +28,9 @@ _RAW_FIRST = "0PXSABCD"
 
 
 def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Record]:
-    """Read one ISO-MME test as a record.
+    """Read one ISO-MME test as a record: its folder, its ``.mme`` file, or a zip.
 
-    Parameters
-    ----------
-    path : Path
-        The folder of the test, its ``.mme`` file, or a zip.
-    limits : Limits
-        Sizes beyond which it is refused.
-
-    Returns
-    -------
-    tuple of one Record
-        With the vehicle's own X acceleration proposed, else that of tunnel, sills or B-pillars, both sides averaged.
-
-    Raises
-    ------
-    DataError
-        If it is no ISO-MME test, or has no X acceleration of the vehicle.
+    Proposed is the vehicle's own X acceleration, else that of tunnel, sills or B-pillars, both sides averaged.
     """
     return (record_of(read_isomme(path, limits), path.name),)
 
@@ -60,7 +45,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
     objects = {channel.code[0] for channel in on_vehicles}
     vehicle = min(own or objects)
     named = _named([channel for channel in on_vehicles if channel.code[0] == vehicle])
-    timed = {name: channel for name, channel in named.items() if _is_timed(channel)}
+    timed = {name: one for name, one in named.items() if one.interval_s is not None and one.values.size >= 2}
     expected, advice = "an even time, as long as the channel", "export its sampling interval"
     untimed = {name: Problem(f"{source}, {name}", expected, "none", advice) for name in named if name not in timed}
     if not timed:
@@ -84,10 +69,6 @@ def record_of(test: IsommeTest, source: str) -> Record:
 def _on_a_vehicle(channel: Channel) -> bool:
     code = channel.code.upper()
     return len(code) == 16 and code[12:15] == "ACX" and code[0].isdigit() and code[2:6] not in _DUMMY
-
-
-def _is_timed(channel: Channel) -> bool:
-    return channel.interval_s is not None and channel.values.size >= 2
 
 
 def _place(channel: Channel) -> str:

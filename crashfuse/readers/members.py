@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePath, PurePosixPath
 
 from crashfuse.errors import DataError, Problem
@@ -23,7 +23,6 @@ def opened_members(
         From a file's path to whether it is one of the format; nothing else is opened.
     kind : str
         What messages call it ("an ISO-MME folder or zip").
-    limits : Limits
 
     Raises
     ------
@@ -41,22 +40,20 @@ def opened_members(
     folder = path.parent if path.is_file() else path
     if not folder.is_dir():
         raise DataError(Problem(str(path), kind, "no such folder or file", "check the path"))
-    files = []
+    members, size = [], 0
     for file in sorted(files_below(folder)):
         if wanted(file) and file.is_file():
-            files.append(file)
-            if len(files) > limits.members:
-                raise too_many(path.name, len(files), limits)
-    yield [_on_disk(file, folder) for file in files], Budget(limits, sum(file.stat().st_size for file in files))
+            members.append(_on_disk(file, folder))
+            size += file.stat().st_size
+            if len(members) > limits.members:
+                raise too_many(path.name, len(members), limits)
+    yield members, Budget(limits, size)
 
 
 def files_below(folder: Path) -> Iterator[Path]:
     """Yield everything in a folder and the folders in it, but for these themselves.
 
-    Raises
-    ------
-    DataError
-        If one of them cannot be read: what is in it would silently be left out.
+    One that cannot be read raises a DataError: what is in it would silently be left out.
     """
 
     def refuse(error: OSError) -> None:
@@ -65,6 +62,14 @@ def files_below(folder: Path) -> Iterator[Path]:
 
     for home, _, names in os.walk(folder, onerror=refuse):
         yield from (Path(home, name) for name in names)
+
+
+def as_text(content: bytes) -> str:
+    """Text in whatever encoding of the Western ones it is."""
+    for encoding in ("utf-8-sig", "cp1252"):
+        with suppress(UnicodeDecodeError):
+            return content.decode(encoding)
+    return content.decode("latin-1")
 
 
 def is_numbered(path: PurePath) -> bool:

@@ -20,7 +20,7 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import is_numbered, opened_members
-from crashfuse.readers.nhtsa_sensors import Sensor, nhtsa_record, of_first_vehicle, setup_and_speed
+from crashfuse.readers.nhtsa_sensors import Sensor, nhtsa_record, number_in, of_first_vehicle, setup_and_speed
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
@@ -37,25 +37,10 @@ _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
 
 
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
-    """Read one NHTSA vehicle test: its conditions and the X accelerations of its vehicle.
+    """Read the conditions and the vehicle's X accelerations of one NHTSA test: its folder, its ``.EV5`` file, or a zip.
 
-    Parameters
-    ----------
-    path : Path
-        The folder of the test, its ``.EV5`` file, or a zip.
-    limits : Limits
-        Sizes beyond which it is refused.
-
-    Returns
-    -------
-    tuple of one Record
-        With the rear crossmember's channels proposed, else those at the centre of gravity; channels that the test's
-        engineers marked as failed are there to be chosen, never proposed.
-
-    Raises
-    ------
-    DataError
-        If it is no NHTSA test, or has no X acceleration of the vehicle.
+    Proposed are the rear crossmember's channels, else those at the centre of gravity; channels that the test's
+    engineers marked as failed are there to be chosen, never proposed.
     """
     with opened_members(path, _is_of_the_format, "an NHTSA folder or zip with a .EV5 file", limits) as (
         members,
@@ -63,8 +48,8 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     ):
         specification = _specification(members, path)
         sections = _sections(specification, budget)
-        stem = _stem(specification).lower()
-        files = {int(m.path.suffix[1:]): m for m in members if is_numbered(m.path) and _stem(m).lower() == stem}
+        stem = specification.path.stem.lower()
+        files = {int(m.path.suffix[1:]): m for m in members if is_numbered(m.path) and m.path.stem.lower() == stem}
         listed = [_listed(fields, specification.where) for fields in sections.get("INSTRUMENTATION", [])]
         candidates = of_first_vehicle(list({one.number: one for one in listed if one.number in files}.values()))
         if not candidates:
@@ -73,7 +58,7 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
             raise DataError(Problem(specification.where, expected, have, advice))
         sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}
         told = _condition(sections, candidates[0].vehicle, specification.where)
-        return (nhtsa_record(_stem(specification), path.name, sensors, told),)
+        return (nhtsa_record(specification.path.stem, path.name, sensors, told),)
 
 
 def _specification(members: Sequence[Member], path: Path) -> Member:
@@ -108,7 +93,6 @@ def _listed(fields: list[str], where: str) -> Sensor:
     if len(fields) < 20 or not (fields[1].isdecimal() and len(fields[1]) <= 6):
         expected, found = "20 fields a line of INSTRUMENTATION", f"{len(fields)} in {printable('|'.join(fields))!r}"
         raise DataError(Problem(where, expected, found, "download the specification again"))
-    cutoff = _number(fields[8])
     return Sensor(
         vehicle=fields[0],
         number=int(fields[1]),
@@ -117,7 +101,7 @@ def _listed(fields: list[str], where: str) -> Sensor:
         attachment=fields[4].upper(),
         axis=fields[5].upper(),
         unit=fields[7].upper(),
-        cutoff_hz=cutoff or None,
+        cutoff_hz=number_in(fields[8]) or None,
         status=fields[17].upper(),
         redundant=fields[18].upper() == "R",
         comment=fields[19],
@@ -151,10 +135,10 @@ def _condition(
     test = sections["TEST"][0]
     car = next((fields for fields in sections["VEHICLE"] if fields[0] == vehicle), sections["VEHICLE"][0])
     speed, mass, wheelbase, behind = (
-        _number(_field(car, index)) for index in (_SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY)
+        number_in(_field(car, index)) for index in (_SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY)
     )
     notes = [f"NHTSA test, {printable(_field(test, _TITLE))}."]
-    notes += setup_and_speed(_field(test, _CONFIGURATION), _number(_field(test, _ANGLE)), speed, where)
+    notes += setup_and_speed(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)), speed, where)
     front = rear = None
     if mass and wheelbase and 0 < behind < wheelbase:
         rear = mass * behind / wheelbase
@@ -172,21 +156,8 @@ def _field(fields: list[str], index: int) -> str:
     return fields[index] if index < len(fields) else ""
 
 
-def _number(text: str) -> float:
-    """Read the number in a field, 0 where there is none: NHTSA's own sign for unknown."""
-    try:
-        value = float(text)
-    except ValueError:
-        return 0.0
-    return value if np.isfinite(value) and value > 0 else 0.0
-
-
 def _text(member: Member, budget: Budget) -> str:
-    return b"".join(member.chunks(budget)).decode("latin-1")
-
-
-def _stem(member: Member) -> str:
-    return member.path.stem
+    return member.content(budget).decode("latin-1")
 
 
 def _is_of_the_format(path: PurePath) -> bool:

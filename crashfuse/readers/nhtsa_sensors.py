@@ -1,5 +1,6 @@
 """What both forms of NHTSA's database say of a test: its setup and speed, and which of its sensors are the pulse."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -43,6 +44,15 @@ class Sensor:
         return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
 
 
+def number_in(value: str | float) -> float:
+    """Return a number above 0; 0, NHTSA's own sign for unknown, where there is none."""
+    try:
+        number = float(value)
+    except ValueError:
+        return 0.0
+    return number if 0 < number < math.inf else 0.0
+
+
 def setup_and_speed(setup: str, angle_deg: float, speed_kph: float, where: str) -> list[str]:
     """Sentences on what kind of test it was and how fast; a speed of 0 is unknown."""
     told = f"Speed {speed_kph:g} km/h ({speed_kph * KPH / MPH:.2f} mph) from {where}."
@@ -65,16 +75,11 @@ def nhtsa_record(
     ----------
     stem : str
         Of the file's name: v and the number of the test.
-    source : str
     sensors : mapping of Sensor to callable
-        What reads the channel of each; it may raise a DataError.
+        What reads the channel of each. It may raise a DataError, which is passed on only for a channel that would be
+        proposed, or if no other is left.
     told : (PartialCondition, sequence of str)
         The condition, and where it was found.
-
-    Raises
-    ------
-    DataError
-        If a channel is damaged that would be proposed, or all are.
     """
     channels: dict[Sensor, RecordedChannel] = {}
     damaged: dict[Sensor, Problem] = {}
@@ -83,13 +88,17 @@ def nhtsa_record(
             channels[sensor] = read()
         except DataError as error:
             damaged[sensor] = error.problems[0]
-    left_out, unread = _without_damaged(damaged, list(sensors), source)
-    proposed, why = _proposed(list(channels), list(channels.values()))
+    wanted, _ = _at_best_place([entry for entry in sensors if entry.status in _SOUND])
+    if set(wanted) & set(damaged) or not channels:
+        refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
+    names = ", ".join(f"{entry.number} ({printable(entry.comment)})" for entry in damaged)
+    left_out = (f"Left out as damaged or empty: {names}.",) if damaged else ()
+    proposed, why = _proposed(channels)
     condition, found = told
     zero = "0 is first contact, by the format's definition"
     steps = (*found, *left_out, why)
-    test_id = stem.lstrip("vV")
-    return Record(test_id, source, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
+    unread = {str(entry.number): problem for entry, problem in damaged.items()}
+    return Record(stem.lstrip("vV"), source, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
 
 
 def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
@@ -98,29 +107,11 @@ def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
     return [sensor for sensor in there if sensor.vehicle == min(other.vehicle for other in there)]
 
 
-def _without_damaged(
-    damaged: Mapping[Sensor, Problem], entries: Sequence[Sensor], source: str
-) -> tuple[tuple[str, ...], dict[str, Problem]]:
-    """Do without damaged channels that nobody would propose: sentences, and what is wrong with each by its name.
-
-    Raises
-    ------
-    DataError
-        If one would be proposed, or no sound one is left.
-    """
-    wanted, _ = _at_best_place([entry for entry in entries if entry.status in _SOUND])
-    if set(wanted) & set(damaged) or len(damaged) == len(entries):
-        refuse([problem for entry, problem in damaged.items() if entry in wanted] or list(damaged.values()), source)
-    names = ", ".join(f"{entry.number} ({printable(entry.comment)})" for entry in damaged)
-    steps = (f"Left out as damaged or empty: {names}.",) if damaged else ()
-    return steps, {str(entry.number): problem for entry, problem in damaged.items()}
-
-
-def _proposed(entries: Sequence[Sensor], channels: Sequence[RecordedChannel]) -> tuple[tuple[str, ...], str]:
+def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], str]:
     """Choose the channels to be averaged, and say why."""
     sound = [
         entry
-        for entry, channel in zip(entries, channels, strict=True)
+        for entry, channel in channels.items()
         if entry.status in _SOUND and channel.time_s[-1] >= _LONGEST_S - 2 * (channel.time_s[1] - channel.time_s[0])
     ]
     chosen, what = _at_best_place(sound)

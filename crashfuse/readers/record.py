@@ -89,7 +89,6 @@ class Record:
         Proposed id of the test or run in the campaign.
     source : str
         The file or folder, by name and without its path.
-    condition : PartialCondition
     channels : tuple of RecordedChannel
         All that could be the pulse, at least one.
     proposed : tuple of str

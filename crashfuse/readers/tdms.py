@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem, printable
-from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.errors import DataError, Problem, collecting, printable
+from crashfuse.files.archive import Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members
-from crashfuse.readers.nhtsa_sensors import Sensor, nhtsa_record, of_first_vehicle, setup_and_speed
+from crashfuse.readers.nhtsa_sensors import Sensor, nhtsa_record, number_in, of_first_vehicle, setup_and_speed
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile, parse_tdms
 from crashfuse.readers.unit_spelling import UNITS, unit_named
@@ -36,25 +36,10 @@ _Told = Mapping[str, str | float]
 
 
 def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
-    """Read TDMS files, one record each.
+    """Read TDMS files (one, a folder or a zip of them), one record each.
 
-    Parameters
-    ----------
-    path : Path
-        A file, a folder, or a zip.
-    limits : Limits
-        Sizes beyond which it is refused.
-
-    Returns
-    -------
-    tuple of Record
-        Of an NHTSA test, the X accelerations of its vehicle with those on the rear floor proposed, else those at the
-        centre of gravity; of another file, every acceleration, proposed if it is the only one.
-
-    Raises
-    ------
-    DataError
-        With what is wrong with each file that is.
+    Of an NHTSA test it has the X accelerations of its vehicle with those on the rear floor proposed, else those at the
+    centre of gravity; of another file, every acceleration, proposed if it is the only one.
     """
     kind = "a .tdms file, or a folder or zip of them"
     of_the_format = FORMATS["tdms"].has
@@ -66,16 +51,10 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
         records: list[Record] = []
         problems: list[Problem] = []
         for member in members:
-            try:
-                records.append(_record(parse_tdms(_content(member, budget), member.where), member))
-            except DataError as error:
-                problems.extend(error.problems)
+            with collecting(problems):
+                records.append(_record(parse_tdms(member.content(budget), member.where), member))
         refuse(problems, path.name)
     return tuple(records)
-
-
-def _content(member: Member, budget: Budget) -> bytes:
-    return b"".join(member.chunks(budget))
 
 
 def _record(file: TdmsFile, member: Member) -> Record:
@@ -203,9 +182,4 @@ def _text(said: _Told, name: str) -> str:
 
 
 def _number(said: _Told, name: str) -> float:
-    """Return a number above 0, 0 where there is none: NHTSA's own sign for unknown."""
-    try:
-        value = float(said.get(name, 0.0))
-    except ValueError:
-        return 0.0
-    return value if 0 < value < np.inf else 0.0
+    return number_in(said.get(name, 0.0))

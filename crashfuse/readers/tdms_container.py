@@ -51,14 +51,7 @@ class _Extent:
 
 @dataclass(slots=True)
 class TdmsChannel:
-    """A channel of a TDMS file.
-
-    Parameters
-    ----------
-    group, name : str
-    properties : dict of str to str or float
-        Names in small letters, as files differ in them.
-    """
+    """A channel of a TDMS file; names of properties are in small letters, as files differ in them."""
 
     group: str
     name: str
@@ -69,14 +62,7 @@ class TdmsChannel:
 
 @dataclass(frozen=True, slots=True)
 class TdmsFile:
-    """A TDMS file, its channels' values left where they are.
-
-    Parameters
-    ----------
-    properties : dict of str to str or float
-        The file's own; names in small letters.
-    channels : tuple of TdmsChannel
-    """
+    """A TDMS file with its own properties; its channels' values are left where they are."""
 
     properties: Properties
     channels: tuple[TdmsChannel, ...]
@@ -90,13 +76,7 @@ class TdmsFile:
         return ChainMap(channel.properties, group.properties if group else {}, self.properties)
 
     def values(self, channel: TdmsChannel) -> FloatArray:
-        """Return the numbers of a channel.
-
-        Raises
-        ------
-        DataError
-            If there are too many, or they are no plain numbers.
-        """
+        """Return the numbers of a channel; a DataError if there are too many, or they are no plain numbers."""
         place = f"{self._where}: {printable(channel.name)}"
         if sum(extent.chunks * extent.count for extent in channel._extents) > _MOST_VALUES:
             raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", "choose the file of one test"))
@@ -113,16 +93,7 @@ class TdmsFile:
 def parse_tdms(content: bytes, where: str) -> TdmsFile:
     """Read what a TDMS file says of its channels.
 
-    Parameters
-    ----------
-    content : bytes
-    where : str
-        What messages call the file.
-
-    Raises
-    ------
-    DataError
-        If it is none, damaged, or keeps its data in a form that is not read.
+    A DataError says that it is none, damaged, or keeps its data in a form that is not read.
     """
     reader = _Reader(content, where)
     while len(content) - reader.at >= 28:

@@ -36,14 +36,7 @@ _LEADING_NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?")
 
 
 def unit_named(text: str, quantity: str | None = None) -> str | None:
-    """Return the name of the unit that a text spells, None if it spells none (of this quantity).
-
-    Parameters
-    ----------
-    text : str
-    quantity : {"time", "acceleration", "speed", "mass", "share"}, optional
-        Any by default.
-    """
+    """Return the name of the unit that a text spells, None if it spells none (of this quantity, a key of ``UNITS``)."""
     plain = text.strip().strip("[](){}").lower().replace("²", "2").replace("’", "'")
     name = _NAMES.get(re.sub(r"[\s^*·()]", "", plain))
     known = {name for units in UNITS.values() for name in units} if quantity is None else UNITS[quantity]

@@ -1,8 +1,6 @@
 """The sample campaign: 1009 runs of the CAE model over the paper's ranges, and 11 tests at the paper's conditions."""
 
 import json
-import shutil
-import uuid
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +11,7 @@ from scipy.stats import qmc
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
+from crashfuse.files.atomic import new_folder
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.synthetic.models import cae_pulses, measured_pulses
 from crashfuse.units import LB, MPH, MS, G
@@ -104,17 +103,9 @@ def write_sample(folder: Path) -> None:
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise UsageError(f"{folder} is not empty; name a folder that does not exist yet.")
     campaign = sample_campaign()
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}")
-    try:
-        (draft / "tests").mkdir(parents=True)
+    with new_folder(folder) as draft:
+        (draft / "tests").mkdir()
         _write(campaign, draft)
-        if folder.exists():
-            folder.rmdir()
-        draft.rename(folder)
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
-        raise
 
 
 def _write(campaign: Campaign, folder: Path) -> None:

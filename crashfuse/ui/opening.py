@@ -1,6 +1,7 @@
 """The ways to open a campaign of one's own: a folder, files that are dropped, and what can be imported."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import streamlit as st
@@ -86,18 +87,15 @@ def _campaign_or_source(path: Path) -> str | Source:
     except DataError:
         if path.is_dir() and any((path / table).is_file() for table in ("tests.csv", "cae.csv")):
             raise
-        try:
+        with suppress(DataError, OSError, RuntimeError, ValueError):
             return source_at(path.expanduser())
-        except (DataError, OSError, RuntimeError, ValueError):
-            pass
         raise
 
 
 def _is_file(path: Path) -> bool:
-    try:
+    with suppress(OSError, RuntimeError, ValueError):  # no such home, a name that no file can have
         return path.expanduser().is_file()
-    except (OSError, RuntimeError, ValueError):  # no such home, a name that no file can have
-        return False
+    return False
 
 
 def _source_or_advice(file: Path) -> Source:

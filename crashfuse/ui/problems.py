@@ -17,17 +17,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def problem_table(problems: Sequence[Problem]) -> pd.DataFrame:
-    """One row a problem: where it is, what was expected there, what was found, what to do.
-
-    Parameters
-    ----------
-    problems : sequence of Problem
-
-    Returns
-    -------
-    DataFrame
-        All cells are text.
-    """
+    """One row of text a problem: where it is, what was expected there, what was found, what to do."""
     return pd.DataFrame([_cells(problem, "" if problem.row is None else str(problem.row)) for problem in problems])
 
 

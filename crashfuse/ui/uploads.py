@@ -33,12 +33,8 @@ class Upload(Protocol):
 def open_uploads(files: Sequence[Upload]) -> str | Source:
     """Open what was uploaded if it is a sound campaign; returns its name.
 
-    Files of a foreign format are laid out to be imported instead.
-
-    Raises
-    ------
-    DataError
-        With everything that is wrong with it; nothing of it is kept.
+    Files of a foreign format are laid out to be imported instead. A DataError has everything that is wrong; nothing is
+    kept then.
     """
     if not files:  # none was dropped, or the browser kept back what is too large
         expected = f"files of at most {st.get_option('server.maxUploadSize')} MB each"
@@ -67,10 +63,10 @@ def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
     """Whether no table of a campaign is among the files, but something that can be imported."""
     names: list[PurePath] = []
     for name, content in uploads:
-        zipped = name.lower().endswith(".zip")
-        names += (
-            [member.path for member in members_of_zip(name, content, DEFAULT_LIMITS)] if zipped else [PurePath(name)]
-        )
+        if name.lower().endswith(".zip"):
+            names += [member.path for member in members_of_zip(name, content, DEFAULT_LIMITS)]
+        else:
+            names.append(PurePath(name))
     return not {"tests.csv", "cae.csv"} & {path.name for path in names} and bool(formats_of(names))
 
 

@@ -12,7 +12,8 @@ from uuid import uuid4
 import pytest
 
 from crashfuse import cli
-from crashfuse.files.atomic import write_atomically, written_together
+from crashfuse.errors import DataError
+from crashfuse.files.atomic import new_folder, write_atomically, written_together
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -58,6 +59,22 @@ def test_files_that_cannot_all_be_written_change_nothing(tmp_path: Path) -> None
     assert len(list(tmp_path.iterdir())) == 1
 
 
+@pytest.mark.parametrize("there", [False, True])
+def test_a_new_folder_appears_when_it_is_whole(tmp_path: Path, there: bool) -> None:
+    """It may take the place of an empty folder; of a file, or of a folder that holds anything, it never does."""
+    folder = tmp_path / "c"
+    if there:
+        folder.mkdir()
+    with new_folder(folder) as home:
+        write_atomically(home / "a.csv", b"new")
+        assert not contents(folder)
+    assert contents(tmp_path) == {"c/a.csv": b"new"}
+    for taken in (folder, folder / "a.csv"):
+        with pytest.raises(DataError, match="a folder that holds nothing yet"), new_folder(taken):
+            pass
+    assert contents(tmp_path) == {"c/a.csv": b"new"}
+
+
 @pytest.mark.slow
 def test_a_disk_that_is_full_at_the_end_of_a_study_costs_nothing_but_time(
     campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -74,7 +91,7 @@ def test_a_disk_that_is_full_at_the_end_of_a_study_costs_nothing_but_time(
     monkeypatch.setattr("crashfuse.reporting.results.write_atomically", full)
     assert cli.main(command) == cli.WRONG_DATA
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert said.startswith(f"crashfuse: Nothing was written to {out}: No space left on device. What was computed")
+    assert said.startswith(f"crashfuse: Nothing was written to {out}: No space left on device. Whatever was computed")
     assert list(contents(out)) == ["study.json"]
     assert b'"finished": false' in (out / "study.json").read_bytes()
     monkeypatch.undo()

@@ -18,25 +18,17 @@ _TITLE_BYTES = 80
 def read_binout(shards: Sequence[tuple[IO[bytes], str]], most: int) -> Histories:
     """Read a run's ``binout``, the shards of its processors and of its restarts merged.
 
-    Parameters
-    ----------
-    shards : sequence of (binary file, str)
-        Each seekable and with what messages call it.
-    most : int
-        Nodes that are kept: those with a title first.
-
-    Raises
-    ------
-    DataError
-        If one is damaged.
+    Each shard is a seekable file and what messages call it. Of more than ``most`` nodes those with a title are kept
+    first.
     """
     pieces: dict[str, list[History]] = {}
     title, energy, listed = "", None, 0
     for stream, where in shards:
         file = LsdaFile(stream, where, _wanted)
-        energy = _first_energy(file) if energy is None else energy
+        first = file.read(("glstat", "d000001"), _ENERGY) if energy is None else None
+        energy = energy if first is None or first.size != 1 else float(first[0])
         for database, names in _DATABASES.items():
-            title = title or _text(file, (database, "metadata"), "title")
+            title = title or printable(_text(file, (database, "metadata"), "title").strip())
             found, count = _histories(file, where, database, names, most)
             listed = max(listed, count)
             for piece in found:
@@ -57,11 +49,6 @@ def _wanted(folder: tuple[str, ...]) -> frozenset[str] | None:
         case ("glstat", "d000001"):
             return frozenset({_ENERGY})
     return None
-
-
-def _first_energy(file: LsdaFile) -> float | None:
-    energy = file.read(("glstat", "d000001"), _ENERGY)
-    return None if energy is None or energy.size != 1 else float(energy[0])
 
 
 def _histories(
@@ -100,7 +87,7 @@ def _histories(
 
 def _titles(file: LsdaFile, database: str, prefix: str) -> dict[str, str]:
     folder = (database, "metadata")
-    ids, text = file.read(folder, "legend_ids"), _raw_text(file, folder, "legend")
+    ids, text = file.read(folder, "legend_ids"), _text(file, folder, "legend")
     if ids is None or ids.dtype.kind not in "iu":
         return {}
     cut = range(0, min(len(text), _TITLE_BYTES * ids.size), _TITLE_BYTES)
@@ -111,10 +98,6 @@ def _titles(file: LsdaFile, database: str, prefix: str) -> dict[str, str]:
 
 
 def _text(file: LsdaFile, folder: tuple[str, ...], name: str) -> str:
-    return printable(_raw_text(file, folder, name).strip())
-
-
-def _raw_text(file: LsdaFile, folder: tuple[str, ...], name: str) -> str:
     values = file.read(folder, name)
     return "" if values is None or values.itemsize != 1 else values.tobytes().decode("latin-1").replace("\0", " ")
 

@@ -39,11 +39,8 @@ class Histories:
 
     Parameters
     ----------
-    title : str
-        The run's.
-    nodes : tuple of History
     total : int
-        How many there are in the files.
+        How many nodes there are in the files.
     kinetic_energy : float, optional
         Of the whole model at its first state (``glstat``), in the units of the run.
     notes : tuple of str

@@ -36,26 +36,14 @@ class _Variable:
 
 
 class LsdaFile:
-    """One file, its symbol tables read and its data left where they are.
+    """One file, its symbol tables read and its data left where they are; a DataError if it is damaged or no such file.
 
     Parameters
     ----------
     stream : binary file
         Seekable; stays in use.
-    where : str
-        What messages call it.
     wanted : callable
         From a folder's path (``("nodout", "d000001")``) to the names that are wanted of it; the rest is skipped.
-
-    Attributes
-    ----------
-    folders : mapping of path to names
-        What there is of what is wanted.
-
-    Raises
-    ------
-    DataError
-        If it is not such a file, or damaged.
     """
 
     def __init__(
@@ -65,12 +53,7 @@ class LsdaFile:
         self._size = stream.seek(0, 2)
         stream.seek(0)
         header = self._exactly(_HEADER_BYTES)
-        if (
-            header[0] < _HEADER_BYTES
-            or any(size not in _INTEGERS for size in header[1:5])
-            or header[5] > 1
-            or header[6]
-        ):
+        if header[0] < _HEADER_BYTES or not set(header[1:5]) <= _INTEGERS.keys() or header[5] > 1 or header[6]:
             raise self._damaged("another kind of file")
         length, offset, command, kind = (_INTEGERS[size] for size in header[1:5])
         self._order = "<" if header[5] else ">"
@@ -84,17 +67,11 @@ class LsdaFile:
 
     @property
     def folders(self) -> Mapping[tuple[str, ...], Mapping[str, object]]:
-        """Names of the variables by their folder's path."""
+        """Names of the variables that are there and wanted, by their folder's path."""
         return self._folders
 
     def read(self, folder: tuple[str, ...], name: str) -> npt.NDArray[Any] | None:
-        """Return the numbers of a variable, None if there is none of that name.
-
-        Raises
-        ------
-        DataError
-            If its record is not where the symbol table says.
-        """
+        """Return the numbers of a variable, None if there is none of that name."""
         variable = self._folders.get(folder, {}).get(name)
         if variable is None:
             return None

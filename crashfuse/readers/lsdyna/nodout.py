@@ -19,18 +19,7 @@ _NO_EXPONENT_LETTER = re.compile(r"(?<=[\d.])([-+])")
 def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
     """Read an ASCII ``nodout`` as a stream; what is not the nodes' translation is passed over.
 
-    Parameters
-    ----------
-    chunks : iterable of bytes
-    where : str
-        What messages call the file.
-    most : int
-        Nodes that are kept: those with a title first.
-
-    Raises
-    ------
-    DataError
-        If it is none, or has a row that cannot be read.
+    Of more than ``most`` nodes those with a title are kept first. A row that cannot be read raises a DataError.
     """
     times: list[float] = []
     titles: dict[str, str] = {}

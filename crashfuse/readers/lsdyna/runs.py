@@ -15,7 +15,7 @@ from typing import IO
 
 import numpy as np
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, collecting
 from crashfuse.files.archive import Budget, Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.lsdyna.binout import read_binout
@@ -47,23 +47,9 @@ _PLACES = (
 def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...]:
     """Read LS-DYNA runs: the X accelerations of their nodes, else of their rigid bodies.
 
-    Parameters
-    ----------
-    path : Path
-        A ``binout``, any of its shards, a ``nodout``, the folder of a run or of many, or a zip.
-    limits : Limits
-        Sizes beyond which it is refused.
-
-    Returns
-    -------
-    tuple of Record
-        One a run, with the folder's name as id, the speed at which its nodes set out, and the mass that the kinetic
-        energy (``glstat``) gives at that speed.
-
-    Raises
-    ------
-    DataError
-        With what is wrong with each run that is.
+    The path is a ``binout``, any of its shards, a ``nodout``, the folder of a run or of many, or a zip. Each run is a
+    record with the folder's name as id, the speed at which its nodes set out, and the mass that the kinetic energy
+    (``glstat``) gives at that speed.
     """
     kind = "binout or nodout of LS-DYNA"
     with opened_members(path, FORMATS["lsdyna"].has, kind, limits) as (members, budget):
@@ -75,12 +61,9 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
         records: list[Record] = []
         problems: list[Problem] = []
         for run_id, files in runs.items():
-            try:
+            with collecting(problems), np.errstate(all="ignore"):  # damage may look like any number
                 histories = _histories(files, budget, most, zipped=zipped)
-                with np.errstate(all="ignore"):  # damage may look like any number
-                    records.append(_record(run_id, path.name if len(runs) == 1 else run_id, histories))
-            except DataError as error:
-                problems.extend(error.problems)
+                records.append(_record(run_id, path.name if len(runs) == 1 else run_id, histories))
         refuse(problems, path.name)
     return tuple(records)
 
@@ -180,7 +163,7 @@ def _proposed(nodes: Sequence[History]) -> tuple[list[History], str]:
         named = [n for n in nodes if re.search(words, n.title, re.I) and not _DUMMY.search(n.title)]
         if named:
             return named, f"Nodes {where}: {_listed(named)}; {_average(named)}."
-    travels = np.array([_travel(node) for node in nodes])
+    travels = np.array([np.abs(_integral(node.velocity, node.time)).max() for node in nodes])
     if len(nodes) == 1 or not np.isfinite(travels).any():
         return list(nodes), f"No titles say which nodes are accelerometers; {_listed(nodes)}: {_average(nodes)}."
     middle = np.nanmedian(travels)
@@ -197,11 +180,6 @@ def _listed(nodes: Sequence[History]) -> str:
 
 def _average(nodes: Sequence[History]) -> str:
     return "their average is the pulse" if len(nodes) > 1 else "it is the pulse"
-
-
-def _travel(node: History) -> float:
-    """How far a node gets, in the run's units."""
-    return float(np.abs(_integral(node.velocity, node.time)).max())
 
 
 def _integral(values: FloatArray, time: FloatArray) -> FloatArray:

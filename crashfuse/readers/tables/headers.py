@@ -53,16 +53,9 @@ _OTHER_UNIT = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class ColumnUse:
-    """What one column is taken for.
+    """What one column is taken for, and a short reason for people.
 
-    Parameters
-    ----------
-    column : str
-    role : ColumnRole
-    unit : str or None
-        A name from :data:`crashfuse.readers.unit_spelling.UNITS`; None where none is known or needed.
-    why : str
-        A short reason, for people.
+    ``unit`` is a name from :data:`crashfuse.readers.unit_spelling.UNITS`; None where none is known or needed.
     """
 
     column: str
@@ -72,14 +65,9 @@ class ColumnUse:
 
 
 def use_of(column: str, unit_cell: str) -> ColumnUse:
-    """What a column is by itself; ignored without a reason where nothing is recognised.
+    """What a column is by its header and the cell below it in a row of units.
 
-    Parameters
-    ----------
-    column : str
-        Its header.
-    unit_cell : str
-        What stands below it in a row of units.
+    It is ignored without a reason where nothing is recognised.
     """
     name, unit = _name_and_unit(column, unit_cell)
     plain = place_of(column)

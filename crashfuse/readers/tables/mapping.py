@@ -80,15 +80,8 @@ class Mapping:
 def propose(sheet: Sheet) -> Mapping:
     """Propose what each column is, from its header, its unit, and what else the sheet has.
 
-    Parameters
-    ----------
-    sheet : Sheet
-
-    Returns
-    -------
-    Mapping
-        Whatever is not recognised is ignored beside a time, and a factor in a table of conditions. Where several
-        columns could be one quantity, all of them are proposed, to be refused when they are read.
+    Whatever is not recognised is ignored beside a time, and a factor in a table of conditions. Where several columns
+    could be one quantity, all of them are proposed, to be refused when they are read.
     """
     sample = replace(sheet, cells=sheet.cells.head(SAMPLE))
     uses = [use_of(column, unit) for column, unit in zip(sheet.columns, sheet.units, strict=True)]

@@ -39,7 +39,6 @@ class Sheet:
     columns, units : tuple of str
         Headers, made unique, and what stood in a row of units below them ("" where nothing did).
     cells : DataFrame of str, shape (n_rows, n_columns)
-    decimal : {".", ","}
     first_row : int
         Row of the file that the data begin in, counted from 1.
     steps : tuple of str
@@ -72,13 +71,7 @@ class Sheet:
         return numbers
 
     def numbers(self, column: str) -> FloatArray:
-        """A column as float64, NaN where a cell is empty.
-
-        Raises
-        ------
-        DataError
-            If a cell holds something that is no number.
-        """
+        """A column as float64, NaN where a cell is empty; a DataError names a cell that holds no number."""
         numbers = self.parsed(column)
         if np.isfinite(numbers).all():
             return numbers

@@ -9,12 +9,14 @@ import io
 import re
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.archive import Limits
+from crashfuse.readers.members import as_text
 from crashfuse.readers.tables.sheet import SAMPLE, SHEET_LIMITS, Sheet, header_of, is_number, sheet_of
 from crashfuse.readers.tables.side_by_side import parted
 from crashfuse.readers.tables.workbook import read_workbook
@@ -35,13 +37,7 @@ _DIALECTS = (
 
 
 def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
-    """Read the tables of a text file or of the sheets of a workbook: one each, or one for each time in it.
-
-    Raises
-    ------
-    DataError
-        If the file holds no table or is larger than allowed.
-    """
+    """Read the tables of a text file or of the sheets of a workbook: one each, or one for each time in it."""
     if not path.is_file():
         raise DataError(Problem(str(path), "a table", "no such file", "check the path"))
     if path.stat().st_size > limits.member_bytes:
@@ -99,19 +95,12 @@ def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_ro
 
 
 def _decoded(content: bytes, name: str) -> str:
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        encodings: tuple[str, ...] = ("utf-16",)
-    else:
-        encodings = ("utf-8-sig", "cp1252", "latin-1")
-    for encoding in encodings:
-        try:
-            text = content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if "\x00" in text:
-            break
-        return text
-    raise DataError(Problem(name, "a table as text", "bytes that are no text", "export it again as CSV in UTF-8"))
+    text = "\x00"
+    with suppress(UnicodeDecodeError):
+        text = content.decode("utf-16") if content[:2] in (b"\xff\xfe", b"\xfe\xff") else as_text(content)
+    if "\x00" in text:
+        raise DataError(Problem(name, "a table as text", "bytes that are no text", "export it again as CSV in UTF-8"))
+    return text
 
 
 def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:

@@ -6,18 +6,15 @@ from itertools import pairwise
 
 from crashfuse.errors import printable
 from crashfuse.readers.tables.headers import bare_name, names_a_test
-from crashfuse.readers.tables.mapping import Mapping, propose
+from crashfuse.readers.tables.mapping import propose
 from crashfuse.readers.tables.sheet import Sheet
 
 
 def parted(sheet: Sheet) -> tuple[Sheet, ...]:
-    """Part a sheet in which several accelerations have times of their own.
+    """Part a sheet in which several accelerations have times of their own: a sheet for each time.
 
-    Returns
-    -------
-    tuple of Sheet
-        A sheet for each time, with the columns from it to the next; columns left of the first are in all of them.
-        The sheet as it is, if it has one time, or an acceleration left of all times.
+    Each has the columns from its time to the next; columns left of the first are in all of them. A sheet of one
+    time, or with an acceleration left of all times, stays as it is.
     """
     mapping = propose(sheet)
     roles = [use.role for use in mapping.uses]
@@ -27,15 +24,11 @@ def parted(sheet: Sheet) -> tuple[Sheet, ...]:
     blocks = [(*range(times[0]), *range(*ends)) for ends in pairwise([*times, len(roles)])]
     titles = [next(filter(None, (sheet.titles[number] for number in block)), "") for block in blocks]
     tests = len(set(titles)) == len(titles) and all(map(names_a_test, titles))
-    names = titles if tests else [_named(mapping, block) for block in blocks]
+    first = [next(number for number in block if roles[number] == "acceleration") for block in blocks]
+    names = titles if tests else [bare_name(sheet.columns[number]) for number in first]
     return tuple(
         _part(sheet, block, name, "" if tests else sheet.name) for block, name in zip(blocks, names, strict=True)
     )
-
-
-def _named(mapping: Mapping, block: Sequence[int]) -> str:
-    """A block by its first acceleration."""
-    return next(bare_name(use.column) for number in block if (use := mapping.uses[number]).role == "acceleration")
 
 
 def _part(sheet: Sheet, block: Sequence[int], name: str, part_of: str) -> Sheet:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.tables.headers import bare_name, cutoff_of
 from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole, ColumnUse, Mapping
@@ -22,21 +22,14 @@ _FEWEST = 10  # numbers of each kind that tell thousands separators from decimal
 
 
 def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: bool = False) -> tuple[Record, ...]:
-    """Read the records of a sheet of pulses.
+    """Read the records of a sheet of pulses: one for each id where there is a column of ids.
 
     Parameters
     ----------
-    sheet : Sheet
-    mapping : Mapping
     record_id : str
         Of a sheet with a single pulse: the file's name, say.
     together : bool
         Take several columns as channels of one record, to be averaged; by default each is a record of its own.
-
-    Returns
-    -------
-    tuple of Record
-        One an id where there is a column of ids.
 
     Raises
     ------
@@ -74,13 +67,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
 
 
 def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialCondition]:
-    """Read the conditions of a sheet, by id.
-
-    Raises
-    ------
-    DataError
-        If ids lack or repeat, a unit is unknown, or a cell is no number.
-    """
+    """Read the conditions of a sheet by id, which must neither lack nor repeat."""
     ids = mapping.of("id")
     if len(ids) != 1:
         raise DataError(_one_column(sheet, "id", ids))
@@ -93,10 +80,8 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
     values: dict[ColumnRole, FloatArray | None] = {}
     problems: list[Problem] = []
     for role in (*roles, "front_share"):
-        try:
+        with collecting(problems):
             values[role] = _quantity(sheet, mapping, role)
-        except DataError as error:
-            problems += error.problems
     if problems:
         raise DataError(problems)
     share = values.pop("front_share")

@@ -15,13 +15,7 @@ _MOST_CELLS = 500_000
 
 
 def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
-    """Read every sheet that holds a table.
-
-    Raises
-    ------
-    DataError
-        If there is none, or the file is larger than allowed or no sound workbook.
-    """
+    """Read every sheet that holds a table."""
     try:
         from openpyxl import load_workbook
     except ImportError:

@@ -51,13 +51,11 @@ def show_add_form(source: Source, reading: Reading, choices: Choices, role: Role
 def _ask_folder() -> None:
     open_one = _open_folder()
     if open_one is not None:
+        labels = {"open": f"{st.session_state['campaign']}, which is open", "folder": "Another folder"}
         st.radio(
             "Into",
-            ["open", "folder"],
-            format_func={
-                "open": f"{st.session_state['campaign']}, which is open",
-                "folder": "Another folder",
-            }.__getitem__,
+            list(labels),
+            format_func=labels.__getitem__,
             key=_INTO,
             persist_state="session",
             horizontal=True,
@@ -171,13 +169,7 @@ def _open_folder() -> Path | None:
 
 
 def _target() -> Path:
-    """The folder to add to.
-
-    Raises
-    ------
-    DataError
-        If it is none that anything should be added to.
-    """
+    """The folder to add to; a DataError if it is none that anything should be added to."""
     own = _open_folder()
     if own is not None and st.session_state.get(_INTO, "open") == "open":
         return own

@@ -143,22 +143,10 @@ def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, 
 def choices_of(
     source: Source, records: Sequence[Record], first: Record, role: Role, own_class: float | None
 ) -> tuple[Choices, Units]:
-    """Ask for everything that is not to be left to be detected; it holds for all records.
+    """Ask for everything that is not to be left to be detected, and for the units that the condition is said in.
 
-    Parameters
-    ----------
-    source : Source
-    records : sequence of Record
-    first : Record
-        The one that is looked at.
-    role : {"tests", "cae"}
-    own_class : float or None
-        With which the campaign filters its records itself.
-
-    Returns
-    -------
-    Choices, Units
-        The second is what the condition is said in.
+    It holds for all records; ``first`` is the one that is looked at. With ``own_class`` the campaign filters its
+    records itself.
     """
     channels = _channels(source, records, first)
     units = units_of(source)
@@ -181,11 +169,9 @@ def choices_of(
         right.selectbox("Filter", [f"CFC {own_class:g}, by the campaign"], disabled=True, key=f"{source.key} own class")
         cfc: float | str | None = own_class
     else:
-        detected = None
-        if found is not None:
-            detected_class = found.channel_filter_class
-            detected = "Not filtered" if detected_class is None else f"CFC {detected_class:g}"
-        name = _field(right, "Filter", list(_CLASSES), detected, source)
+        own = found.channel_filter_class if found else None
+        detected = f"CFC {own:g}" if own is not None else "Not filtered"
+        name = _field(right, "Filter", list(_CLASSES), detected if found else None, source)
         cfc = _CLASSES[name] if name else None
     choices = Choices(
         channels,

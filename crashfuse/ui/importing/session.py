@@ -29,9 +29,6 @@ class Source:
 
     Parameters
     ----------
-    path : Path
-    fmt : str
-        A key of :data:`crashfuse.readers.formats.FORMATS`.
     key : str
         Of this import: begins the keys of its widgets.
     scratch : Path, optional
@@ -50,13 +47,7 @@ class Source:
 
 
 def source_at(path: Path, scratch: Path | None = None) -> Source:
-    """Begin an import of this file or folder.
-
-    Raises
-    ------
-    DataError
-        If there is nothing of a known format, or far too much.
-    """
+    """Begin an import of this file or folder; a DataError if nothing there is of a known format, or far too much."""
     if path.is_dir() and sum(1 for _ in islice(path.rglob("*"), _MOST_FILES + 1)) > _MOST_FILES:
         advice = "name the folder of the tests or runs itself, or use crashfuse import"
         raise DataError(Problem(str(path), f"at most {_MOST_FILES} files", "more", advice))

@@ -65,7 +65,8 @@ def _show_step(source: Source, view: frame.View | None) -> None:
         show_problems(unread, "Nothing of it can be read", "Correct the fields or the files.")
         return
     with left:
-        st.caption("In grey: what was found. What is filled in overrules it" + _for_all(records) + ".")
+        for_all = f", for all {len(records)} records" if len(records) > 1 else ""
+        st.caption(f"In grey: what was found. What is filled in overrules it{for_all}.")
         if len(records) > 1 and any(
             None in (one.condition.speed_mps, *one.condition.weights.axles()) for one in records
         ):
@@ -96,10 +97,6 @@ def _role(source: Source) -> Role:
         persist_state="session",
     )
     return role
-
-
-def _for_all(records: Sequence[Record]) -> str:
-    return f", for all {len(records)} records" if len(records) > 1 else ""
 
 
 def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
