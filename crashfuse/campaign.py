@@ -25,8 +25,6 @@ class CrashTest:
 
     Parameters
     ----------
-    id : str
-    condition : Condition
     pulse : Pulse
         On the study grid.
     recorded_s : float
@@ -45,8 +43,6 @@ class CaeLibrary:
 
     Parameters
     ----------
-    ids : tuple of str
-    conditions : tuple of Condition
     accel_mps2 : ndarray of float32, shape (n_runs, 1250)
         Signed acceleration in m/s² on :data:`crashfuse.signals.pulse.GRID_S`.
     """
@@ -105,9 +101,6 @@ class Campaign:
 
     Parameters
     ----------
-    name : str
-    cae : CaeLibrary
-    tests : tuple of CrashTest
     notice : str
         A sentence shown wherever the campaign is ("synthetic", say); empty for none.
     warnings : tuple of str

@@ -22,7 +22,6 @@ class Prediction:
 
     Parameters
     ----------
-    condition : Condition
     accel_mps2 : ndarray, shape (1250,)
         The central prediction on :data:`crashfuse.signals.pulse.GRID_S`, m/s².
     draws_mps2 : ndarray, shape (n_draws, 1250), optional

@@ -20,10 +20,6 @@ class Cae(Approach):
     ----------
     cache : Cache, optional
         Where the trained emulator is kept.
-
-    Attributes
-    ----------
-    model_ : CaeModel
     """
 
     name = "cae"

@@ -42,7 +42,6 @@ class Coverage:
 
         Parameters
         ----------
-        test : CrashTest
         draws_mps2 : ndarray, shape (n_draws, 1250)
         """
         speed, accel = test.condition.speed_mps, test.pulse.accel_mps2
@@ -65,7 +64,6 @@ def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = 
 
     Parameters
     ----------
-    test : CrashTest
     draws_mps2 : ndarray, shape (n_draws, 1250)
     levels : ndarray, shape (n,)
 

@@ -28,9 +28,6 @@ def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = 
     ----------
     approach : Approach
         Unfitted.
-    campaign : Campaign
-    cache : Cache, optional
-    watch : Watch
 
     Returns
     -------

@@ -15,7 +15,6 @@ class FittedState:
     ----------
     values : mapping
         Plain JSON values.
-    arrays : dict of str to ndarray
     """
 
     values: Mapping[str, Any]

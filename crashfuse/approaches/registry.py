@@ -36,7 +36,6 @@ def create(name: str, settings: Settings) -> Approach:
     ----------
     name : str
         One of :data:`APPROACHES`.
-    settings : Settings
 
     Raises
     ------

@@ -21,7 +21,6 @@ class Settings:
     ----------
     preset : {"fast", "paper"}
         ``paper`` takes the settings of Tables 2 and 4, ``fast`` ours. ``fused`` is made of the fast forms either way.
-    seed : int
     device : {"auto", "cpu", "cuda"}
         Where networks are trained; ``auto`` takes CUDA if there is any. All else runs on the CPU.
     cache : Cache, optional

@@ -54,10 +54,6 @@ class EmulatorConfig:
 class Emulator:
     """Pulses over conditions, learned from the runs of a library.
 
-    Parameters
-    ----------
-    config : EmulatorConfig
-
     Attributes
     ----------
     length_scales_ : ndarray, shape (3,)
@@ -125,10 +121,6 @@ class Emulator:
         Beyond the library the pulse at its border is taken: a Gaussian process falls back to its mean out there.
         Beyond its speeds that pulse is scaled with the speed, as the change of velocity is.
 
-        Parameters
-        ----------
-        condition : Condition
-
         Returns
         -------
         ndarray, shape (1250,)
@@ -142,12 +134,6 @@ class Emulator:
 
     def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
         """Draw errors of :meth:`predict` at a condition: leave-one-out residuals of similar runs.
-
-        Parameters
-        ----------
-        condition : Condition
-        n : int
-        rng : numpy.random.Generator
 
         Returns
         -------

@@ -102,11 +102,6 @@ class CaeModel:
     ----------
     cache : Cache, optional
         Where the trained emulator is kept, by the fingerprint of the library.
-
-    Attributes
-    ----------
-    cae_ : CaeLibrary
-    emulator_ : Emulator
     """
 
     def __init__(self, *, cache: Cache | None = None) -> None:

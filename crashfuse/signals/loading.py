@@ -62,10 +62,6 @@ def loading_phase(accel_mps2: FloatArray, speed_mps: float) -> LoadingPhase:
         Signed acceleration in steps of :data:`crashfuse.signals.pulse.DT_S`.
     speed_mps : float
         Impact speed, positive.
-
-    Returns
-    -------
-    LoadingPhase
     """
     accel = np.asarray(accel_mps2, dtype=np.float64)
     motion = kinematics(accel, speed_mps, DT_S)

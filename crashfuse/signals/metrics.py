@@ -25,12 +25,10 @@ class Metric:
 
     Parameters
     ----------
-    name : str
     value : float or None
         None if the record is too short for the metric; :func:`missing_metrics` says what it lacks.
     lower, upper : float or None
         The central 95 % interval; None where there are no draws, or where too many of them are too short for that end.
-    unit : str
     """
 
     name: str

@@ -104,12 +104,6 @@ def kinematics(accel_mps2: FloatArray, speed_mps: float, dt_s: float) -> Kinemat
     Parameters
     ----------
     accel_mps2 : ndarray, shape (..., n)
-    speed_mps : float
-    dt_s : float
-
-    Returns
-    -------
-    Kinematics
     """
     velocity = speed_mps + _integral(accel_mps2, dt_s)
     displacement = _integral(velocity, dt_s)

@@ -68,10 +68,6 @@ def rate_iso18571(reference: FloatArray, comparison: FloatArray, *, dt_s: float)
     dt_s : float
         Time step in s. Curves with another step than 0.1 ms are interpolated linearly to it.
 
-    Returns
-    -------
-    Rating
-
     Raises
     ------
     DataError
@@ -121,7 +117,6 @@ def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float
 
     Parameters
     ----------
-    reference, comparison : Pulse
     windows_ms : iterable of float
         Ends of the windows in ms.
 

@@ -19,9 +19,7 @@ class StudyConfig:
 
     Parameters
     ----------
-    approaches : tuple of str
     preset : {"fast", "paper"}
-    seed : int
     windows_ms : tuple of float
         The rating is taken over [0, w) for each w, in ms.
     leave_out : {"test", "speed group", "both"}

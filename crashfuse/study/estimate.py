@@ -36,11 +36,8 @@ class Estimate:
 
     Attributes
     ----------
-    approach : str
-    prediction : Prediction
     state : dict
         What the fit found, as plain JSON values.
-    seconds : float
     left_out_mps2 : mapping of str to ndarray, shape (1250,)
         What it expects of each test that it learned from, as if that test had not been run; empty where unknown.
     """
@@ -64,8 +61,6 @@ class Fit:
 
     Attributes
     ----------
-    approach : Approach
-    config : StudyConfig
     seconds : float
         What the learning took.
     left_out_mps2 : mapping of str to ndarray, shape (1250,)
@@ -124,7 +119,6 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     ----------
     fits : sequence of Fit
         All of one campaign. What one of them mixes may be predictions that others give, too.
-    condition : Condition
 
     Raises
     ------

@@ -24,7 +24,6 @@ class ExpectedRating:
     ----------
     mean, lowest, highest : float
         Overall ISO/TS 18571 ratings over one window.
-    window_ms : float
     tests : tuple of str
         Ids of those tests, the nearest in speed first.
     reach_mps : float
@@ -69,7 +68,6 @@ def expected_rating(
         As in :class:`crashfuse.study.estimate.Estimate`: pulses in m/s² by the test's id.
     campaign : Campaign
         What the approach learned from.
-    condition : Condition
     window_ms : float
         The rating is over [0, window_ms).
 

@@ -21,8 +21,6 @@ class Fold:
 
     Attributes
     ----------
-    test : CrashTest
-    estimates : tuple of Estimate
     ratings : dict of str to dict of float to Rating
         By approach, then by window in ms.
     """

@@ -95,7 +95,6 @@ class NextTest:
 
     Parameters
     ----------
-    condition : Condition
     before_mps2, after_mps2 : float
         Half the width of the 95 % band of the bias, mean over the range, in m/s²: now, and with this test.
     extrapolation : tuple of str
@@ -131,7 +130,6 @@ def rank_next_tests(
     ----------
     domain : DisplacementDomain
         Fitted to all tests that were run, with the hierarchical bias.
-    over : ConditionRange
     candidates : sequence of Condition, optional
         By default 14 speeds at the middle weights: by weight gains hardly differ, and the middle is like most crashes.
         They may lie outside the range, and outside the CAE runs'.

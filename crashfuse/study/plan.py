@@ -19,8 +19,6 @@ class StudyPlan:
 
     Parameters
     ----------
-    campaign : Campaign
-    config : StudyConfig
     held_out : tuple of str
         Ids of the tests to leave out in turn; empty for all.
 

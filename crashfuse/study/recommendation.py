@@ -36,7 +36,6 @@ class Recommendation:
 
     Attributes
     ----------
-    approach : str
     sentences : tuple of str
         The recommendation, what it rests on, and what to be careful of.
     expected : ExpectedRating, optional
@@ -59,7 +58,6 @@ def recommend_for(
         One for each approach, at this condition.
     campaign : Campaign
         What they learned from: without the held-out test, if this is one.
-    condition : Condition
     window_ms : float
         By the rating over [0, window_ms).
     """

@@ -37,10 +37,8 @@ def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
 
     Parameters
     ----------
-    fit : Fit
     campaign : Campaign
         What it was fitted to.
-    path : str or Path
 
     Raises
     ------
@@ -85,8 +83,6 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
 
     Parameters
     ----------
-    path : str or Path
-    campaign : Campaign
     cache : Cache, optional
         Where the trained emulator of the CAE model is kept.
 

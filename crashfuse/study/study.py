@@ -36,10 +36,6 @@ class Study:
 
     Attributes
     ----------
-    campaign : Campaign
-    config : StudyConfig
-    folds : tuple of Fold
-    seconds : dict of str to float
     speed_groups : Study, optional
         The same tests, each left out with all others at about its speed; where both was asked for and is possible.
     """
@@ -106,13 +102,10 @@ def run_study(
 
     Parameters
     ----------
-    campaign : Campaign
-    config : StudyConfig
     held_out : sequence of str
         Ids of the tests to leave out in turn; empty for all.
     cache : Cache, optional
         Finished predictions are read from it and stored in it, so a study that was killed continues where it was.
-    watch : Watch
     workers : int, optional
         Processes for the folds; default one for each core. The numbers don't depend on it.
     scheduler : str, optional

@@ -25,7 +25,6 @@ class Sweep:
 
     Attributes
     ----------
-    approach : str
     condition : Condition
         With the weights and factors of all speeds.
     speeds_mps : ndarray, shape (n,)
@@ -57,7 +56,6 @@ def sweep_speed(
         Weights and factors; its speed does not matter.
     speeds_mps : ndarray, shape (n,)
         In m/s; see :func:`usual_speeds`.
-    watch : Watch
 
     Returns
     -------

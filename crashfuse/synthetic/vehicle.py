@@ -140,10 +140,6 @@ def simulate(
         n impact speeds and weights; a speed of 0 is allowed.
     n_samples, steps_per_sample : int
         Length of the record at 12.5 kHz, and time steps to a sample.
-
-    Returns
-    -------
-    Crash
     """
     fleet = (vehicles,) if isinstance(vehicles, Vehicle) else tuple(vehicles)
     n = len(conditions)

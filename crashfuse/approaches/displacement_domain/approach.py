@@ -62,11 +62,8 @@ class DisplacementDomain(Approach):
 
     Attributes
     ----------
-    model_ : CaeModel
     points_ : tuple of BiasPoints
         One for each test.
-    bias_ : HierarchicalBias or Table4Bias
-    rebound_ : Rebound
     calibration_ : Calibration
         Of the band, on each of these tests predicted from the others.
     left_out_ : LeftOut
@@ -269,7 +266,6 @@ class DisplacementDomain(Approach):
 
         Parameters
         ----------
-        condition : Condition
         displacement_m : ndarray, shape (n,)
 
         Raises

@@ -16,7 +16,6 @@ class BiasPoints:
 
     Attributes
     ----------
-    condition : Condition
     displacement_m, speed_share, cae_mps2, bias_mps2 : ndarray, shape (n,)
         Displacement, velocity over impact speed, the CAE model's acceleration, and what has to be added to it.
     """
@@ -58,7 +57,6 @@ class BiasPart:
 
     Attributes
     ----------
-    name : str
     mean_mps2, lower_mps2, upper_mps2 : ndarray, shape (n,)
         Over displacement.
     """
@@ -77,8 +75,6 @@ def bijective_projection(condition: Condition, test: LoadingPhase, curve: Loadin
 
     Parameters
     ----------
-    condition : Condition
-    test : LoadingPhase
     curve : LoadingCurve
         Where the test crushed further than the CAE pulse it says how that goes on.
     n_points : int
@@ -109,18 +105,12 @@ def uniform_points(
 
     Parameters
     ----------
-    condition : Condition
-    test : LoadingPhase
     curve : LoadingCurve
         What its vehicle does while it stops is taken where the test stops.
     step_m : float
         At most this far apart.
     end_share : float
         Share of the impact speed below which a vehicle counts as stopping.
-
-    Returns
-    -------
-    BiasPoints
     """
     displacement = np.linspace(0.0, test.crush_m, max(int(np.ceil(test.crush_m / step_m)), 1) + 1)
     shares = np.interp(displacement, test.displacement_m, test.speed_share)

@@ -23,9 +23,7 @@ class CaeView:
 
     Attributes
     ----------
-    condition : Condition
     accel_mps2 : ndarray, shape (1250,)
-    curve : LoadingCurve
     paired : bool
         Whether a run was made at this very condition.
     """

@@ -62,7 +62,6 @@ class Covariance:
 
     Parameters
     ----------
-    parts : sequence of Part
     x, z : ndarray, shape (n, n_columns + 1) and (m, n_columns + 1)
     """
 

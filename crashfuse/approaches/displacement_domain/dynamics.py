@@ -43,17 +43,12 @@ def integrate(
     ----------
     over_displacement_mps2 : ndarray, shape (n_draws, n_grid)
         G_a(s, x) + δ(s, x) of Eq. 10 at s = 0, step_m, 2 step_m, …; between them linear, beyond them constant.
-    step_m : float
     over_speed_mps2 : ndarray, shape (n_draws, n_shares)
         What is added to it, at even steps of v / v0 from 0 to 1.
     speed_mps : float
         Impact speed v0.
     dt_s, n_times : float, int
         Time step and number of times, the first being contact.
-
-    Returns
-    -------
-    SimulatedMotion
     """
     n_draws = len(over_displacement_mps2)
     by_displacement = _Table(over_displacement_mps2, step_m)
@@ -78,10 +73,6 @@ def replay(phase: LoadingPhase) -> FloatArray:
     """Displacement over time that Eq. 29 gives back for a pulse that is known over displacement only.
 
     It should equal the pulse's own displacement, integrated over time; the difference is the error of the detour.
-
-    Parameters
-    ----------
-    phase : LoadingPhase
 
     Returns
     -------

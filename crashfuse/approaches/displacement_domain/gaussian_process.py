@@ -29,7 +29,6 @@ class GaussianProcess:
 
     Parameters
     ----------
-    parts : sequence of Part
     noise : LogNormal
         Prior of the noise's standard deviation, relative to the root mean square of the training output.
     restarts : int
@@ -47,7 +46,6 @@ class GaussianProcess:
         Root mean square of the training output.
     log_marginal_likelihood_ : float
         Of the output in units of ``output_scale_``, without the priors.
-    retries_ : int
     dead_ : bool
         Whether the fit explains no more than noise would.
     """

@@ -51,7 +51,6 @@ class HierarchicalBias:
     ----------
     end_share : float
         Below this share of its impact speed a vehicle is stopping: 6 % of its energy is left.
-    process_ : GaussianProcess
     factors_ : tuple of str
         The factors in use.
     densities_ : dict of str to float
@@ -196,13 +195,10 @@ class HierarchicalBias:
 
         Parameters
         ----------
-        condition : Condition
         displacement_m, cae_mps2 : ndarray, shape (n,)
             Displacements, and the CAE model's acceleration there.
         speed_share : ndarray, shape (m,)
             Velocities as shares of the impact speed.
-        n_draws : int
-        rng : numpy.random.Generator
         """
         zero = np.zeros_like(speed_share)
         moving = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
@@ -216,7 +212,6 @@ class HierarchicalBias:
 
         Parameters
         ----------
-        condition : Condition
         displacement_m, cae_mps2 : ndarray, shape (n,)
             As for :meth:`sample`.
 

@@ -46,7 +46,6 @@ def follow_unloading(
     ----------
     accel_mps2 : ndarray, shape (n_draws, n)
         Pulses on the study grid; one that does not stop the vehicle within it is left as it is.
-    speed_mps : float
     cae : ndarray, shape (n,)
         The CAE pulse at this condition; beyond its end it keeps its last value.
     cae_loading : LoadingPhase
@@ -75,9 +74,7 @@ class Unloading:
 
     Attributes
     ----------
-    speed_mps : float
     accel_mps2, cae_mps2 : ndarray, shape (1250,)
-    cae_loading : LoadingPhase
     """
 
     speed_mps: float
@@ -154,7 +151,6 @@ class Rebound:
         pulses_mps2 : ndarray, shape (1 + n_draws, 1250)
         speed_mps, cae_mps2, cae_loading :
             As in :func:`follow_unloading`.
-        rng : numpy.random.Generator
         widening : float
             Factor on the draws' deviations.
 

@@ -44,7 +44,6 @@ class Table4Bias:
     ----------
     end_share : float
         Zero: the paper follows a CAE pulse over displacement to its very end.
-    process_ : sklearn.gaussian_process.GaussianProcessRegressor
     dead_ : bool
         Whether the likelihood is near that of noise alone.
     """
@@ -121,12 +120,9 @@ class Table4Bias:
 
         Parameters
         ----------
-        condition : Condition
         displacement_m, cae_mps2 : ndarray, shape (n,)
         speed_share : ndarray, shape (m,)
             Table 4 knows nothing of velocity, so the bias over it is zero.
-        n_draws : int
-        rng : numpy.random.Generator
         """
         x = (_columns(condition, displacement_m) - self.centre_) / self.spread_
         mean, covariance = self.process_.predict(x, return_cov=True)

@@ -50,7 +50,6 @@ class Fused(Approach):
 
     Parameters
     ----------
-    seed : int
     device : {"auto", "cpu", "cuda"}
         Where the time domain's networks are trained.
     cache : Cache, optional
@@ -58,9 +57,6 @@ class Fused(Approach):
 
     Attributes
     ----------
-    time_domain_ : TimeDomain
-    displacement_domain_ : DisplacementDomain
-    pool_ : Pool
     calibration_ : Calibration
         Of the band, on tests that both approaches predicted from the others.
     """

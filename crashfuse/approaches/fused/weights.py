@@ -85,7 +85,6 @@ class Pool:
 
         Parameters
         ----------
-        scores : list of Scores
         nearness : ndarray, shape (n_tests,)
             From 0, far from all other tests, to 1, beside one.
         """

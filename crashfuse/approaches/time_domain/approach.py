@@ -38,7 +38,6 @@ class TimeDomain(TcnApproach):
 
     Attributes
     ----------
-    lf_ : LfTcn
     network_ : Tcn
         The LF networks, or where Adam did the fine-tuning, what it made of them.
     scaling_ : Scaling

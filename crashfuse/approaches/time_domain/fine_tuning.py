@@ -42,7 +42,6 @@ class Posterior:
         Parameters
         ----------
         functional : ndarray, shape (n_times,)
-        value, variance : float
         where : ndarray, shape (n_times,), optional
             Weights from 0 to 1 of the output's deviations; where they are 0, the output is taken as known.
         """

@@ -75,7 +75,6 @@ class LfTcn(TcnApproach):
     ----------
     config : TcnConfig, optional
         Default: :meth:`TcnConfig.fast`.
-    seed : int
     device : {"auto", "cpu", "cuda"}
         ``auto`` takes CUDA if there is any, else the CPU.
     cache : Cache, optional
@@ -86,7 +85,6 @@ class LfTcn(TcnApproach):
     ----------
     network_ : Tcn
         All members of the ensemble.
-    scaling_ : Scaling
     losses_ : ndarray, shape (n_members, n_epochs, 2)
         Training and validation loss after each epoch.
     """
@@ -188,7 +186,6 @@ def thinned(curve: FloatArray, columns: Sequence[str]) -> dict[str, list[float]]
     Parameters
     ----------
     curve : ndarray, shape (n_epochs, n_columns)
-    columns : sequence of str
     """
     chosen = np.unique(np.linspace(0, len(curve) - 1, min(len(curve), _MOST_POINTS)).astype(int))
     values = {name: [float(f"{value:.4g}") for value in curve[chosen, i]] for i, name in enumerate(columns)}

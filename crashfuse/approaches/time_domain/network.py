@@ -23,7 +23,6 @@ class Tcn(nn.Module):
 
     Parameters
     ----------
-    config : TcnConfig
     generator : torch.Generator
         Of the initial weights and the dropout.
     members : int, optional

@@ -65,7 +65,6 @@ class Scaling:
         Ends of the library: beyond them the network gets what it would get there.
     accel_mps2 : float
         Root mean square of the accelerations, each divided by what its speed makes of it.
-    motion : TypicalMotion
     """
 
     centre: tuple[float, ...]

@@ -57,7 +57,6 @@ class Stopping:
 
         Parameters
         ----------
-        posterior : Posterior
         end_shares : ndarray, shape (n_tests,)
             Shares of v0 that were left at the end of the tests; without any, nothing is imposed.
         """

@@ -35,7 +35,6 @@ class Tangent:
 
     Attributes
     ----------
-    n_times : int
     first : Tensor, shape (n · n_times, n_weights)
         By the weights of the first block.
     last : tuple of tuple of Product
@@ -75,7 +74,6 @@ def tangent_kernel(network: Tcn, ours: Sequence[Tangent], theirs: Sequence[Tange
 
     Parameters
     ----------
-    network : Tcn
     ours, theirs : sequence of Tangent
         Of each member, at n and at n' conditions.
 

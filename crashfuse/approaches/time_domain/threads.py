@@ -32,12 +32,7 @@ def quick_threads(network: Tcn) -> Iterator[None]:
 
 
 class Crew:
-    """Threads for small networks, one each; a single one is computed by the caller's own.
-
-    Parameters
-    ----------
-    n : int
-    """
+    """Threads for small networks, one each; a single one is computed by the caller's own."""
 
     def __init__(self, n: int) -> None:
         self._pool = ThreadPoolExecutor(n, initializer=torch.set_num_threads, initargs=(1,)) if n > 1 else None

@@ -70,11 +70,8 @@ def minimise(
 
     Parameters
     ----------
-    networks : sequence of Tcn
     objectives : sequence of TrainingObjective
         One for each, all of one length.
-    checkpoint : Checkpoint
-    watch : Watch
     name : str
         Name of the training in its progress reports.
 

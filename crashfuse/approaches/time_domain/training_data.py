@@ -52,17 +52,11 @@ def train(
     ----------
     vectors : ndarray, shape (n_runs, 3)
     accel_mps2 : ndarray, shape (n_runs, 1250)
-    scaling : Scaling
-    config : TcnConfig
     seed : int
         Of the weights, and of each member's validation runs and order of batches.
-    device : torch.device
-    checkpoint : Checkpoint
-    watch : Watch
 
     Returns
     -------
-    Tcn
     losses : ndarray, shape (n_members, n_epochs, 2)
         Training and validation loss of each epoch.
     """
@@ -152,18 +146,13 @@ def fine_tune(
 
     Parameters
     ----------
-    network : Tcn
     scaling : Scaling
         The LF networks' own.
     vectors : ndarray, shape (n_tests, 3)
     accel_mps2 : ndarray, shape (n_tests, 1250)
-    config : TcnConfig
-    checkpoint : Checkpoint
-    watch : Watch
 
     Returns
     -------
-    Tcn
     losses : ndarray, shape (n_members, n_steps)
         Mean square error on the tests before each step, penalty not included.
     """
