@@ -46,15 +46,7 @@ class Cae(Approach):
         self.fit(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Train the emulator on the campaign's CAE runs; tests are not looked at.
-
-        Raises
-        ------
-        DataError
-            If the campaign has no CAE run.
-        Cancelled
-            If the watch was told to stop.
-        """
+        """Train the emulator on the campaign's CAE runs; tests are not looked at."""
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         return self
 
@@ -73,12 +65,6 @@ class Cae(Approach):
         return self.fit(campaign)
 
     def predict(self, condition: Condition) -> Prediction:
-        """Give the CAE pulse at a condition, and say where it comes from.
-
-        Raises
-        ------
-        NotFittedError
-            If called before :meth:`fit`.
-        """
+        """Give the CAE pulse at a condition, and say where it comes from."""
         self._require("model_")
         return Prediction(condition, self.model_.pulse(condition).accel_mps2, notes=self.model_.notes(condition))

@@ -35,13 +35,6 @@ def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = 
         The same one.
     seconds : float
         What the learning took, then or now.
-
-    Raises
-    ------
-    UsageError
-        If there is not enough to learn from.
-    Cancelled
-        If the watch was told to stop.
     """
 
     def learn() -> tuple[float, Mapping[str, npt.ArrayLike]]:

@@ -108,15 +108,7 @@ class CaeModel:
         self.cache = cache
 
     def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
-        """Train the emulator, or take it from the cache.
-
-        Raises
-        ------
-        DataError
-            If there is no run.
-        Cancelled
-            If the watch was told to stop.
-        """
+        """Train the emulator, or take it from the cache."""
         self.cae_, self.emulator_ = cae, (emulator := Emulator())
         if self.cache is None:
             emulator.fit(cae, watch)

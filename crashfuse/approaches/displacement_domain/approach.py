@@ -97,17 +97,7 @@ class DisplacementDomain(Approach):
         CaeModel(cache=self.cache).fit(campaign.cae, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Learn the bias from the campaign's tests.
-
-        Raises
-        ------
-        UsageError
-            If the campaign has no test.
-        DataError
-            If it has no CAE run.
-        Cancelled
-            If the watch was told to stop.
-        """
+        """Learn the bias from the campaign's tests."""
         if not campaign.tests:
             raise UsageError("The displacement domain learns from tests; this campaign has none.")
         campaign = self._seen(campaign)
@@ -169,26 +159,14 @@ class DisplacementDomain(Approach):
         return uniform_points(condition, phase, curve, step, self.bias_.end_share)
 
     def expected_points(self, condition: Condition) -> BiasPoints:
-        """Where a test here would show the bias, if it crushed as the CAE model does; the bias itself is left at zero.
-
-        Raises
-        ------
-        NotFittedError
-            If called before :meth:`fit`.
-        """
+        """Where a test here would show the bias, if it crushed as the CAE model does; the bias itself is left at zero."""
         self._require("bias_")
         test = CrashTest("", condition, Pulse(GRID_S, self.model_.pulse(condition).accel_mps2))
         own = LoadingCurve(loading_phase(test.pulse.accel_mps2, condition.speed_mps))
         return self._points(test, own)
 
     def predict(self, condition: Condition) -> Prediction:
-        """Predict the pulse at a condition: Eq. 29 with the mean bias, and with whole functions drawn of it.
-
-        Raises
-        ------
-        NotFittedError
-            If called before :meth:`fit`.
-        """
+        """Predict the pulse at a condition: Eq. 29 with the mean bias, and with whole functions drawn of it."""
         self._require("bias_")
         rng = np.random.default_rng(self.seed)
         view = CaeView.of(self.model_, condition)
@@ -267,11 +245,6 @@ class DisplacementDomain(Approach):
         Parameters
         ----------
         displacement_m : ndarray, shape (n,)
-
-        Raises
-        ------
-        NotFittedError
-            If called before :meth:`fit`.
         """
         self._require("bias_")
         if isinstance(self.bias_, Table4Bias):

@@ -244,11 +244,6 @@ class GaussianProcess:
         Returns
         -------
         ndarray, shape (m,), and where asked for ndarray, shape (m,) or (m, m)
-
-        Raises
-        ------
-        NotFittedError
-            If called before :meth:`fit`.
         """
         if not hasattr(self, "theta_"):
             raise NotFittedError("The Gaussian process has not been fitted; call fit(x, y) first.")

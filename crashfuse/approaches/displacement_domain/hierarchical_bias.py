@@ -65,13 +65,7 @@ class HierarchicalBias:
         self.seed = seed
 
     def fit(self, tests: Sequence[BiasPoints], watch: Watch = SILENT) -> Self:
-        """Learn from the bias of each test.
-
-        Raises
-        ------
-        Cancelled
-            If the watch was told to stop.
-        """
+        """Learn from the bias of each test."""
         rows, y = self._take(tests)
         choices: list[tuple[str, ...]] = [(), *((name,) for name in self._levels)]
         choices += [tuple(self._levels)] * (len(self._levels) > 1)

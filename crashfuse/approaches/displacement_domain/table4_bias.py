@@ -55,13 +55,7 @@ class Table4Bias:
         self.seed = seed
 
     def fit(self, tests: Sequence[BiasPoints], watch: Watch = SILENT) -> Self:
-        """Learn from the bias of each test.
-
-        Raises
-        ------
-        Cancelled
-            If the watch was told to stop.
-        """
+        """Learn from the bias of each test."""
         kernel = ConstantKernel(_START, _BOUNDS) * Matern(np.full(len(_INPUTS), _START), _BOUNDS, nu=1.5)
         done = 0
 

@@ -97,15 +97,7 @@ class Fused(Approach):
             part.prepare(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Fit both approaches, and learn how far to trust each from how it predicts each test without having seen it.
-
-        Raises
-        ------
-        UsageError
-            If the campaign has no test or fewer than two CAE runs.
-        Cancelled
-            If the watch was told to stop.
-        """
+        """Fit both approaches, and learn how far to trust each from how it predicts each test without having seen it."""
         self._thinning, campaign = thinning_notes(campaign), campaign.evenly_over_speed(MOST_TESTS)
         time_domain, displacement_domain = self._unfitted()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
@@ -172,24 +164,12 @@ class Fused(Approach):
         return draws
 
     def predict(self, condition: Condition) -> Prediction:
-        """Average what the three expect at a condition, and mix their draws.
-
-        Raises
-        ------
-        NotFittedError
-            If called before :meth:`fit`.
-        """
+        """Average what the three expect at a condition, and mix their draws."""
         return self.predict_from(condition, [part.predict(condition) for part in self.parts])
 
     @property
     def parts(self) -> tuple[Approach, Approach]:
-        """The fitted time domain and displacement domain.
-
-        Raises
-        ------
-        NotFittedError
-            If asked before :meth:`fit`.
-        """
+        """The fitted time domain and displacement domain."""
         self._require("pool_")
         return self.time_domain_, self.displacement_domain_
 

@@ -68,15 +68,7 @@ class TimeDomain(TcnApproach):
         self._lf().prepare(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Fine-tune the LF networks, which are trained before if the cache does not have them, on the tests.
-
-        Raises
-        ------
-        UsageError
-            If the campaign has no test.
-        Cancelled
-            If the watch was told to stop.
-        """
+        """Fine-tune the LF networks, which are trained before if the cache does not have them, on the tests."""
         if not campaign.tests:
             raise UsageError("The time domain learns from tests; this campaign has none.")
         campaign = self._seen(campaign)
@@ -226,13 +218,7 @@ class TimeDomain(TcnApproach):
         return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
 
     def predict(self, condition: Condition) -> Prediction:
-        """Predict the pulse at a condition, and where the increments were learned in closed form, draw pulses.
-
-        Raises
-        ------
-        NotFittedError
-            If called before ``fit``.
-        """
+        """Predict the pulse at a condition, and where the increments were learned in closed form, draw pulses."""
         lf = super().predict(condition)
         if not hasattr(self, "increments_"):
             return lf

@@ -56,13 +56,7 @@ class TcnApproach(Approach):
         return "cuda" if there_is_cuda and self._wanted != "cpu" else "cpu"
 
     def predict(self, condition: Condition) -> Prediction:
-        """Predict the pulse at a condition: the mean of the members.
-
-        Raises
-        ------
-        NotFittedError
-            If called before ``fit``.
-        """
+        """Predict the pulse at a condition: the mean of the members."""
         self._require("network_")
         accel = predict(self.network_, self.scaling_, condition.vector[None], self.config)[0]
         return Prediction(condition, accel, notes=self._library.extrapolation(condition))
@@ -105,15 +99,7 @@ class LfTcn(TcnApproach):
         self.fit(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Train on the CAE runs of the campaign, or take networks from the cache; tests are not looked at.
-
-        Raises
-        ------
-        UsageError
-            If there are fewer than two runs.
-        Cancelled
-            If the watch was told to stop.
-        """
+        """Train on the CAE runs of the campaign, or take networks from the cache; tests are not looked at."""
         cae, config = campaign.cae, self.config
         if len(cae) < 2:
             raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
