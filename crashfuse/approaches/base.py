@@ -1,17 +1,17 @@
 """What an approach is: it says what it is called and how it is drawn, fits a campaign and predicts at a condition."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.settings import Settings
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import NotFittedError
+from crashfuse.execution.cache import Entry
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import GRID_S, FloatArray
 
@@ -49,14 +49,31 @@ class Prediction:
         return lower, upper
 
 
+@dataclass(frozen=True, eq=False)
+class FittedState:
+    """What a fit found, with no code in it: plain JSON values, and arrays by name.
+
+    With the data that was fitted to it is enough to predict again to the same bits.
+    """
+
+    values: Mapping[str, Any]
+    arrays: Entry
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], arrays: Entry, **parts: "FittedState") -> "FittedState":
+        """Join values and arrays with the states of a model's parts."""
+        nested = {f"{part}/{name}": array for part, own in parts.items() for name, array in own.arrays.items()}
+        return cls({**values, **{part: own.values for part, own in parts.items()}}, {**arrays, **nested})
+
+    def part(self, name: str) -> "FittedState":
+        """The state of the part of this name."""
+        start = f"{name}/"
+        own = {key.removeprefix(start): array for key, array in self.arrays.items() if key.startswith(start)}
+        return FittedState(self.values[name], own)
+
+
 MOST_TESTS = 30
 """From how many tests the exact posteriors learn: their cost grows with the cube of the number."""
-
-
-def thinning_notes(campaign: Campaign) -> tuple[str, ...]:
-    """A sentence if a campaign has more tests than are learned from."""
-    n = len(campaign.tests)
-    return (f"Of {n} tests {MOST_TESTS} were learned from, evenly over speed.",) * (n > MOST_TESTS)
 
 
 class Approach(ABC):
@@ -97,6 +114,8 @@ class Approach(ABC):
     preference: ClassVar[int]
     learns_from_tests: ClassVar[bool] = True
     made_of: ClassVar[tuple[type["Approach"], ...]] = ()
+
+    _thinning: tuple[str, ...] = ()
 
     @classmethod
     def create(cls, settings: Settings) -> Self:  # noqa: ARG003 - most others need it
@@ -183,6 +202,12 @@ class Approach(ABC):
         KeyError, ValueError, RuntimeError
             If that is no such thing.
         """
+
+    def _thinned(self, campaign: Campaign) -> Campaign:
+        """The tests that are learned from, evenly over speed; the notes of predictions tell if these are not all."""
+        n = len(campaign.tests)
+        self._thinning = (f"Of {n} tests {MOST_TESTS} were learned from, evenly over speed.",) * (n > MOST_TESTS)
+        return campaign.evenly_over_speed(MOST_TESTS)
 
     def _require(self, learned: str) -> None:
         """Raise unless ``fit`` has set this attribute."""

@@ -8,8 +8,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.approaches.base import Approach
-from crashfuse.approaches.fitted_state import FittedState
+from crashfuse.approaches.base import Approach, FittedState
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest

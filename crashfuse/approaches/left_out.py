@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from crashfuse.approaches.fitted_state import FittedState
+from crashfuse.approaches.base import FittedState
 from crashfuse.campaign import Campaign
 from crashfuse.signals.pulse import GRID_S, FloatArray
 

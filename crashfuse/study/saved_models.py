@@ -16,8 +16,7 @@ import numpy as np
 import safetensors
 from safetensors.numpy import save
 
-from crashfuse.approaches.base import Approach
-from crashfuse.approaches.fitted_state import FittedState
+from crashfuse.approaches.base import Approach, FittedState
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import Cache, Entry

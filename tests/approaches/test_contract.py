@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.fitted_state import FittedState
+from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.registry import APPROACHES, CLASSES, create
 from crashfuse.approaches.settings import Settings
 from crashfuse.campaign import CaeLibrary, Campaign

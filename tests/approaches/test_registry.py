@@ -19,8 +19,7 @@ CONSTANT = '''
 
 import numpy as np
 
-from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.fitted_state import FittedState
+from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.execution.progress import SILENT
 from crashfuse.signals.pulse import GRID_S
 

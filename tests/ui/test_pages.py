@@ -17,8 +17,7 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
-from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.fitted_state import FittedState
+from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.condition import Condition

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches.base import MOST_TESTS, Approach, Prediction, thinning_notes
+from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
 from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
 from crashfuse.approaches.displacement_domain.bias import (
     BiasDraws,
@@ -22,7 +22,6 @@ from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
 from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
-from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.settings import Settings
 from crashfuse.cae.model import CaeModel, LoadingCurve
@@ -111,12 +110,8 @@ class DisplacementDomain(Approach):
         return self
 
     def _seen(self, campaign: Campaign) -> Campaign:
-        """The tests to learn from: at most 30, or all where Table 4 asks for them."""
-        if self.config.bias == "table 4":
-            self._thinning: tuple[str, ...] = ()
-            return campaign
-        self._thinning = thinning_notes(campaign)
-        return campaign.evenly_over_speed(MOST_TESTS)
+        """The tests to learn from: all of them for Table 4."""
+        return campaign if self.config.bias == "table 4" else self._thinned(campaign)
 
     def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> list[Unloading]:
         """Compare the tests with the CAE model, as fit and restore need it; returns their rebounds."""
@@ -159,7 +154,7 @@ class DisplacementDomain(Approach):
         return uniform_points(condition, phase, curve, step, self.bias_.end_share)
 
     def expected_points(self, condition: Condition) -> BiasPoints:
-        """Where a test here would show the bias, if it crushed as the CAE model does; the bias itself is left at zero."""
+        """Where a test here would show the bias, if it crushed as the CAE model does; the bias itself is zero."""
         self._require("bias_")
         test = CrashTest("", condition, Pulse(GRID_S, self.model_.pulse(condition).accel_mps2))
         own = LoadingCurve(loading_phase(test.pulse.accel_mps2, condition.speed_mps))

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.linalg import cho_solve, lapack, solve_triangular
 from scipy.optimize import minimize
 
+from crashfuse.approaches.base import FittedState
 from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
 from crashfuse.approaches.draws import draw
-from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.errors import NotFittedError
 from crashfuse.signals.pulse import FloatArray
 

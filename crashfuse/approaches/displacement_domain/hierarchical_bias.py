@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 from scipy.special import stdtrit
 
+from crashfuse.approaches.base import FittedState
 from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPart, BiasPoints
 from crashfuse.approaches.displacement_domain.bias_parts import (
     FIRST_FACTOR,
@@ -20,7 +21,6 @@ from crashfuse.approaches.displacement_domain.bias_parts import (
 )
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.draws import student_draws
-from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray

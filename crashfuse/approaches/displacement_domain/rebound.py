@@ -7,10 +7,10 @@ from typing import Self
 
 import numpy as np
 
+from crashfuse.approaches.base import FittedState
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.draws import student_draws
-from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.signals.loading import LoadingPhase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import G

@@ -10,9 +10,9 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
+from crashfuse.approaches.base import FittedState
 from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPoints
 from crashfuse.approaches.draws import draw
-from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray

@@ -5,13 +5,12 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from crashfuse.approaches.base import MOST_TESTS, Approach, Prediction, thinning_notes
+from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
 from crashfuse.approaches.calibration import WIDENINGS, Calibration, Coverage, calibrate
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
-from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.fused.weights import Pool, Scores
-from crashfuse.approaches.left_out import STRIDE, LeftOut, in_full
+from crashfuse.approaches.left_out import STRIDE, in_full
 from crashfuse.approaches.settings import Device, Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
@@ -97,32 +96,31 @@ class Fused(Approach):
             part.prepare(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Fit both approaches, and learn how far to trust each from how it predicts each test without having seen it."""
-        self._thinning, campaign = thinning_notes(campaign), campaign.evenly_over_speed(MOST_TESTS)
+        """Fit both approaches, and learn how far to trust each from how it predicts tests that it has not seen."""
+        campaign = self._thinned(campaign)
         time_domain, displacement_domain = self._unfitted()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
         self.displacement_domain_, _ = fitted(displacement_domain, campaign, self.cache, watch)
         self._begin(campaign)
         watch.report("Weights of the mixture", 0, 1)
-        one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
-        judged = self._judged()
-        components = [self._left_out_components(number, one, other) for number in judged]
-        nearness = [self._nearness(self._speeds[number], without=number) for number in judged]
+        left_out = self._left_out_components()
         rated = slice(round(_JUDGED_S / (STRIDE * DT_S)))
-        measured = self._measured[judged][:, ::STRIDE][:, rated]
-        scores = [Scores.of(y, [v.draws[:, rated] for v in said]) for y, said in zip(measured, components, strict=True)]
-        self.pool_ = Pool(_PRIOR, spread=_SPREAD, strength=_STRENGTH).fit(scores, np.array(nearness))
-        mixed = [self._mix(said, self.pool_.weights(near)) for said, near in zip(components, nearness, strict=True)]
+        scores = [
+            Scores.of(self._measured[number, ::STRIDE][rated], [component.draws[:, rated] for component in components])
+            for number, (components, _) in left_out.items()
+        ]
+        nearness = np.array([near for _, near in left_out.values()])
+        self.pool_ = Pool(_PRIOR, spread=_SPREAD, strength=_STRENGTH).fit(scores, nearness)
+        mixed = self._left_out_mixtures()
 
         def check(widening: float) -> list[Coverage]:
-            found = []
-            for number, mixture in zip(judged, mixed, strict=True):
-                draws = mixture.mean + widening * (mixture.draws - mixture.mean)
-                found.append(Coverage.of(campaign.tests[number], in_full(draws)))
-            return found
+            return [
+                Coverage.of(campaign.tests[number], in_full(mixture.mean + widening * (mixture.draws - mixture.mean)))
+                for number, mixture in mixed.items()
+            ]
 
         # A mixture of bands that hold is wider than it need be, where the components agree.
-        self.calibration_ = calibrate(check, _WIDENINGS) if judged else Calibration(1.0, ())
+        self.calibration_ = calibrate(check, _WIDENINGS) if mixed else Calibration(1.0, ())
         watch.report("Weights of the mixture", 1, 1)
         return self
 
@@ -137,12 +135,25 @@ class Fused(Approach):
         others = np.delete(self._speeds, [without] if without >= 0 else [])
         return float(np.exp(-np.abs(others - speed_mps).min() / _REACH_MPS)) if others.size else 0.0
 
-    def _left_out_components(self, number: int, one: LeftOut, other: LeftOut) -> list[Component]:
-        """Each component's prediction of a test that it has not seen, thinned out."""
-        cae = self._cae_draws(self._cae[number], self._speeds[number], without=number)[:, ::STRIDE]
-        said = [(left, left.numbers == number) for left in (one, other)]
-        drawn = [Component(left.mean_mps2[own][0], left.draws_mps2[own][0].astype(np.float64)) for left, own in said]
-        return [*drawn, Component(self._cae[number, ::STRIDE], cae)]
+    def _left_out_components(self) -> dict[int, tuple[list[Component], float]]:
+        """Each component's prediction, thinned out, of tests that it has not seen, and how near to others these are.
+
+        By the number of the test: of those that both approaches predicted from the others.
+        """
+        both = self.time_domain_.left_out_, self.displacement_domain_.left_out_
+        found = {}
+        for number in (int(number) for number in both[1].numbers if number in both[0].numbers):
+            speed, cae = self._speeds[number], self._cae[number]
+            said = [(left, left.numbers == number) for left in both]
+            drawn = [Component(by.mean_mps2[own][0], by.draws_mps2[own][0].astype(np.float64)) for by, own in said]
+            raw = Component(cae[::STRIDE], self._cae_draws(cae, speed, without=number)[:, ::STRIDE])
+            found[number] = [*drawn, raw], self._nearness(speed, without=number)
+        return found
+
+    def _left_out_mixtures(self) -> dict[int, Component]:
+        """What the mixture predicts of these tests."""
+        left_out = self._left_out_components().items()
+        return {number: self._mix(components, self.pool_.weights(near)) for number, (components, near) in left_out}
 
     def _mix(self, components: Sequence[Component], weights: FloatArray) -> Component:
         """The weighted mean, and draws of each component in proportion to its weight."""
@@ -189,19 +200,8 @@ class Fused(Approach):
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
         """What both approaches expect of tests that they have not seen, mixed with the weights that were learned."""
         self._require("pool_")
-        campaign = campaign.evenly_over_speed(MOST_TESTS)
-        one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
-        expected = {}
-        for number in self._judged():
-            weights = self.pool_.weights(self._nearness(self._speeds[number], without=number))
-            components = self._left_out_components(number, one, other)
-            expected[campaign.tests[number].id] = in_full(self._mix(components, weights).mean)
-        return expected
-
-    def _judged(self) -> list[int]:
-        """Numbers of the tests that both approaches predicted from the others."""
-        one, other = self.time_domain_.left_out_, self.displacement_domain_.left_out_
-        return [int(number) for number in other.numbers if number in one.numbers]
+        tests = campaign.evenly_over_speed(MOST_TESTS).tests
+        return {tests[number].id: in_full(mixture.mean) for number, mixture in self._left_out_mixtures().items()}
 
     def _reason(self, condition: Condition, weights: FloatArray) -> str:
         """The weights, and what decides them."""
@@ -224,7 +224,7 @@ class Fused(Approach):
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Take up both approaches and the weights."""
-        self._thinning, campaign = thinning_notes(campaign), campaign.evenly_over_speed(MOST_TESTS)
+        campaign = self._thinned(campaign)
         time_domain, displacement_domain = self._unfitted()
         self.time_domain_ = time_domain.restore(campaign, learned.part("time"))
         self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"))

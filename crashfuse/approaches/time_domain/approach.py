@@ -9,10 +9,9 @@ from typing import Self
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from crashfuse.approaches.base import MOST_TESTS, Prediction, thinning_notes
+from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
 from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
@@ -87,12 +86,8 @@ class TimeDomain(TcnApproach):
         return LfTcn(self.config, seed=self.seed, device=self._wanted, cache=self.cache)
 
     def _seen(self, campaign: Campaign) -> Campaign:
-        """What is learned from: more tests than that only by steps of Adam."""
-        if self.config.tuning == "gradient":
-            self._thinning: tuple[str, ...] = ()
-            return campaign
-        self._thinning = thinning_notes(campaign)
-        return campaign.evenly_over_speed(MOST_TESTS)
+        """The tests to learn from: all of them for Adam."""
+        return campaign if self.config.tuning == "gradient" else self._thinned(campaign)
 
     def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
         """Start from the LF networks; returns the tests' pulses."""

@@ -12,8 +12,8 @@ from typing import Self
 
 import numpy as np
 
+from crashfuse.approaches.base import FittedState
 from crashfuse.approaches.draws import draw
-from crashfuse.approaches.fitted_state import FittedState
 from crashfuse.signals.pulse import FloatArray
 
 PENALTIES = (0.02, 0.06, 0.2, 0.6)

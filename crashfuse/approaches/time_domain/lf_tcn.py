@@ -6,8 +6,7 @@ from typing import Self
 import numpy as np
 import torch
 
-from crashfuse.approaches.base import Approach, Prediction
-from crashfuse.approaches.fitted_state import FittedState
+from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.settings import Device, Settings
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.network import Tcn
