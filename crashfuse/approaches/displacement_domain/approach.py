@@ -235,12 +235,7 @@ class DisplacementDomain(Approach):
         return self.left_out_.expected(campaign.evenly_over_speed(MOST_TESTS))
 
     def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
-        """Take the bias that is expected at a condition apart; empty for Table 4, which is all of one piece.
-
-        Parameters
-        ----------
-        displacement_m : ndarray, shape (n,)
-        """
+        """Take the bias that is expected at a condition apart; empty for Table 4, which is all of one piece."""
         self._require("bias_")
         if isinstance(self.bias_, Table4Bias):
             return ()

@@ -71,19 +71,8 @@ def bijective_projection(condition: Condition, test: LoadingPhase, curve: Loadin
     """Project the CAE pulse on the test and the test on the CAE pulse (Eqs. 16 to 22).
 
     Both are taken at moments evenly spaced in their own loading phase; the CAE pulse only as far as the test crushed,
-    for there is no acceleration of the test beyond.
-
-    Parameters
-    ----------
-    curve : LoadingCurve
-        Where the test crushed further than the CAE pulse it says how that goes on.
-    n_points : int
-        Points for each of the two projections.
-
-    Returns
-    -------
-    BiasPoints
-        ``2 n_points`` of them, first at the test's displacements (Eq. 18), then at the CAE's (Eq. 21).
+    for there is no acceleration of the test beyond. Gives ``n_points`` at the test's displacements (Eq. 18), then as
+    many at the CAE's (Eq. 21); the curve says how the CAE pulse goes on where the test crushed further.
     """
     cae = curve.own
     test_s = np.linspace(0.0, test.end_s, n_points)
@@ -101,16 +90,9 @@ def uniform_points(
 ) -> BiasPoints:
     """Take the bias at even steps in displacement, from contact to the test's maximum crush.
 
-    Points that are even in time would pile up at maximum crush, where the bias is many-valued in displacement.
-
-    Parameters
-    ----------
-    curve : LoadingCurve
-        What its vehicle does while it stops is taken where the test stops.
-    step_m : float
-        At most this far apart.
-    end_share : float
-        Share of the impact speed below which a vehicle counts as stopping.
+    Points that are even in time would pile up at maximum crush, where the bias is many-valued in displacement. They are
+    at most ``step_m`` apart. Below ``end_share`` of its impact speed a vehicle counts as stopping; what that of the CAE
+    model does then is taken where the test stops.
     """
     displacement = np.linspace(0.0, test.crush_m, max(int(np.ceil(test.crush_m / step_m)), 1) + 1)
     shares = np.interp(displacement, test.displacement_m, test.speed_share)

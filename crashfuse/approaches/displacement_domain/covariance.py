@@ -76,17 +76,14 @@ class Covariance:
         """Covariance at the logarithms of σ and the length scales, part by part; shape (n, m)."""
         return np.asarray(sum(self.terms(log_hyperparameters)))
 
-    def terms(self, log_hyperparameters: FloatArray) -> list[FloatArray]:
-        """Each part's own term of the covariance, in their order; shape (n, m) each."""
-        return self._terms(log_hyperparameters)
-
     def with_derivatives(self, log_hyperparameters: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
         """Covariance, and its derivatives by each logarithm."""
         derivatives: list[FloatArray] = []
-        terms = self._terms(log_hyperparameters, derivatives)
+        terms = self.terms(log_hyperparameters, derivatives)
         return np.asarray(sum(terms)), derivatives
 
-    def _terms(self, logs: FloatArray, derivatives: list[FloatArray] | None = None) -> list[FloatArray]:
+    def terms(self, logs: FloatArray, derivatives: list[FloatArray] | None = None) -> list[FloatArray]:
+        """Each part's own term, shape (n, m), in their order; derivatives by each logarithm are added to the list."""
         terms = []
         for part, factor, own in zip(self.parts, self._factors, np.split(logs, self._ends[:-1]), strict=True):
             scaled, inverse_squares = np.exp(2 * own[0]) * factor, iter(np.exp(-2 * own[1:]))

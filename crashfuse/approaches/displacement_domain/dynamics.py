@@ -70,14 +70,9 @@ def integrate(
 
 
 def replay(phase: LoadingPhase) -> FloatArray:
-    """Displacement over time that Eq. 29 gives back for a pulse that is known over displacement only.
+    """Displacement in m that Eq. 29 gives back for a pulse known over displacement only, at the times of its phase.
 
     It should equal the pulse's own displacement, integrated over time; the difference is the error of the detour.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In m, at the times of the phase.
     """
     grid = np.linspace(0.0, phase.crush_m, _REPLAY_STEPS + 1)
     n_times = int(np.ceil(phase.end_s / DT_S)) + 1

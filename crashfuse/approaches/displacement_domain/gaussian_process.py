@@ -7,7 +7,7 @@ time and O(n²) memory; its gradient is analytic.
 
 import copy
 from collections.abc import Sequence
-from typing import Literal, Self, overload
+from typing import Self
 
 import numpy as np
 from scipy.linalg import cho_solve, lapack, solve_triangular
@@ -15,7 +15,6 @@ from scipy.optimize import minimize
 
 from crashfuse.approaches.base import FittedState
 from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
-from crashfuse.approaches.draws import draw
 from crashfuse.errors import NotFittedError
 from crashfuse.signals.pulse import FloatArray
 
@@ -25,7 +24,7 @@ _GAIN_A_POINT = 0.25  # nats: what takes less than a fifth off the error, exp(-0
 
 
 class GaussianProcess:
-    """Regression with a zero-mean sum of parts; scikit-learn's estimator interface.
+    """Regression with a zero-mean sum of parts; by scikit-learn's conventions.
 
     Parameters
     ----------
@@ -57,13 +56,9 @@ class GaussianProcess:
         self.seed = seed
 
     def fit(self, x: FloatArray, y: FloatArray) -> Self:
-        """Find the most probable hyperparameters and condition on the data.
+        """Find the most probable hyperparameters and condition on the data, n rows and their output.
 
-        Parameters
-        ----------
-        x : ndarray, shape (n, n_columns + 1)
-            The last column numbers the test that a row belongs to.
-        y : ndarray, shape (n,)
+        The last of the n_columns + 1 columns numbers the test that a row belongs to.
         """
         self._take(x, y)
         rng = np.random.default_rng(self.seed)
@@ -87,7 +82,7 @@ class GaussianProcess:
     def _take(self, x: FloatArray, y: FloatArray) -> None:
         self.x_ = np.asarray(x, dtype=np.float64)
         self.output_scale_ = float(np.sqrt(np.mean(np.square(y)))) or 1.0
-        self._y = np.asarray(y, dtype=np.float64) / self.output_scale_
+        self._y: FloatArray = np.asarray(y, dtype=np.float64) / self.output_scale_
         self._covariance = Covariance(self.parts, self.x_, self.x_)
         priors = (*(prior for part in self.parts for prior in part.priors), self.noise)
         self._median = np.log([prior.median for prior in priors])
@@ -107,11 +102,8 @@ class GaussianProcess:
 
     def without(self, test: int) -> Self:
         """The same process with the same hyperparameters, as it would be if this test had not been run."""
-        rest, other = self.x_[:, -1] != test, copy.copy(self)
-        other.x_, other._y = self.x_[rest], self._y[rest]
-        other._covariance = Covariance(other.parts, other.x_, other.x_)
-        other._condition()
-        return other
+        rest = self.x_[:, -1] != test
+        return self._given(self.x_[rest], self._y[rest])
 
     def also_at(self, x: FloatArray) -> Self:
         """The same process with the same hyperparameters, as if these rows had been measured with the expected output.
@@ -119,9 +111,12 @@ class GaussianProcess:
         The mean stays as it is. The variance, which depends on where was measured and not on what, is that after any
         outcome.
         """
+        return self._given(np.vstack([self.x_, x]), np.append(self._y, self.predict(x) / self.output_scale_))
+
+    def _given(self, x: FloatArray, y: FloatArray) -> Self:
         other = copy.copy(self)
-        other.x_, other._y = np.vstack([self.x_, x]), np.append(self._y, self.predict(x) / self.output_scale_)
-        other._covariance = Covariance(other.parts, other.x_, other.x_)
+        other.x_, other._y = x, y
+        other._covariance = Covariance(other.parts, x, x)
         other._condition()
         return other
 
@@ -129,17 +124,7 @@ class GaussianProcess:
         """Standard deviation of the function now, and with each set of further rows measured, noise and all.
 
         What :meth:`also_at` would give for each set, by the Schur complement of the posterior covariance: many sets
-        cost little more than one.
-
-        Parameters
-        ----------
-        x : ndarray, shape (m, n_columns + 1)
-        further : sequence of ndarray, shapes (n_i, n_columns + 1)
-
-        Returns
-        -------
-        now : ndarray, shape (m,)
-        then : ndarray, shape (len(further), m)
+        cost little more than one. Shapes (m,) and (len(further), m).
         """
         theta = self.theta_[:-1]
 
@@ -225,51 +210,29 @@ class GaussianProcess:
         gradient.append(np.exp(2 * theta[-1]) * np.trace(outer))
         return float(value), np.array(gradient)
 
-    @overload
-    def predict(self, x: FloatArray) -> FloatArray: ...
-    @overload
-    def predict(self, x: FloatArray, *, return_std: Literal[True]) -> tuple[FloatArray, FloatArray]: ...
-    @overload
-    def predict(self, x: FloatArray, *, return_cov: Literal[True]) -> tuple[FloatArray, FloatArray]: ...
-    def predict(
-        self, x: FloatArray, *, return_std: bool = False, return_cov: bool = False
-    ) -> FloatArray | tuple[FloatArray, FloatArray]:
-        """Posterior mean of the function, with its standard deviation or covariance; noise is no part of it.
+    def predict(self, x: FloatArray) -> FloatArray:
+        """Posterior mean of the function, shape (m,), at rows of shape (m, n_columns + 1).
 
-        Parameters
-        ----------
-        x : ndarray, shape (m, n_columns + 1)
-            A test number that no training row has stands for a new test.
-
-        Returns
-        -------
-        ndarray, shape (m,), and where asked for ndarray, shape (m,) or (m, m)
+        A test number that no training row has stands for a new test.
         """
         if not hasattr(self, "theta_"):
             raise NotFittedError("The Gaussian process has not been fitted; call fit(x, y) first.")
-        x = np.asarray(x, dtype=np.float64)
+        return self._mean(Covariance(self.parts, x, self.x_)(self.theta_[:-1]))
+
+    def _mean(self, cross: FloatArray) -> FloatArray:
+        return np.asarray(self.output_scale_ * (cross @ self._alpha))
+
+    def posterior(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Posterior mean as :meth:`predict` gives it, and covariance, shape (m, m); noise is no part of it."""
         cross = Covariance(self.parts, x, self.x_)(self.theta_[:-1])
-        mean = np.asarray(self.output_scale_ * (cross @ self._alpha))
-        if not (return_std or return_cov):
-            return mean
         known = solve_triangular(self._lower, cross.T, lower=True)
         prior = Covariance(self.parts, x, x)(self.theta_[:-1])
-        covariance = self.output_scale_**2 * (prior - known.T @ known)
-        return mean, covariance if return_cov else np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        return self._mean(cross), self.output_scale_**2 * (prior - known.T @ known)
 
     def predict_parts(self, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Posterior mean and standard deviation of each part alone; the means add up to what :meth:`predict` gives.
+        """Posterior mean and standard deviation, shapes (m,), of each part alone; the means add up to the whole's.
 
         The standard deviations don't add up in any way: the data tell what the sum is more than what each part is.
-
-        Parameters
-        ----------
-        x : ndarray, shape (m, n_columns + 1)
-
-        Returns
-        -------
-        list of (ndarray, ndarray), shapes (m,)
-            In the order of the parts.
         """
         cross = Covariance(self.parts, x, self.x_).terms(self.theta_[:-1])
         prior = Covariance(self.parts, x, x).terms(self.theta_[:-1])
@@ -279,8 +242,3 @@ class GaussianProcess:
             (self.output_scale_ * (term @ self._alpha), self.output_scale_ * np.sqrt(np.maximum(variance, 0.0)))
             for term, variance in zip(cross, left, strict=True)
         ]
-
-    def sample_y(self, x: FloatArray, n_samples: int = 1, random_state: int = 0) -> FloatArray:
-        """Draw whole functions from the posterior, shape (m, n_samples)."""
-        mean, covariance = self.predict(x, return_cov=True)
-        return draw(mean, covariance, n_samples, np.random.default_rng(random_state)).T

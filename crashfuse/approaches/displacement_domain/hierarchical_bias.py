@@ -55,8 +55,8 @@ class HierarchicalBias:
         The factors in use.
     densities_ : dict of str to float
         Log density of the tests, each given all others, for every choice of factors that was compared.
-    freedom_ : int
-        Degrees of freedom of the draws, one less than there are tests: how much tests differ is known from so few.
+    tests_ : int
+        How many tests it has learned from.
     """
 
     end_share: ClassVar[float] = 0.25
@@ -100,7 +100,7 @@ class HierarchicalBias:
         """Rows and output for the process."""
         self.mass_kg_ = float(np.mean([test.condition.mass_kg for test in tests]))
         self._levels = _levels([test.condition for test in tests])
-        self.tests_, self.freedom_ = len(tests), _freedom(len(tests))
+        self.tests_ = len(tests)
         rows = np.concatenate([self._test_rows(test, number) for number, test in enumerate(tests)])
         return rows, np.concatenate([test.bias_mps2 for test in tests])
 
@@ -108,46 +108,37 @@ class HierarchicalBias:
         """The same model, hyperparameters and factors kept, as if the test of this number had not been run."""
         other = copy.copy(self)
         other.process_ = self.process_.without(number)
-        other.tests_, other.freedom_ = self.tests_ - 1, _freedom(self.tests_ - 1)
+        other.tests_ = self.tests_ - 1
         return other
 
     def also(self, tests: Sequence[BiasPoints]) -> Self:
         """The same model, hyperparameters and factors kept, as if these tests had been run with the expected result.
 
-        Parameters
-        ----------
-        tests : sequence of BiasPoints
-            Only where they lie counts, not their bias.
+        Only where they lie counts, not their bias.
         """
         other = copy.copy(self)
         for number, test in enumerate(tests, start=self._next_number):
             other.process_ = other.process_.also_at(self._test_rows(test, number))
         other.tests_ = self.tests_ + len(tests)
-        other.freedom_ = _freedom(other.tests_)
         return other
 
     def half_widths(
         self, targets: Sequence[BiasPoints], further: Sequence[BiasPoints]
     ) -> tuple[FloatArray, FloatArray]:
-        """Half the width of the 95 % band of new tests' bias, now and had one more test been run.
+        """Half the width of the 95 % band of new tests' bias, now and had one of the further tests been run.
 
-        Parameters
-        ----------
-        targets : sequence of BiasPoints
-            New tests; only where they lie counts, here and below, not their bias.
-        further : sequence of BiasPoints
-            The tests of which one is run.
-
-        Returns
-        -------
-        now : ndarray, shape (n,)
-            In m/s², at the targets' n points one after the other.
-        then : ndarray, shape (len(further), n)
+        In m/s², at the targets' n points one after the other: shapes (n,) and (len(further), n). Only where targets and
+        further tests lie counts, not their bias.
         """
         at = np.concatenate([self._test_rows(target, -1) for target in targets])
         tests = [self._test_rows(test, self._next_number) for test in further]
         now, then = self.process_.std_given(at, tests)
         return _reach(self.freedom_) * now, _reach(_freedom(self.tests_ + 1)) * then
+
+    @property
+    def freedom_(self) -> int:
+        """Degrees of freedom of the draws: how much tests differ is known from so few."""
+        return _freedom(self.tests_)
 
     @property
     def _next_number(self) -> int:
@@ -185,40 +176,26 @@ class HierarchicalBias:
     ) -> BiasDraws:
         """Mean and draws of a new test's bias, with its own deviation and stop, without noise.
 
-        The draws have Student's t distribution: hyperparameters are estimates, from a handful of tests.
-
-        Parameters
-        ----------
-        displacement_m, cae_mps2 : ndarray, shape (n,)
-            Displacements, and the CAE model's acceleration there.
-        speed_share : ndarray, shape (m,)
-            Velocities as shares of the impact speed.
+        The draws have Student's t distribution: hyperparameters are estimates, from a handful of tests. The arguments
+        are displacements with the CAE model's acceleration there, and velocities as shares of the impact speed.
         """
         zero = np.zeros_like(speed_share)
         moving = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
         stop = self._rows(condition, zero, zero, speed_share, crushing=False)
-        mean, covariance = self.process_.predict(np.vstack([moving, stop]), return_cov=True)
+        mean, covariance = self.process_.posterior(np.vstack([moving, stop]))
         functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
         return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
 
     def parts(self, condition: Condition, displacement_m: FloatArray, cae_mps2: FloatArray) -> tuple[BiasPart, ...]:
         """Take the bias of a new test apart, as long as it moves: what comes with its stop is zero until then.
 
-        Parameters
-        ----------
-        displacement_m, cae_mps2 : ndarray, shape (n,)
-            As for :meth:`sample`.
-
-        Returns
-        -------
-        tuple of BiasPart
-            Shared, by speed, by weight, ratio, by each factor in use, own; then their total, which is the mean that
-            :meth:`sample` gives.
+        Shared, by speed, by weight, ratio, by each factor in use, own; then their total, as :meth:`sample` has it.
         """
         x = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
         over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
         moments = self.process_.predict_parts(x)[: len(over_displacement)]
-        moments.append(self.process_.predict(x, return_std=True))
+        mean, covariance = self.process_.posterior(x)
+        moments.append((mean, np.sqrt(np.maximum(np.diag(covariance), 0.0))))
         names = (*(part.name for part in over_displacement), "total")
         reach = _reach(self.freedom_)
         return tuple(
@@ -268,7 +245,7 @@ class HierarchicalBias:
 
 
 def _freedom(n_tests: int) -> int:
-    """Degrees of freedom of what was learned from so many tests."""
+    """Degrees of freedom of what was learned from so many tests: one less, but draws need some."""
     return max(n_tests - 1, _LEAST_FREEDOM)
 
 

@@ -45,15 +45,11 @@ def follow_unloading(
     Parameters
     ----------
     accel_mps2 : ndarray, shape (n_draws, n)
-        Pulses on the study grid; one that does not stop the vehicle within it is left as it is.
+        Pulses on the study grid; one that does not stop the vehicle within it stays as it is.
     cae : ndarray, shape (n,)
         The CAE pulse at this condition; beyond its end it keeps its last value.
     cae_loading : LoadingPhase
         Of that pulse. One that never stops the vehicle has no unloading: the acceleration then just fades.
-
-    Returns
-    -------
-    ndarray, shape (n_draws, n)
     """
     time = np.arange(accel_mps2.shape[-1]) * DT_S
     t0 = kinematics(accel_mps2, speed_mps, DT_S).t0_s[:, None]
@@ -144,25 +140,15 @@ class Rebound:
         rng: np.random.Generator,
         widening: float = 1.0,
     ) -> FloatArray:
-        """Replace the rebound; that of the first pulse is the expected one, each other has one drawn for it.
+        """As :func:`follow_unloading`, with what tests add: expected for the first pulse, drawn for each other.
 
-        Parameters
-        ----------
-        pulses_mps2 : ndarray, shape (1 + n_draws, 1250)
-        speed_mps, cae_mps2, cae_loading :
-            As in :func:`follow_unloading`.
-        widening : float
-            Factor on the draws' deviations.
-
-        Returns
-        -------
-        ndarray, shape (1 + n_draws, 1250)
+        The widening is a factor on the draws' deviations.
         """
         pulses = follow_unloading(pulses_mps2, speed_mps, cae_mps2, cae_loading)
         if self.process_ is None:
             return pulses
         after = np.arange(0.0, GRID_S[-1] + _STEP_S, _STEP_S)
-        mean, covariance = self.process_.predict(_rows(after, speed_mps, -1), return_cov=True)
+        mean, covariance = self.process_.posterior(_rows(after, speed_mps, -1))
         draws = student_draws(mean, widening**2 * covariance, self.freedom_, len(pulses) - 1, rng)
         t0 = kinematics(pulses, speed_mps, DT_S).t0_s
         for pulse, start, extra in zip(pulses, t0, np.vstack([mean, draws]), strict=True):

@@ -110,13 +110,9 @@ class Table4Bias:
         n_draws: int,
         rng: np.random.Generator,
     ) -> BiasDraws:
-        """Mean and draws of the bias at displacements (Eqs. 26 and 27), whole functions as for any bias model.
+        """Mean and draws of the bias at displacements (Eqs. 26 and 27): whole functions, as for any bias model.
 
-        Parameters
-        ----------
-        displacement_m, cae_mps2 : ndarray, shape (n,)
-        speed_share : ndarray, shape (m,)
-            Table 4 knows nothing of velocity, so the bias over it is zero.
+        Table 4 knows nothing of velocity, so the bias over it is zero.
         """
         x = (_columns(condition, displacement_m) - self.centre_) / self.spread_
         mean, covariance = self.process_.predict(x, return_cov=True)

@@ -79,7 +79,7 @@ class TimeDomain(TcnApproach):
                 self.network_, self.scaling_, self._vectors, accel, self.config, checkpoint, watch
             )
             return self
-        self._learn(campaign, accel, watch)
+        self._learn(campaign, watch)
         return self
 
     def _lf(self) -> LfTcn:
@@ -95,15 +95,12 @@ class TimeDomain(TcnApproach):
         self.__dict__.pop("_tangents", None)  # those of tests that it learned from before
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
-        shares = self._targets(accel)
+        # what the network should put out for the tests, shape (n_tests, n_times)
+        self._targets = self.scaling_.targets(self._vectors, accel, self.config).numpy().T.astype(np.float64)
         self._end_shares = np.array(
-            [self._stopping(t.condition).end_share(s) for t, s in zip(campaign.tests, shares, strict=True)]
+            [self._stopping(t.condition).end_share(own) for t, own in zip(campaign.tests, self._targets, strict=True)]
         )
         return accel
-
-    def _targets(self, accel_mps2: FloatArray) -> FloatArray:
-        """What the network should put out for the tests, shape (n_tests, n_times)."""
-        return self.scaling_.targets(self._vectors, accel_mps2, self.config).numpy().T.astype(np.float64)
 
     def learned(self) -> FittedState:
         """What the LF networks learned, and the increments."""
@@ -136,23 +133,21 @@ class TimeDomain(TcnApproach):
         self.left_out_ = LeftOut.restored(learned.part("left_out"))
         return self
 
-    def _learn(self, campaign: Campaign, accel_mps2: FloatArray, watch: Watch) -> None:
-        targets = self._targets(accel_mps2)
+    def _learn(self, campaign: Campaign, watch: Watch) -> None:
         lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors, self.config))
         watch.report("Fine-tuning on tests", 0, 1)
         kernel = self._kernel_with(self._tangents, self._vectors)
         watch.report("Fine-tuning on tests", 1, 1)
-        self.increments_ = increments = Increments().fit(kernel, targets - lf)
+        self.increments_ = increments = Increments().fit(kernel, self._targets - lf)
         for number, rho in enumerate(reversed(PENALTIES), start=1):
             errors = {"tests_learned_from": increments.error_[rho], "tests_left_out": increments.left_out_error_[rho]}
             watch.report("Strength of the fine-tuning", number, len(PENALTIES), **errors)
 
         tests = campaign.tests
         left_out = [
-            self._stopped(test.condition, lf[i], self.increments_.left_out_[i], np.delete(self._end_shares, i))
+            self._stopped(test.condition, lf[i], increments.left_out_[i], np.delete(self._end_shares, i))
             for i, test in enumerate(tests)
         ]
-
         pulses: dict[int, FloatArray] = {}
 
         def check(widening: float, late: float) -> list[Coverage]:
@@ -179,25 +174,21 @@ class TimeDomain(TcnApproach):
         return tangents(self.network_, self.config, self.scaling_.inputs(vectors, self.config))
 
     def _kernel_with(self, others: Sequence[Tangent], vectors: FloatArray) -> FloatArray:
-        """Tangent kernel between the tests and other conditions, shape (n_tests, n_times, n, n_times)."""
-        kernel = tangent_kernel(self.network_, self._tangents, others)
-        return kernel * self._alike(vectors)[:, None, :, None]
+        """Tangent kernel between the tests and other conditions, shape (n_tests, n_times, n, n_times).
+
+        It falls off with their difference in speed, for increments drift with it.
+        """
+        apart = self._vectors[:, None, 0] - vectors[:, 0]
+        alike = np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2)
+        return np.asarray(tangent_kernel(self.network_, self._tangents, others) * alike[:, None, :, None])
 
     def _stopping(self, condition: Condition) -> Stopping:
         return Stopping.of(condition, self.scaling_, self.config)
 
     def _stopped(self, condition: Condition, lf: FloatArray, posterior: Posterior, end_shares: FloatArray) -> Posterior:
         """LF networks and increments together, no rougher than cars are, of a vehicle that stops."""
-        posterior = Posterior(lf + posterior.mean, posterior.covariance).smoothed(
-            SMOOTH_S / (DT_S * self.config.stride)
-        )
-        return self._stopping(condition).imposed(posterior, end_shares)
-
-    def _alike(self, vectors: FloatArray) -> FloatArray:
-        """How alike increments at the tests and at other conditions are, shape (n_tests, n): they drift with speed."""
-        apart = self._vectors[:, None, 0] - vectors[:, 0]
-        correlation: FloatArray = np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2)
-        return correlation
+        both = Posterior(lf + posterior.mean, posterior.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
+        return self._stopping(condition).imposed(both, end_shares)
 
     def _pulses(self, condition: Condition, posterior: Posterior, widening: float, late: float) -> FloatArray:
         """The mean pulse, then drawn ones with wider deviations: shape (1 + n_draws, 1250), m/s²."""

@@ -39,11 +39,7 @@ class Posterior:
     ) -> "Posterior":
         """The distribution once functional · output has been measured to be this value, with this variance.
 
-        Parameters
-        ----------
-        functional : ndarray, shape (n_times,)
-        where : ndarray, shape (n_times,), optional
-            Weights from 0 to 1 of the output's deviations; where they are 0, the output is taken as known.
+        ``where`` are weights from 0 to 1 of the output's deviations; where they are 0, the output is taken as known.
         """
         covariance = self.covariance if where is None else self.covariance * where[:, None] * where
         with_all = covariance @ functional
@@ -83,14 +79,9 @@ class Increments:
     """
 
     def fit(self, kernel: FloatArray, misfit: FloatArray) -> Self:
-        """Learn from tests.
+        """Learn from the tangent kernel between the tests, shape (n, n_times, n, n_times), and their misfit.
 
-        Parameters
-        ----------
-        kernel : ndarray, shape (n, n_times, n, n_times)
-            Tangent kernel between the tests.
-        misfit : ndarray, shape (n, n_times)
-            Measured minus LF prediction, in units of the network's output.
+        That is measured minus LF prediction, in units of the network's output, shape (n, n_times).
         """
         n, n_times = misfit.shape
         unit = float(np.trace(kernel.reshape(n * n_times, -1))) / misfit.size
@@ -117,12 +108,7 @@ class Increments:
     def posterior(self, across: FloatArray, own: FloatArray) -> Posterior:
         """Posterior of what a new test would add to the LF prediction.
 
-        Parameters
-        ----------
-        across : ndarray, shape (n, n_times, n_times)
-            Tangent kernel between the tests and the new condition.
-        own : ndarray, shape (n_times, n_times)
-            That of the new condition with itself.
+        From the tangent kernel between tests and new condition, shape (n, n_times, n_times), and of that with itself.
         """
         n_times = own.shape[0]
         across, own = across.reshape(-1, n_times) / self._unit, own / self._unit

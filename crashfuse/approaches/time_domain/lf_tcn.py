@@ -62,7 +62,7 @@ class TcnApproach(Approach):
 
 
 class LfTcn(TcnApproach):
-    """The low-fidelity (LF) networks: an emulator of the CAE model in time that has seen no test (Eq. 5).
+    """The LF networks by themselves.
 
     Parameters
     ----------
@@ -153,25 +153,19 @@ class LfTcn(TcnApproach):
         """Number of members, weights and epochs, losses (mean of the members), device."""
         if not hasattr(self, "network_"):
             return {}
-        train_loss, validation_loss = self.losses_[:, -1].mean(axis=0).tolist()
+        columns = ("train_loss", "validation_loss")
         return {
             "members": self.network_.members,
             "weights": self.network_.size,
             "epochs": self.losses_.shape[1],
-            "train_loss": train_loss,
-            "validation_loss": validation_loss,
+            **dict(zip(columns, self.losses_[:, -1].mean(axis=0).tolist(), strict=True)),
             "device": self.device,
-            "learning_curve": thinned(self.losses_.mean(axis=0), ("train_loss", "validation_loss")),
+            "learning_curve": thinned(self.losses_.mean(axis=0), columns),
         }
 
 
 def thinned(curve: FloatArray, columns: Sequence[str]) -> dict[str, list[float]]:
-    """A learning curve of at most 200 epochs, as plain JSON values: ``epoch`` and each column.
-
-    Parameters
-    ----------
-    curve : ndarray, shape (n_epochs, n_columns)
-    """
+    """A learning curve of shape (n_epochs, n_columns) at 200 epochs at most, as plain JSON values by column."""
     chosen = np.unique(np.linspace(0, len(curve) - 1, min(len(curve), _MOST_POINTS)).astype(int))
     values = {name: [float(f"{value:.4g}") for value in curve[chosen, i]] for i, name in enumerate(columns)}
     return {"epoch": (chosen + 1).tolist(), **values}

@@ -74,9 +74,7 @@ class Tcn(nn.Module):
     def forward(self, inputs: Tensor) -> Tensor:
         """Map inputs to outputs of shape (n_members, n_times, n_pulses).
 
-        Parameters
-        ----------
-        inputs : Tensor, shape (n_members, n_times, n_pulses, n_inputs), or without the first for all members alike
+        Inputs are of shape (n_members, n_times, n_pulses, n_inputs), or without the first for all members alike.
         """
         hidden = inputs if inputs.ndim == 4 else inputs.expand(self.members, *inputs.shape)
         for block in self.blocks:

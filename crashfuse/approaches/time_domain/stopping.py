@@ -53,12 +53,8 @@ class Stopping:
     def imposed(self, posterior: Posterior, end_shares: FloatArray) -> Posterior:
         """The output that is expected of a vehicle that stops and bounces back about as those in the tests did.
 
-        Eq. 11 over the whole record, taken as one more measurement: acceleration must integrate to ΔV.
-
-        Parameters
-        ----------
-        end_shares : ndarray, shape (n_tests,)
-            Shares of v0 that were left at the end of the tests; without any, nothing is imposed.
+        Eq. 11 over the whole record, taken as one more measurement: acceleration must integrate to ΔV. Without
+        ``end_shares``, the shares of v0 that were left at the end of each test, nothing is imposed.
         """
         if not len(end_shares):
             return posterior

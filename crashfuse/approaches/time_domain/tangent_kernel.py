@@ -72,14 +72,7 @@ def tangents(network: Tcn, config: TcnConfig, inputs: Tensor) -> list[Tangent]:
 def tangent_kernel(network: Tcn, ours: Sequence[Tangent], theirs: Sequence[Tangent]) -> FloatArray:
     """J(x) J(x')ᵀ of the mean of the members, all weights together, times the number of members.
 
-    Parameters
-    ----------
-    ours, theirs : sequence of Tangent
-        Of each member, at n and at n' conditions.
-
-    Returns
-    -------
-    ndarray, shape (n, n_times, n', n_times)
+    From the tangents of each member at n and at n' conditions: shape (n, n_times, n', n_times).
     """
     with quick_threads(network), Crew(network.members) as crew:
         kernels = crew.map(lambda pair: pair[0].kernel_with(pair[1]), zip(ours, theirs, strict=True))

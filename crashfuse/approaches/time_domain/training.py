@@ -68,17 +68,8 @@ def minimise(
 ) -> FloatArray:
     """Train networks in place, side by side, from their checkpoint if there is one.
 
-    Parameters
-    ----------
-    objectives : sequence of TrainingObjective
-        One for each, all of one length.
-    name : str
-        Name of the training in its progress reports.
-
-    Returns
-    -------
-    ndarray, shape (n_members, n_epochs, n_columns)
-        The learning curves of all members of all networks.
+    The objectives, one for each network, are all of one length; the name is that of the progress reports. Returns the
+    learning curves of all members of all networks, shape (n_members, n_epochs, n_columns).
 
     Raises
     ------

@@ -46,19 +46,10 @@ def train(
     checkpoint: Checkpoint,
     watch: Watch,
 ) -> tuple[Tcn, FloatArray]:
-    """Train the LF networks on CAE runs (Eq. 5, mean square error).
+    """Train the LF networks on CAE runs, conditions of shape (n_runs, 3) and pulses of shape (n_runs, 1250).
 
-    Parameters
-    ----------
-    vectors : ndarray, shape (n_runs, 3)
-    accel_mps2 : ndarray, shape (n_runs, 1250)
-    seed : int
-        Of the weights, and of each member's validation runs and order of batches.
-
-    Returns
-    -------
-    losses : ndarray, shape (n_members, n_epochs, 2)
-        Training and validation loss of each epoch.
+    Also returns the mean square error (Eq. 5) of training and validation, shape (n_members, n_epochs, 2). The seed is
+    that of the weights, and of each member's validation runs and order of batches.
     """
     inputs = scaling.inputs(vectors, config).to(device)
     targets = scaling.targets(vectors, accel_mps2, config).to(device)
@@ -142,19 +133,9 @@ def fine_tune(
 ) -> tuple[Tcn, FloatArray]:
     """Fine-tune a copy of the LF networks on tests (Eq. 6): θ_MF = θ_LF + θ_HF with the penalty λ‖θ_HF‖².
 
-    The increments θ_HF start at zero, so θ_LF is both frozen and the initial value, as the paper has it.
-
-    Parameters
-    ----------
-    scaling : Scaling
-        The LF networks' own.
-    vectors : ndarray, shape (n_tests, 3)
-    accel_mps2 : ndarray, shape (n_tests, 1250)
-
-    Returns
-    -------
-    losses : ndarray, shape (n_members, n_steps)
-        Mean square error on the tests before each step, penalty not included.
+    The increments θ_HF start at zero, so θ_LF is both frozen and the initial value, as the paper has it. The scaling is
+    the LF networks' own; conditions and pulses are of shape (n_tests, 3) and (n_tests, 1250). Also returns the mean
+    square error on the tests before each step, penalty not included, shape (n_members, n_steps).
     """
     inputs = scaling.inputs(vectors, config).to(network.device)
     targets = scaling.targets(vectors, accel_mps2, config).to(network.device)

@@ -8,6 +8,7 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
+from crashfuse.approaches.draws import draw
 from crashfuse.errors import NotFittedError
 from crashfuse.signals.pulse import FloatArray
 
@@ -23,6 +24,11 @@ ALL_KINDS = (
     Part("own", LogNormal(0.3, 0.5), (((0, LogNormal(0.2, 0.5)),),), same=-1),
 )
 NOISE = LogNormal(0.1, 0.7)
+
+
+def deviations(process: GaussianProcess, x: FloatArray) -> FloatArray:
+    """Posterior standard deviation."""
+    return np.sqrt(np.diag(process.posterior(x)[1]))
 
 
 def rows(n: int = 60, seed: int = 0) -> tuple[FloatArray, FloatArray]:
@@ -67,11 +73,11 @@ def test_predictions_are_the_textbooks() -> None:
     logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1])
     inverse = np.linalg.inv(Covariance(ALL_KINDS, x, x)(logs) + noise * np.eye(len(y)))
     cross = Covariance(ALL_KINDS, new, x)(logs)
-    mean, covariance = process.predict(new, return_cov=True)
+    mean, covariance = process.posterior(new)
     np.testing.assert_allclose(mean, cross @ inverse @ y, rtol=1e-5, atol=1e-5)
     expected = process.output_scale_**2 * (Covariance(ALL_KINDS, new, new)(logs) - cross @ inverse @ cross.T)
     np.testing.assert_allclose(covariance, expected, rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(process.predict(new, return_std=True)[1], np.sqrt(np.diag(expected)), rtol=1e-4)
+    np.testing.assert_allclose(deviations(process, new), np.sqrt(np.diag(expected)), rtol=1e-4)
 
 
 def test_a_fit_at_given_hyperparameters_predicts_as_scikit_learn() -> None:
@@ -82,7 +88,7 @@ def test_a_fit_at_given_hyperparameters_predicts_as_scikit_learn() -> None:
     process = GaussianProcess((part,), LogNormal(0.15, 1e-9)).fit(x, y)
     kernel = ConstantKernel(1.3**2) * Matern([0.4, 1.5], nu=2.5)
     peer = GaussianProcessRegressor(kernel, alpha=0.15**2, optimizer=None).fit(x[:, :2], y)
-    mean, covariance = process.predict(x[:10], return_cov=True)
+    mean, covariance = process.posterior(x[:10])
     peer_mean, peer_covariance = peer.predict(x[:10, :2], return_cov=True)
     np.testing.assert_allclose(mean, peer_mean, atol=1e-6)
     np.testing.assert_allclose(covariance, peer_covariance, atol=1e-6)
@@ -111,7 +117,7 @@ def test_a_new_test_gets_nothing_of_what_others_have_alone() -> None:
     process = GaussianProcess((part,), NOISE).fit(x, y)
     new = x[:5].copy()
     new[:, -1] = 99
-    mean, deviation = process.predict(new, return_std=True)
+    mean, deviation = process.predict(new), deviations(process, new)
     np.testing.assert_array_equal(mean, 0)
     np.testing.assert_allclose(deviation, np.exp(process.theta_[0]) * process.output_scale_)
     assert np.abs(process.predict(x[:5])).max() > 0.1
@@ -121,12 +127,12 @@ def test_draws_have_the_posterior_mean_and_spread() -> None:
     """Over many draws; and the same seed gives the same draws."""
     process = GaussianProcess(ALL_KINDS, NOISE).fit(*rows())
     new = rows(8, seed=5)[0]
-    mean, deviation = process.predict(new, return_std=True)
-    draws = process.sample_y(new, 20_000, random_state=3)
-    assert draws.shape == (8, 20_000)
-    np.testing.assert_allclose(draws.mean(axis=1), mean, atol=0.04 * deviation.max())
-    np.testing.assert_allclose(draws.std(axis=1), deviation, rtol=0.03)
-    np.testing.assert_array_equal(draws, process.sample_y(new, 20_000, random_state=3))
+    mean, deviation = process.predict(new), deviations(process, new)
+    one, other = (draw(*process.posterior(new), 20_000, np.random.default_rng(3)) for _ in range(2))
+    assert one.shape == (20_000, 8)
+    np.testing.assert_allclose(one.mean(axis=0), mean, atol=0.04 * deviation.max())
+    np.testing.assert_allclose(one.std(axis=0), deviation, rtol=0.03)
+    np.testing.assert_array_equal(one, other)
 
 
 def test_noise_alone_is_told_from_a_pattern() -> None:
@@ -231,7 +237,7 @@ def test_further_rows_take_off_what_a_fit_with_them_would() -> None:
     new[:, -1], further[0][:, -1], further[1][:, -1] = 98, 99, 3
     logs, noise = process.theta_[:-1], np.exp(2 * process.theta_[-1]) + 1e-10
     now, then = process.std_given(new, further)
-    np.testing.assert_allclose(now, process.predict(new, return_std=True)[1], rtol=1e-9)
+    np.testing.assert_allclose(now, deviations(process, new), rtol=1e-9)
     for std, more in zip(then, further, strict=True):
         known = np.vstack([x, more])
         inverse = np.linalg.inv(Covariance(ALL_KINDS, known, known)(logs) + noise * np.eye(len(known)))
@@ -239,7 +245,7 @@ def test_further_rows_take_off_what_a_fit_with_them_would() -> None:
         left = np.diag(Covariance(ALL_KINDS, new, new)(logs) - cross @ inverse @ cross.T)
         np.testing.assert_allclose(std, process.output_scale_ * np.sqrt(left), rtol=1e-5)
         other = process.also_at(more)
-        mean, peer = other.predict(new, return_std=True)
+        mean, peer = other.predict(new), deviations(other, new)
         np.testing.assert_allclose(std, peer, rtol=1e-6)
         np.testing.assert_allclose(mean, process.predict(new), rtol=1e-6, atol=1e-6)
         assert (std <= now).all()
