@@ -169,17 +169,9 @@ class Approach(ABC):
         return self.predict(condition)
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:  # noqa: ARG002 - others need it
-        """What it expects of each test that it learned from, as if that test had not been run.
+        """What it expects of each test of the campaign that it was fitted to, as if that test had not been run.
 
-        Parameters
-        ----------
-        campaign : Campaign
-            What it was fitted to.
-
-        Returns
-        -------
-        dict of str to ndarray, shape (1250,)
-            m/s², by the test's id; empty where it is not known, as under the paper's preset.
+        Pulses in m/s², shape (1250,), by the test's id; empty where it is not known, as under the paper's preset.
         """
         return {}
 

@@ -38,12 +38,7 @@ class Coverage:
 
     @classmethod
     def of(cls, test: CrashTest, draws_mps2: FloatArray) -> Self:
-        """Compare a test with equally likely pulses that were drawn without it.
-
-        Parameters
-        ----------
-        draws_mps2 : ndarray, shape (n_draws, 1250)
-        """
+        """Compare a test with equally likely pulses, shape (n_draws, 1250), that were drawn without it."""
         speed, accel = test.condition.speed_mps, test.pulse.accel_mps2
         drawn = kinematics(np.asarray(draws_mps2, dtype=np.float64), speed, DT_S)
         measured = kinematics(accel, speed, DT_S)
@@ -60,17 +55,7 @@ class Coverage:
 
 
 def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = LEVELS) -> FloatArray:
-    """Share of the time up to zero velocity at which a left-out test's a(t) lies inside the central band of each level.
-
-    Parameters
-    ----------
-    draws_mps2 : ndarray, shape (n_draws, 1250)
-    levels : ndarray, shape (n,)
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Share of the time up to zero velocity at which a left-out test's a(t) lies inside the band of each level."""
     accel = test.pulse.accel_mps2
     loading = ~(test.pulse.kinematics(test.condition.speed_mps).t0_s < GRID_S)
     below = (draws_mps2[:, loading] < accel[loading]).mean(axis=0)
@@ -151,19 +136,10 @@ class Calibration:
 
 
 def calibrate(check: Callable[[float], Sequence[Coverage]], widenings: Sequence[float] = WIDENINGS) -> Calibration:
-    """Widen a band as little as is needed for it to hold on left-out tests.
+    """Widen a band as little as is needed for it to hold on left-out tests; as far as is tried if it never does.
 
-    Parameters
-    ----------
-    check : callable
-        Takes a factor on every draw's deviation, and gives the coverage of each left-out test with it.
-    widenings : sequence of float
-        What is tried, ascending.
-
-    Returns
-    -------
-    Calibration
-        With the smallest factor that holds; with the largest if none does.
+    ``check`` takes a factor on every draw's deviation, and gives the coverage of each left-out test with it; the
+    widenings are those to try, ascending.
     """
     for widening in widenings:
         calibration = Calibration(widening, tuple(check(widening)))

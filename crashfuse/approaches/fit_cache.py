@@ -23,17 +23,7 @@ _TEXT = "text"  # the array there that holds all that is not an array
 def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = SILENT) -> tuple[A, float]:
     """Fit an approach, or take from the cache what one like it learned from this campaign.
 
-    Parameters
-    ----------
-    approach : Approach
-        Unfitted.
-
-    Returns
-    -------
-    Approach
-        The same one.
-    seconds : float
-        What the learning took, then or now.
+    Returns it, with the seconds that the learning took, then or now.
     """
 
     def learn() -> tuple[float, Mapping[str, npt.ArrayLike]]:

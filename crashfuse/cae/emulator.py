@@ -119,12 +119,7 @@ class Emulator:
         """Predict the CAE pulse at a condition.
 
         Beyond the library the pulse at its border is taken: a Gaussian process falls back to its mean out there.
-        Beyond its speeds that pulse is scaled with the speed, as the change of velocity is.
-
-        Returns
-        -------
-        ndarray, shape (1250,)
-            Acceleration in m/s² on the study grid.
+        Beyond its speeds that pulse is scaled with the speed, as the change of velocity is. In m/s², shape (1250,).
         """
         x = (condition.vector[None] - self.centre_) / self.spread_
         x = np.clip(x, self.inputs_.min(axis=0), self.inputs_.max(axis=0))
@@ -133,12 +128,9 @@ class Emulator:
         return np.asarray(pulse[0] * max(condition.speed_mps, _LEAST_MPS))
 
     def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
-        """Draw errors of :meth:`predict` at a condition: leave-one-out residuals of similar runs.
+        """Draw errors of :meth:`predict` at a condition: leave-one-out residuals of similar runs, of either sign.
 
-        Returns
-        -------
-        ndarray, shape (n, 1250)
-            Whole curves in m/s², each of either sign.
+        Whole curves in m/s², shape (n, 1250).
         """
         x = (condition.vector - self.centre_) / self.spread_
         away = np.sum(((self.inputs_ - x) / self.length_scales_) ** 2, axis=1)

@@ -43,19 +43,10 @@ class LoadingCurve:
     faster: Sequence[LoadingPhase] = ()
 
     def accel_at(self, displacement_m: FloatArray, end_share: float = 0.0) -> FloatArray:
-        """Acceleration at displacements.
+        """Acceleration at displacements, in m/s².
 
-        Parameters
-        ----------
-        displacement_m : ndarray, shape (n,)
-        end_share : float
-            Each pulse is followed until its vehicle has slowed to this share of its impact speed (0: until it stops).
-            From there on the next faster one is, joined without a jump, and after the last the curve is level.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            In m/s².
+        Each pulse is followed until its vehicle has slowed to ``end_share`` of its impact speed (0: until it stops).
+        From there on the next faster one is, joined without a jump, and after the last the curve is level.
         """
         reached = self.own.displacement_at_speed(end_share)
         level = float(self.own.accel_at(np.array(reached)))
@@ -75,18 +66,8 @@ class LoadingCurve:
         """Additional acceleration of the CAE vehicle while it comes to a stop, over shares v/v0 of its impact speed.
 
         Force falls or rises there with the rate of crushing, over hardly any displacement; a vehicle that crushes
-        further or less stops elsewhere, but it stops. Added to ``accel_at(s, end_share)`` this gives the CAE pulse.
-
-        Parameters
-        ----------
-        speed_share : ndarray, shape (n,)
-        end_share : float
-            Above this share it is zero.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            In m/s².
+        further or less stops elsewhere, but it stops. Added to ``accel_at(s, end_share)`` this gives the CAE pulse. In
+        m/s², and zero above the share of the impact speed at which stopping begins.
         """
         own = self.own
         extra = own.accel_mps2 - self.accel_at(own.displacement_m, end_share)

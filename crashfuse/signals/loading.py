@@ -54,15 +54,7 @@ class LoadingPhase:
 
 
 def loading_phase(accel_mps2: FloatArray, speed_mps: float) -> LoadingPhase:
-    """Cut a pulse on the study grid at its time of zero velocity (Eqs. 11 to 14).
-
-    Parameters
-    ----------
-    accel_mps2 : ndarray, shape (n,)
-        Signed acceleration in steps of :data:`crashfuse.signals.pulse.DT_S`.
-    speed_mps : float
-        Impact speed, positive.
-    """
+    """Cut a pulse on the study grid, shape (n,), at its time of zero velocity (Eqs. 11 to 14)."""
     accel = np.asarray(accel_mps2, dtype=np.float64)
     motion = kinematics(accel, speed_mps, DT_S)
     t0 = float(motion.t0_s)

@@ -4,6 +4,7 @@ A metric is one small function of a :class:`~crashfuse.signals.pulse.Kinematics`
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -152,17 +153,10 @@ def pulse_metrics(
 
     Notes
     -----
-    peak, peak_time
-        Largest deceleration, and when it is.
-    delta_v
-        Largest change of velocity, rebound included.
-    t0, max_crush, mean
-        Time of zero velocity, the largest displacement, and v0/t0.
-    sm25
-        Largest mean over any 25 ms within the record, (v(t) − v(t + 25 ms))/25 ms.
-    olc, vpi
-        Occupant load criterion (65 mm of free flight, 235 mm of restraint) and vehicle pulse index (ISO/TR 12353-3);
-        formulas in :mod:`crashfuse.signals.occupant`.
+    peak is the largest deceleration, delta_v the largest change of velocity, rebound included; t0 the time of zero
+    velocity, max_crush the largest displacement, mean v0/t0; sm25 the largest mean over any 25 ms within the record,
+    (v(t) − v(t + 25 ms))/25 ms; olc the occupant load criterion (65 mm of free flight, 235 mm of restraint) and vpi the
+    vehicle pulse index (ISO/TR 12353-3), with formulas in :mod:`crashfuse.signals.occupant`.
 
     The value is that of the pulse itself, so it can be checked against its curve. The interval is that of the draws,
     and a single curve through their middle is smoother than any of them: its peak may lie below the interval.
@@ -184,28 +178,16 @@ def pulse_metrics(
 
 
 def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
-    """Say which numbers and interval ends are missing and what the record is too short for, a sentence each reason.
-
-    Parameters
-    ----------
-    metrics : sequence of Metric
-        All metrics of one pulse.
-
-    Returns
-    -------
-    tuple of str
-        Empty if nothing is missing.
-    """
+    """Say which metrics and interval ends of a pulse are missing and why, a sentence each reason; empty for none."""
     drawn = any(metric.lower is not None for metric in metrics)
-    values: dict[str, list[str]] = {}
-    ends: dict[str, list[str]] = {}
+    values, ends = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
     for metric in metrics:
         reading = _READINGS[metric.name]
         if metric.value is None:
-            values.setdefault(reading.needs, []).append(reading.label)
+            values[reading.needs].append(reading.label)
         missing = [name for name, end in (("lower", metric.lower), ("upper", metric.upper)) if drawn and end is None]
         if missing:
-            ends.setdefault(reading.needs, []).append(f"{reading.label} ({' and '.join(missing)} end)")
+            ends[reading.needs].append(f"{reading.label} ({' and '.join(missing)} end)")
     return (
         *(f"The record ends before {needs}, so there is no: {'; '.join(who)}." for needs, who in values.items()),
         *(
@@ -216,13 +198,7 @@ def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
 
 
 def missing_sentences(metrics: Iterable[tuple[str, Sequence[Metric]]]) -> list[str]:
-    """What :func:`missing_metrics` says of several pulses, each sentence once with the names of those it is true of.
-
-    Parameters
-    ----------
-    metrics : iterable of (str, sequence of Metric)
-        By what the reader calls the pulse.
-    """
+    """What :func:`missing_metrics` says of named pulses, each sentence once with the names that it is true of."""
     said: dict[str, list[str]] = {}
     for name, own in metrics:
         for sentence in missing_metrics(own):

@@ -61,17 +61,8 @@ def vehicle_pulse_index(velocity_mps: FloatArray, displacement_m: FloatArray, dt
     It is integrated by y(t + Δt) = 2 y(t) − y(t − Δt) + Δt²·y''(t), all draws at once. A vehicle that brakes at a
     constant rate a has VPI = a (1 + √(1 + 2·slack·k/(m·a))).
 
-    Parameters
-    ----------
-    velocity_mps, displacement_m : ndarray, shape (..., n)
-        Of the vehicle, the first sample at contact.
-    dt_s : float
-        Time step in s.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        In m/s², positive; NaN where the spring is longest when the record ends, or never taut: the peak is to come.
+    Takes what :func:`occupant_load_criterion` does, and gives m/s², positive; NaN where the spring is longest when the
+    record ends, or never taut: the peak is to come.
     """
     vehicle = np.ascontiguousarray(np.moveaxis(displacement_m, -1, 0))
     stretch = np.zeros_like(vehicle)

@@ -100,10 +100,7 @@ def kinematics(accel_mps2: FloatArray, speed_mps: float, dt_s: float) -> Kinemat
     """Integrate acceleration twice by the trapezoidal rule (Eqs. 11 and 13, second order instead of first).
 
     The rule conserves energy exactly: the sum of mean acceleration times step in displacement is the change of v²/2.
-
-    Parameters
-    ----------
-    accel_mps2 : ndarray, shape (..., n)
+    Time is the last axis.
     """
     velocity = speed_mps + _integral(accel_mps2, dt_s)
     displacement = _integral(velocity, dt_s)

@@ -83,47 +83,20 @@ def rate_iso18571(reference: FloatArray, comparison: FloatArray, *, dt_s: float)
 
 
 def rate_many(reference: FloatArray, comparisons: FloatArray, *, dt_s: float) -> list[Rating]:
-    """Rate many comparison curves against one reference, a few times as fast as one by one.
-
-    Parameters
-    ----------
-    reference : ndarray, shape (n,)
-    comparisons : ndarray, shape (n_curves, n)
-    dt_s : float
-        Time step in s.
-
-    Returns
-    -------
-    list of Rating
-        In the order of the curves; each equals what :func:`rate_iso18571` gives.
-
-    Raises
-    ------
-    DataError
-        As :func:`rate_iso18571`.
-    """
+    """Rate many comparison curves, shape (n_curves, n), as :func:`rate_iso18571` does each, but a few times as fast."""
     reference, comparisons = np.asarray(reference, dtype=np.float64), np.asarray(comparisons, dtype=np.float64)
     _check(reference, comparisons, dt_s)
     reference, comparisons = _at_10_khz(reference, dt_s), _at_10_khz(comparisons, dt_s)
     if np.ptp(reference) == 0:
-        raise DataError(
-            Problem("reference", "a curve that varies", f"{reference[0]:g} throughout", "choose another signal")
-        )
+        found = f"{reference[0]:g} throughout"
+        raise DataError(Problem("reference", "a curve that varies", found, "choose another signal"))
     return _rate(reference, comparisons)
 
 
 def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float]) -> dict[float, Rating]:
     """Rate two pulses over the windows [0, w), whatever their own time grids.
 
-    Parameters
-    ----------
-    windows_ms : iterable of float
-        Ends of the windows in ms.
-
-    Returns
-    -------
-    dict of float to Rating
-        One rating for each window, in the order given.
+    The ratings are in the order of the windows, by their ends in ms.
 
     Raises
     ------
@@ -136,14 +109,8 @@ def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float
         for name, pulse in (("reference", reference), ("comparison", comparison)):
             begin, end = pulse.time_s[0], pulse.time_s[-1] + pulse.dt_s
             if not (begin <= 1e-9 and window_ms / 1e3 - 1e-9 <= end):  # so written, NaN is refused too
-                raise DataError(
-                    Problem(
-                        name,
-                        f"a record over 0–{window_ms:g} ms",
-                        f"{begin * 1e3:g}–{end * 1e3:g} ms",
-                        "choose a window inside the record",
-                    )
-                )
+                found, advice = f"{begin * 1e3:g}–{end * 1e3:g} ms", "choose a window inside the record"
+                raise DataError(Problem(name, f"a record over 0–{window_ms:g} ms", found, advice))
             time_s = np.arange(max(round(window_ms / 1e3 / RATING_DT_S), 0)) * RATING_DT_S
             curves.append(np.interp(time_s, pulse.time_s, pulse.accel_mps2))
         ratings[float(window_ms)] = rate_iso18571(*curves, dt_s=RATING_DT_S)
@@ -152,23 +119,17 @@ def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float
 
 def _check(reference: FloatArray, comparisons: FloatArray, dt_s: float) -> None:
     if reference.ndim != 1 or comparisons.ndim != 2 or comparisons.shape[-1] != reference.size:
-        raise DataError(
-            Problem(
-                "comparison",
-                f"one value for each of the reference's {' × '.join(map(str, reference.shape))} samples",
-                " × ".join(map(str, comparisons.shape[1:])) or "a single number",
-                "cut both curves to the same window",
-            )
-        )
+        expected = f"one value for each of the reference's {' × '.join(map(str, reference.shape))} samples"
+        found = " × ".join(map(str, comparisons.shape[1:])) or "a single number"
+        raise DataError(Problem("comparison", expected, found, "cut both curves to the same window"))
     for name, values in (("reference", reference), ("comparison", comparisons)):
         unfit = np.argwhere(~(np.abs(values) < _LARGEST))
         if unfit.size:
             found = f"{values[tuple(unfit[0])]:g} at sample {unfit[0, -1]}"
             raise DataError(Problem(name, "finite numbers", found, "mend the record"))
     if not (dt_s > 0 and reference.size * dt_s > SHORTEST_WINDOW_S - 1e-9):
-        raise DataError(
-            Problem("window", "at least 10 ms", f"{reference.size * dt_s * 1e3:g} ms", "rate a longer window")
-        )
+        found = f"{reference.size * dt_s * 1e3:g} ms"
+        raise DataError(Problem("window", "at least 10 ms", found, "rate a longer window"))
 
 
 def _at_10_khz(curves: FloatArray, dt_s: float) -> FloatArray:

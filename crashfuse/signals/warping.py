@@ -14,19 +14,10 @@ Path = tuple[npt.NDArray[np.int_], npt.NDArray[np.int_]]
 
 
 def warping_paths(comparisons: FloatArray, reference: FloatArray, *, band: float) -> Iterator[Path]:
-    """Warp each curve onto the reference: the path of the least sum of squared differences.
+    """Warp each curve, shape (n_curves, L), onto the reference: the path of the least sum of squared differences.
 
-    Parameters
-    ----------
-    comparisons : ndarray, shape (n_curves, L)
-    reference : ndarray, shape (L,)
-    band : float
-        The path stays within |i − j| ≤ ceil(band · L) − 1.
-
-    Yields
-    ------
-    Path
-        One a curve. Steps are (1, 0), (0, 1) and (1, 1) of equal weight, the first of equals in this order.
+    The path stays within |i − j| ≤ ceil(band · L) − 1. Steps are (1, 0), (0, 1) and (1, 1) of equal weight, the first
+    of equals in this order.
     """
     costs = _costs(reference, comparisons, band)
     for curve in range(len(comparisons)):
@@ -73,7 +64,7 @@ def _costs(reference: FloatArray, comparisons: FloatArray, band: float) -> Float
     return cost
 
 
-def _path(cost: FloatArray, curve: int) -> tuple[npt.NDArray[np.int_], npt.NDArray[np.int_]]:
+def _path(cost: FloatArray, curve: int) -> Path:
     """Trace the cheapest path back from the last cell; of equals (i−1, j) comes first, then (i, j−1), (i−1, j−1)."""
     n_rows, width, n_curves = cost.shape
     row = width * n_curves

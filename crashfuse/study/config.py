@@ -47,12 +47,7 @@ class StudyConfig:
         return tuple(replace(self, leave_out=way) for way in ways)
 
     def check(self) -> None:
-        """Raise what is wrong with an approach, the preset or the device before anything is computed.
-
-        Raises
-        ------
-        UsageError
-        """
+        """Raise a UsageError if an approach, the preset or the device is wrong, before anything is computed."""
         for name in self.approaches:
             _ = self.create(name).device
 

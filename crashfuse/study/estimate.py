@@ -57,14 +57,9 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """An approach that has learned from a campaign and answers any condition.
+    """An approach that has learned from a campaign, in so many seconds, and answers any condition.
 
-    Attributes
-    ----------
-    seconds : float
-        What the learning took.
-    left_out_mps2 : mapping of str to ndarray, shape (1250,)
-        As in :class:`Estimate`.
+    ``left_out_mps2`` is as in :class:`Estimate`.
     """
 
     approach: Approach
@@ -102,28 +97,19 @@ class Fit:
             return self.approach.state
 
     def estimate(self, condition: Condition) -> Estimate:
-        """What the approach expects at a condition, with numbers as they are stored.
-
-        Raises
-        ------
-        UsageError
-            If the speed or a weight is not above 0.
-        """
+        """What the approach expects at a condition: :func:`estimates_at` for one."""
         return estimates_at([self], condition)[0]
 
 
 def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
-    """What several approaches expect at a condition: as each alone, but what they share is computed once.
+    """What several approaches expect at a condition, with numbers as they are stored.
 
-    Parameters
-    ----------
-    fits : sequence of Fit
-        All of one campaign. What one of them mixes may be predictions that others give, too.
+    All are of one campaign: where one mixes what others predict, too, that is computed once.
 
     Raises
     ------
     UsageError
-        If the speed or a weight is not above 0.
+        If the speed or a weight is not above 0, or beyond any barrier test.
     """
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
         raise UsageError(f"A prediction takes a speed and weights above 0, not {condition}.")
@@ -180,12 +166,8 @@ def estimate_at(
 def find_estimate(
     campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
 ) -> Estimate | None:
-    """What was computed from this very data with these settings before, or None.
-
-    The campaign is the one that was learned from: without the held-out test.
-    """
-    key = _key(campaign, condition, approach, config)
-    return cache.find(_KIND, key, partial(_restored, condition, approach))
+    """What was computed with these settings before, from this very campaign without the held-out test, or None."""
+    return cache.find(_KIND, _key(campaign, condition, approach, config), partial(_restored, condition, approach))
 
 
 def is_estimate_cached(
@@ -218,5 +200,5 @@ def _restored(condition: Condition, approach: str, entry: Entry) -> Estimate:
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
-    fit = {**settings(config.create(approach)), "campaign": campaign.fingerprint}
-    return {**fit, "condition": condition, "code": code_digest(__name__)}
+    fit = settings(config.create(approach))
+    return {**fit, "campaign": campaign.fingerprint, "condition": condition, "code": code_digest(__name__)}

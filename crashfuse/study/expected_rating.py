@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crashfuse.campaign import Campaign
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import grade, rate_windows
@@ -65,27 +65,21 @@ def expected_rating(
     Parameters
     ----------
     left_out_mps2 : mapping of str to ndarray, shape (1250,)
-        As in :class:`crashfuse.study.estimate.Estimate`: pulses in m/s² by the test's id.
+        As in :class:`crashfuse.study.estimate.Estimate`: pulses in m/s² by the test's id. Without any it is None.
     campaign : Campaign
         What the approach learned from.
     window_ms : float
         The rating is over [0, window_ms).
-
-    Returns
-    -------
-    ExpectedRating or None
-        None if the approach does not know how it predicts tests that it has not seen.
     """
     tests = [test for test in campaign.tests if test.id in left_out_mps2]
     if not tests:
         return None
     speeds = np.array([test.condition.speed_mps for test in campaign.tests])
 
-    def away(test_speed_mps: float) -> float:
-        return abs(test_speed_mps - condition.speed_mps)
+    def away(test: CrashTest) -> float:
+        return abs(test.condition.speed_mps - condition.speed_mps)
 
-    nearest = sorted(tests, key=lambda test: away(test.condition.speed_mps))
-    near = [t for i, t in enumerate(nearest) if i < _LEAST or away(t.condition.speed_mps) <= _REACH_MPS]
+    near = [test for i, test in enumerate(sorted(tests, key=away)) if i < _LEAST or away(test) <= _REACH_MPS]
     ratings = [
         rate_windows(test.pulse, Pulse(GRID_S, left_out_mps2[test.id]), [window_ms])[float(window_ms)].overall
         for test in near
@@ -97,6 +91,6 @@ def expected_rating(
         max(ratings),
         float(window_ms),
         tuple(test.id for test in near),
-        away(near[-1].condition.speed_mps),
+        away(near[-1]),
         bool(np.abs(speeds - condition.speed_mps).min() > max(*gaps, _BESIDE_MPS)),
     )

@@ -77,8 +77,7 @@ class ConditionRange:
             np.unique(np.linspace(low, high, n) if n > 1 else (low + high) / 2)
             for low, high, n in zip(self.low.vector, self.high.vector, numbers, strict=True)
         ]
-        vectors = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        return self._at(vectors)
+        return self._at(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
 
     def spread(self, n: int) -> tuple[Condition, ...]:
         """Conditions that fill the range evenly: the first points of the Halton sequence, always the same."""

@@ -52,14 +52,8 @@ def recommend_for(
 ) -> Recommendation:
     """Recommend an approach for one condition, from how each predicted tests near it that it had not seen.
 
-    Parameters
-    ----------
-    estimates : sequence of Estimate
-        One for each approach, at this condition.
-    campaign : Campaign
-        What they learned from: without the held-out test, if this is one.
-    window_ms : float
-        By the rating over [0, window_ms).
+    The estimates, one for each approach, are at this condition; the campaign is what they learned from, without the
+    held-out test if this is one. Rated is over [0, window_ms).
     """
     by_name = {estimate.approach: estimate for estimate in estimates}
     names = _by_preference(by_name)
@@ -117,10 +111,11 @@ _recommended: WeakKeyDictionary[Study, Recommendation] = WeakKeyDictionary()
 
 def _recommendation(study: Study) -> Recommendation:
     verdict = _Verdict(study)
-    chosen = verdict.chosen
+    chosen = verdict.equal[0]  # the preferred one
     others = [name for name in verdict.names if name != chosen]
     compared = ", ".join(f"{_in_words(name)} {verdict.mean_crps_g[name]:.2f} g" for name in others)
-    left_out = f"{_tests(len(study.folds))} that {'was' if len(study.folds) == 1 else 'were'} left out"
+    n = len(study.folds)
+    left_out = "1 test that was left out" if n == 1 else f"{n} tests that were left out"
     sentences = [
         f"Use {_in_words(chosen)} for this campaign. Over 0–{verdict.window_ms:g} ms, on {left_out}, its mean distance "
         f"from what was measured (CRPS, less is better) is {verdict.mean_crps_g[chosen]:.2f} g"
@@ -161,7 +156,7 @@ class _Verdict:
         prediction = fold.estimate(approach).prediction
         rated = slice(0, round(self.window_ms / 1e3 / DT_S), STRIDE)
         draws = prediction.accel_mps2[None] if prediction.draws_mps2 is None else prediction.draws_mps2
-        measured = self.study.campaign.test(fold.held_out).pulse.accel_mps2
+        measured = fold.test.pulse.accel_mps2
         return Scores.of(measured[rated], [draws[:, rated]]).crps(np.ones(1))
 
     @cached_property
@@ -177,11 +172,6 @@ class _Verdict:
         excess = {name: values - best for name, values in self.crps_g.items()}
         return [name for name, e in excess.items() if e.mean() <= (e.std(ddof=1) / np.sqrt(n) if n > 1 else 0.0)]
 
-    @property
-    def chosen(self) -> str:
-        """The preferred one of these."""
-        return self.equal[0]
-
     def ratings_of(self, name: str) -> str:
         """Mean, worst and harm of an approach, in a sentence."""
         overall = {f.held_out: f.ratings[name][self.window_ms].overall for f in self.study.folds}
@@ -195,10 +185,6 @@ class _Verdict:
         harm = max((raw[test] - overall[test] for test in below), default=0.0)
         compared = f"better than this in {', '.join(below)} (by up to {harm:.3f})" if below else "better in no test"
         return f"{sentence[0].upper()}{sentence[1:]}; the raw CAE model {np.mean(list(raw.values())):.3f}, {compared}."
-
-
-def _tests(n: int) -> str:
-    return f"{n} test{'s' * (n > 1)}"
 
 
 def _in_words(approach: str) -> str:

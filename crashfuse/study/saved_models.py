@@ -32,12 +32,7 @@ _PACKAGES = ("numpy", "scipy", "scikit-learn", "torch", "safetensors")
 
 
 def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
-    """Write a fitted approach to a ``.safetensors`` file.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        What it was fitted to.
+    """Write an approach that was fitted to a campaign to a ``.safetensors`` file.
 
     Raises
     ------
@@ -100,16 +95,7 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
             raise ValueError("settings that are not those of its preset")
         approach.restore(campaign, FittedState(record["learned"], arrays))
         return Fit(approach, config, float(record["seconds"]), approach.left_out(campaign))
-    except (
-        KeyError,
-        IndexError,
-        TypeError,
-        ValueError,
-        RuntimeError,
-        ArithmeticError,
-        AttributeError,
-        UsageError,
-    ) as error:
+    except (LookupError, TypeError, ValueError, RuntimeError, ArithmeticError, AttributeError, UsageError) as error:
         raise _unfit(path, f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}") from error
 
 

@@ -5,6 +5,7 @@ works on ``campaign.without(test)``, whose fingerprint is also the key under whi
 """
 
 import time
+from collections import defaultdict
 from collections.abc import Hashable, MutableMapping, Sequence, Set
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field, replace
@@ -69,7 +70,7 @@ class Study:
         """How much of the held-out tests lies inside the 95 % band of each approach that has one."""
         found: dict[str, Calibration] = {}
         for name in self.config.approaches:
-            folds = [(self.campaign.test(f.held_out), f.estimate(name).prediction.draws_mps2) for f in self.folds]
+            folds = [(fold.test, fold.estimate(name).prediction.draws_mps2) for fold in self.folds]
             inside = tuple(Coverage.of(test, draws) for test, draws in folds if draws is not None)
             if inside:
                 found[name] = Calibration(1.0, inside)
@@ -78,12 +79,11 @@ class Study:
     @cached_property
     def reliability(self) -> dict[str, FloatArray]:
         """Mean share of a(t) inside bands of each of :data:`~crashfuse.approaches.calibration.LEVELS`, likewise."""
-        shares: dict[str, list[FloatArray]] = {}
+        shares = defaultdict[str, list[FloatArray]](list)
         for fold in self.folds:
             for estimate in fold.estimates:
                 if (draws := estimate.prediction.draws_mps2) is not None:
-                    own = shares_inside(self.campaign.test(fold.held_out), draws)
-                    shares.setdefault(estimate.approach, []).append(own)
+                    shares[estimate.approach].append(shares_inside(fold.test, draws))
         return {name: np.mean(own, axis=0) for name, own in shares.items()}
 
 
@@ -207,10 +207,7 @@ def _leave_out(
 
 
 def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> Cache:
-    """Fit once what only the CAE runs decide, with all cores; the folds then find it in the cache.
-
-    Returns the same cache, but one that has been used for this and nothing else.
-    """
+    """Fit once what only the CAE runs decide, with all cores; returns the same cache, used for nothing else so far."""
     cae_only = campaign.without(campaign.test_ids)
     shared = Cache(cache.folder)
     for name in sorted(approaches):

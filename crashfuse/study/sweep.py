@@ -46,21 +46,9 @@ class Sweep:
 def sweep_speed(
     fits: Sequence[Fit], condition: Condition, speeds_mps: FloatArray, watch: Watch = SILENT
 ) -> tuple[Sweep, ...]:
-    """Predict at several impact speeds, all else equal.
+    """Predict at several impact speeds, :func:`usual_speeds` say, all else equal: one sweep for each fit.
 
-    Parameters
-    ----------
-    fits : sequence of Fit
-        All of one campaign; what they share is computed once.
-    condition : Condition
-        Weights and factors; its speed does not matter.
-    speeds_mps : ndarray, shape (n,)
-        In m/s; see :func:`usual_speeds`.
-
-    Returns
-    -------
-    tuple of Sweep
-        One for each fit.
+    All fits are of one campaign; what they share is computed once. The condition's own speed does not matter.
 
     Raises
     ------

@@ -84,9 +84,7 @@ TRUTH = Vehicle(
 SENSOR_NOISE_MPS2 = 3.0 * G
 """Standard deviation of the white noise before the filter; CFC 60 leaves about 0.4 g of it."""
 
-_BEFORE_CONTACT = (
-    250  # samples: the sensors run before the crash, so the filter sees the start as it is on a real record
-)
+_BEFORE_CONTACT = 250  # samples: sensors run before the crash, so the filter sees the start as on a real record
 
 
 def equipped(vehicle: Vehicle, condition: Condition) -> Vehicle:
@@ -118,29 +116,15 @@ def equipped(vehicle: Vehicle, condition: Condition) -> Vehicle:
 
 def scattered(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     """One specimen of the vehicle: forces scatter by 2 % as a whole and along the crush, gaps by 4 mm, folds by 1 %."""
-    return replace(
-        vehicle,
-        rails=_specimen(vehicle.rails, rng),
-        shell=_specimen(vehicle.shell, rng),
-        engine=_specimen(vehicle.engine, rng),
-        firewall=_specimen(vehicle.firewall, rng),
-    )
+    zones = ("rails", "shell", "engine", "firewall")
+    return replace(vehicle, **{name: _specimen(getattr(vehicle, name), rng) for name in zones})
 
 
 def measured_pulses(conditions: Sequence[Condition], seed: int) -> FloatArray:
     """Crash the truth at these conditions and record it: a new specimen and new noise for each test.
 
-    Parameters
-    ----------
-    conditions : sequence of Condition
-        n tests; "powertrain" and "drive" among their factors choose the variant.
-    seed : int
-        Test i of a seed has the same scatter whatever its condition and however many follow it.
-
-    Returns
-    -------
-    ndarray, shape (n, 1250)
-        X acceleration in m/s² on :data:`crashfuse.signals.pulse.GRID_S`, CFC 60.
+    "powertrain" and "drive" among a condition's factors choose the variant. Test i of a seed has the same scatter
+    whatever its condition and however many follow it. Pulses as those of :func:`cae_pulses`.
     """
     streams = [np.random.default_rng([seed, i]) for i in range(len(conditions))]
     specimens = [scattered(equipped(TRUTH, c), rng) for c, rng in zip(conditions, streams, strict=True)]

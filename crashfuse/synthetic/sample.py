@@ -58,17 +58,9 @@ set so that the CAE runs rate against the tests about as in Table 5 of that pape
 
 
 def sample_campaign(seed: int = 0) -> Campaign:
-    """Simulate the sample campaign.
+    """Simulate the sample campaign: 11 tests, 1009 CAE runs and one at each test's condition, named ``CAE-<test>``.
 
-    Parameters
-    ----------
-    seed : int
-        Chooses the Latin hypercube, the tests' scatter and their noise; 0 is the sample that comes with crashfuse.
-
-    Returns
-    -------
-    Campaign
-        1009 CAE runs and one at each test's condition, named ``CAE-<test>``; 11 tests, T01 to T11.
+    The seed chooses the Latin hypercube, the tests' scatter and their noise; 0 is the sample that comes with crashfuse.
     """
     test_conditions = [_condition(*row[:3], factors=(("powertrain", row[3]), ("drive", row[4]))) for row in TABLE_1]
     tests = [
@@ -87,15 +79,10 @@ def sample_campaign(seed: int = 0) -> Campaign:
 def write_sample(folder: Path) -> None:
     """Write the sample campaign as a campaign folder; the folder appears when it is complete.
 
-    Parameters
-    ----------
-    folder : Path
-        To be made; may exist if it is empty.
-
     Raises
     ------
     UsageError
-        If something is there already.
+        If the folder is there already and not empty.
     OSError
         If it cannot be written; nothing is left behind.
     """
@@ -115,7 +102,10 @@ def _write(campaign: Campaign, folder: Path) -> None:
     _write_text(folder / "campaign.toml", settings)
     _write_text(folder / "README.md", _README)
     header = "id,speed_mph,front_weight_lb,rear_weight_lb"
-    rows = [f"{test.id},{_in_mph_and_lb(test.condition)},{_factors(test.condition)}" for test in campaign.tests]
+    rows = [
+        ",".join([test.id, _in_mph_and_lb(test.condition), *(value for _, value in test.condition.factors)])
+        for test in campaign.tests
+    ]
     _write_text(folder / "tests.csv", "\n".join([f"{header},powertrain,drive", *rows, ""]))
     runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
     _write_text(folder / "cae.csv", "\n".join([header, *(f"{run},{_in_mph_and_lb(c)}" for run, c in runs), ""]))
@@ -148,10 +138,6 @@ def _condition(
 
 def _in_mph_and_lb(condition: Condition) -> str:
     return f"{condition.speed_mps / MPH:.2f},{condition.front_weight_kg / LB:.2f},{condition.rear_weight_kg / LB:.2f}"
-
-
-def _factors(condition: Condition) -> str:
-    return ",".join(value for _, value in condition.factors)
 
 
 def _write_text(path: Path, text: str) -> None:

@@ -76,18 +76,10 @@ class Pool:
     """
 
     def __init__(self, prior: FloatArray, *, spread: float, strength: float) -> None:
-        self.prior = prior
-        self.spread = spread
-        self.strength = strength
+        self.prior, self.spread, self.strength = prior, spread, strength
 
     def fit(self, scores: list[Scores], nearness: FloatArray) -> "Pool":
-        """Learn from left-out tests.
-
-        Parameters
-        ----------
-        nearness : ndarray, shape (n_tests,)
-            From 0, far from all other tests, to 1, beside one.
-        """
+        """Learn from left-out tests; nearness, shape (n_tests,), goes from 0, far from all others, to 1, beside one."""
         size = np.array([score.crps(np.full(len(self.prior), 1 / len(self.prior))) for score in scores])
 
         def loss(flat: FloatArray) -> float:
