@@ -116,8 +116,9 @@ def equipped(vehicle: Vehicle, condition: Condition) -> Vehicle:
 
 def scattered(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     """One specimen of the vehicle: forces scatter by 2 % as a whole and along the crush, gaps by 4 mm, folds by 1 %."""
-    zones = ("rails", "shell", "engine", "firewall")
-    return replace(vehicle, **{name: _specimen(getattr(vehicle, name), rng) for name in zones})
+    zones = (vehicle.rails, vehicle.shell, vehicle.engine, vehicle.firewall)
+    rails, shell, engine, firewall = (_specimen(zone, rng) for zone in zones)
+    return replace(vehicle, rails=rails, shell=shell, engine=engine, firewall=firewall)
 
 
 def measured_pulses(conditions: Sequence[Condition], seed: int) -> FloatArray:

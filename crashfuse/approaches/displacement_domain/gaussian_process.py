@@ -80,7 +80,7 @@ class GaussianProcess:
         return FittedState({"retries": self.retries_}, {"theta": self.theta_})
 
     def _take(self, x: FloatArray, y: FloatArray) -> None:
-        self.x_ = np.asarray(x, dtype=np.float64)
+        self.x_: FloatArray = np.asarray(x, dtype=np.float64)
         self.output_scale_ = float(np.sqrt(np.mean(np.square(y)))) or 1.0
         self._y: FloatArray = np.asarray(y, dtype=np.float64) / self.output_scale_
         self._covariance = Covariance(self.parts, self.x_, self.x_)
