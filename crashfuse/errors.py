@@ -83,12 +83,7 @@ def shortened(problems: Sequence[Problem], most: int = 20) -> list[Problem]:
 
 
 class DataError(CrashfuseError):
-    """The data are wrong. Holds every problem that was found, not only the first (exit code 1).
-
-    Parameters
-    ----------
-    problems : Problem or sequence of Problem
-    """
+    """The data are wrong. Holds every problem that was found, not only the first (exit code 1)."""
 
     def __init__(self, problems: Problem | Sequence[Problem]) -> None:
         self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)

@@ -50,12 +50,7 @@ def show_tests(view: frame.View) -> None:
     )  # fmt: skip
     cfc = None if choice == AS_READ else float(choice.removeprefix("CFC "))
     show_figure(
-        plots.measured_pulses(
-            campaign.tests,
-            highlight=test.id,
-            cfc=cfc,
-            display=view.display,
-        ),
+        plots.measured_pulses(campaign.tests, highlight=test.id, cfc=cfc, display=view.display),
         alt="Pulses of all tests over time, coloured by speed",
     )
     reading = "as they are in the files"

@@ -118,11 +118,7 @@ def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False
     preset, seed = _one_of("fast", "paper"), _whole(0, 2**32 - 1)
     more = "; several separated by commas" if several else ""
     parser.add_argument(
-        "--approach",
-        nargs="+",
-        metavar="NAME",
-        choices=_Approaches(),
-        help="%(choices)s (default: all)",
+        "--approach", nargs="+", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: all)"
     )
     parser.add_argument(
         "--preset",

@@ -82,13 +82,10 @@ class Cache:
 
         Parameters
         ----------
-        kind : str
-        key : mapping
         compute : callable
             Returns the result, which is not None, and the arrays to store.
         restore : callable
             Makes the same result from these arrays. An entry with which it fails is discarded and computed again.
-        watch : Watch
 
         Raises
         ------

@@ -84,11 +84,6 @@ class Cluster(Workers):
     The campaign and what the tasks share is sent to each worker once. A worker stores its results in the cache of its
     own machine, and they come back into the caller's. Its process computes one task at a time, whatever its threads;
     Dask submits the task of a worker that died to another one.
-
-    Parameters
-    ----------
-    scheduler : str
-    client : distributed.Client
     """
 
     scheduler: str

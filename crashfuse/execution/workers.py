@@ -79,9 +79,6 @@ class Workers(ABC):
 
         Parameters
         ----------
-        work : callable
-        campaign : Campaign
-        tasks : sequence
         cache : Cache
             What was :attr:`~crashfuse.execution.cache.Cache.used` of it is what all tasks share.
         watch : Watch

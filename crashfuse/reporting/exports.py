@@ -51,7 +51,6 @@ def isomme_prediction(campaign: Campaign, estimates: Sequence[Estimate], name: s
 
     Parameters
     ----------
-    campaign : Campaign
     estimates : sequence of Estimate
         One an approach, all at one condition.
     name : str

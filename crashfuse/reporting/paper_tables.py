@@ -21,7 +21,6 @@ def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
 
     Parameters
     ----------
-    study : Study
     rows : mapping of str to str
         Approaches, and what they are called: :data:`TABLE_3` or :data:`TABLE_5`; those not in the study are left out.
 

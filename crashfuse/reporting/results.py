@@ -58,11 +58,7 @@ def read_record(folder: Path) -> StudyRecord:
         settings: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value for name, value in values["config"].items()
         }
-        return StudyRecord(
-            values["fingerprint"],
-            tuple(values["held_out"]),
-            StudyConfig(**settings),
-        )
+        return StudyRecord(values["fingerprint"], tuple(values["held_out"]), StudyConfig(**settings))
     except (ValueError, KeyError, TypeError) as error:
         advice = "start the study again without --resume"
         raise DataError(Problem(str(path), "the record of a study", f"{error!r}", advice)) from error

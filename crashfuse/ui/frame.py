@@ -23,14 +23,7 @@ REFUSED = "refused"  # in the session: what is wrong with the campaign that was 
 
 @dataclass(frozen=True)
 class View:
-    """What the user has chosen in the sidebar.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    held_out : CrashTest
-    display : Display
-    """
+    """What the user has chosen in the sidebar."""
 
     campaign: Campaign
     held_out: CrashTest

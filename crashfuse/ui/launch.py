@@ -14,7 +14,6 @@ def launch(port: int, campaign: Path | None) -> None:
 
     Parameters
     ----------
-    port : int
     campaign : Path, optional
         Folder to open at the start.
     """

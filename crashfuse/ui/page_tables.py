@@ -37,10 +37,7 @@ def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa:
     campaign, rows = _campaign, []
     for test in campaign.tests:
         condition, run = test.condition, campaign.cae.paired_run(test.condition)
-        row: dict[str, str] = {
-            "Test": test.id,
-            "Speed (mph)": f"{condition.speed_mps / MPH:.1f}",
-        }
+        row: dict[str, str] = {"Test": test.id, "Speed (mph)": f"{condition.speed_mps / MPH:.1f}"}
         # what is asked for first: the rest may lie beyond the edge of a narrow page
         by_window: dict[float, Rating] = {}
         if run is not None:

@@ -29,7 +29,6 @@ def result_of(request: Request[T], *, invitation: str, button: str) -> T:
 
     Parameters
     ----------
-    request : Request
     invitation : str
         What to say while nothing has been computed.
     button : str
@@ -88,11 +87,7 @@ def show_job(job: Job[Any]) -> None:
         with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
             st.markdown(f"**{plain(job.title)}**", width="content")
             st.button(
-                "Cancel",
-                icon=":material/stop:",
-                on_click=job.cancel,
-                disabled=job.cancelling,
-                key=f"cancel {id(job)}",
+                "Cancel", icon=":material/stop:", on_click=job.cancel, disabled=job.cancelling, key=f"cancel {id(job)}"
             )
         if job.cancelling:
             st.caption("Stopping at the next opportunity …")

@@ -38,16 +38,10 @@ def bias_by_speed(
 
     Parameters
     ----------
-    tests : sequence of CrashTest
     biases : sequence of BiasPoints
         Of these tests, in their order.
     highlight : str, optional
         Id of the test to draw thick (the held-out one).
-    display : Display, optional
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = displacement_figure(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
@@ -76,11 +70,6 @@ def bias_parts(
         Where they are given, in m.
     measured : BiasPoints, optional
         The held-out test's own bias, black over the total: what was to be foreseen.
-    display : Display, optional
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)

@@ -20,10 +20,6 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
         What bands promise, from 0 to 1.
     observed : mapping of str to ndarray, shape (n,)
         What they held, by approach.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=440)
     figure.add_scatter(

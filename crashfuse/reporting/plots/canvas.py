@@ -61,10 +61,6 @@ def darkened(figure: go.Figure) -> go.Figure:
     ----------
     figure : plotly.graph_objects.Figure
         In the look of :func:`new_figure`; it is left as it is.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     drawn = figure.to_plotly_json()
     # a heat map brings its own ground, on which its dark text reads

@@ -31,14 +31,8 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
 
     Parameters
     ----------
-    library : CaeLibrary
-    tests : sequence of CrashTest
     held_out : str, optional
         Id of the test to mark by a ring.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=640)
     style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))

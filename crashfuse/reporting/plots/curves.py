@@ -41,7 +41,6 @@ def draw_curves(figure: go.Figure, curves: Mapping[str, Curve], yaxis: str = "y"
 
     Parameters
     ----------
-    figure : plotly.graph_objects.Figure
     curves : mapping of str to Curve
         By the approach's name; the last is drawn on top.
     yaxis : str

@@ -40,11 +40,6 @@ def over_displacement(
         By approach name.
     speed_mps : float
         Impact speed in m/s.
-    display : Display, optional
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = displacement_figure(height=460)
     scale = display.accel_scale
@@ -77,10 +72,6 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
     ----------
     measured, predictions, speed_mps
         As in :func:`over_displacement`.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=520)
     phases = _loading_phases(measured, predictions, speed_mps)
@@ -120,10 +111,6 @@ def energy_over_crush(
         As in :func:`over_displacement`.
     mass_kg : float
         Of the vehicle.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = displacement_figure(height=460)
     scale = mass_kg / _KJ

@@ -28,11 +28,6 @@ def imported_pulse(
         Those that are averaged; no more than eight are drawn.
     settled : Settled or None
         None while the record cannot be settled: then its channels alone, in the file's own time and unit.
-    display : Display, optional
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=420)
     scale = display.accel_scale

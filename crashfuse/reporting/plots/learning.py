@@ -24,10 +24,6 @@ def learning_curves(
         What is counted: the title of the x axis.
     total : int
         How far it will go.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=260)
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
@@ -51,10 +47,6 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
         from, and on each as predicted from the others.
     chosen : str
         The share that was taken.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=260)
     for name, values, colour in (("Learned from", errors, "#0072B2"), ("Left out", left_out, "#D55E00")):

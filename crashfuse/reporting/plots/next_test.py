@@ -28,11 +28,6 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Fig
     ----------
     ranked : sequence of NextTest
         The largest gain first.
-    tests : sequence of CrashTest
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)

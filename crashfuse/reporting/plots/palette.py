@@ -19,12 +19,7 @@ COLOURS: Mapping[str, str] = {name: approach.colour for name, approach in CLASSE
 DASHES: Mapping[str, str] = {name: approach.dash for name, approach in CLASSES.items()}
 """Of each approach's curves: what has not seen a test is not drawn solid."""
 
-GRADE_COLOURS: Mapping[str, str] = {
-    "Poor": "#F4B183",
-    "Fair": "#FBE3D0",
-    "Good": "#CFE3F2",
-    "Excellent": "#7FB6DC",
-}
+GRADE_COLOURS: Mapping[str, str] = {"Poor": "#F4B183", "Fair": "#FBE3D0", "Good": "#CFE3F2", "Excellent": "#7FB6DC"}
 """Colour behind each grade word of ISO/TS 18571; black text reads on all of them."""
 
 _SHADES = 64

@@ -29,11 +29,6 @@ def overlay(measured: Pulse | None, predictions: Mapping[str, Prediction], displ
         The test's pulse, black, over the rated window; None where nothing was measured.
     predictions : mapping of str to Prediction
         By approach name.
-    display : Display, optional
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=460)
     draw_curves(figure, _accelerations(measured, predictions, display))
@@ -54,10 +49,6 @@ def motion(
         As in :func:`overlay`.
     speed_mps : float
         Impact speed in m/s, from which both integrals start.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=820)
     draw_curves(figure, _accelerations(measured, predictions, display))
@@ -87,10 +78,6 @@ def residuals(measured: Pulse, predictions: Mapping[str, Prediction], display: D
         The test's pulse on the study grid.
     predictions, display
         As in :func:`overlay`; the root mean square in the legend is that over the rated window.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=460)
     draw_curves(figure, _accelerations(None, predictions, display, minus=measured))
@@ -107,16 +94,10 @@ def measured_pulses(
 
     Parameters
     ----------
-    tests : sequence of CrashTest
     highlight : str, optional
         Id of the test to draw thick (the held-out one).
     cfc : float, optional
         Channel filter class to filter to (SAE J211-1), at most 1000.
-    display : Display, optional
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height_under_names(len(tests)))
     for test, style in by_speed(tests, highlight):
@@ -137,14 +118,8 @@ def library_band(library: CaeLibrary, tests: Sequence[CrashTest] = (), *, displa
 
     Parameters
     ----------
-    library : CaeLibrary
     tests : sequence of CrashTest
         Tests whose paired runs are drawn, coloured by speed.
-    display : Display, optional
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height_under_names(len(tests)))
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
@@ -161,11 +136,7 @@ def library_band(library: CaeLibrary, tests: Sequence[CrashTest] = (), *, displa
 
 
 def _accelerations(
-    measured: Pulse | None,
-    predictions: Mapping[str, Prediction],
-    display: Display,
-    *,
-    minus: Pulse | None = None,
+    measured: Pulse | None, predictions: Mapping[str, Prediction], display: Display, *, minus: Pulse | None = None
 ) -> dict[str, Curve]:
     """Curves of a(t), or of what predictions miss of a test: then with their root mean square in the rated window."""
     curves = {}

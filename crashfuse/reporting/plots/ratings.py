@@ -18,10 +18,6 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
     ----------
     scores : mapping of str to mapping of str to float
         Overall rating by test id, then by approach name.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     tests = list(scores)
     approaches = list(scores[tests[0]])
@@ -74,10 +70,6 @@ def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]
     ----------
     ratings : mapping of str to mapping of str to (float, float, float)
         By test id, then by approach: overall rating, and lower and upper end of the interval.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=420)
     tests = list(ratings)

@@ -30,10 +30,6 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign) -> go
         Name of the metric, as ``olc``.
     campaign : Campaign
         For its tests, whose weights are their own, and the speeds of its CAE runs.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
     """
     figure = new_figure(height=460)
     readings = {sweep.approach: sweep.over_speed(metric) for sweep in sweeps}

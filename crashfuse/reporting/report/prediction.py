@@ -23,7 +23,6 @@ def prediction_report(campaign: Campaign, estimates: Sequence[Estimate], config:
         What was learned from.
     estimates : sequence of Estimate
         One for each approach, at one condition.
-    config : StudyConfig
     """
     condition = estimates[0].prediction.condition
     predictions = {estimate.approach: estimate.prediction for estimate in estimates}

@@ -27,12 +27,7 @@ _CAPTIONS = (
 
 
 def study_report(study: Study) -> str:
-    """Report of a study as one HTML page.
-
-    Parameters
-    ----------
-    study : Study
-    """
+    """Report of a study as one HTML page."""
     campaign, config, verdict = study.campaign, study.config, recommend(study)
     held_out = [fold.held_out for fold in study.folds]
     window_ms = max(config.windows_ms)

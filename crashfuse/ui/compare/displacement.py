@@ -133,7 +133,6 @@ def parts(rest: Campaign, condition: Condition, *, seed: int) -> tuple[FloatArra
         Without the held-out test.
     condition : Condition
         Of the held-out test.
-    seed : int
     """
     unfitted = DisplacementDomain(DisplacementConfig.fast(), seed=seed, cache=Cache())
     domain, _ = fitted(unfitted, rest, Cache())

@@ -15,10 +15,7 @@ from crashfuse.ui.figures import show_cached_figure, show_figure
 from crashfuse.ui.frame import View
 
 _BEFORE_AND_AFTER, _LEARNING = "Before and after the tests", "Learning curves"
-_TITLES = {
-    "lf_tcn": "Before: trained on CAE runs only",
-    "time_domain": "After: fine-tuned on the other tests",
-}
+_TITLES = {"lf_tcn": "Before: trained on CAE runs only", "time_domain": "After: fine-tuned on the other tests"}
 _MEANING = {
     "lf_tcn": "The networks should reproduce the CAE model; the remaining difference from the test is what no CAE run "
     "can tell them.",
