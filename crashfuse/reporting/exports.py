@@ -23,13 +23,7 @@ _BOUNDS = (("lower", "01"), ("upper", "02"))
 
 
 def parquet_bytes(table: pd.DataFrame) -> bytes:
-    """Return a table as a Parquet file: float64 with all digits, text as dictionaries, empty cells as nulls.
-
-    Parameters
-    ----------
-    table : DataFrame
-        :func:`crashfuse.reporting.result_tables.pulses_table`, say; its index is left out.
-    """
+    """Return a table as a Parquet file: float64 with all digits, text as dictionaries, empty cells as nulls."""
     arrow = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(None)
     for at, field in enumerate(arrow.schema):
         if pa.types.is_string(field.type) or pa.types.is_large_string(field.type):
@@ -49,17 +43,10 @@ def isomme_prediction(campaign: Campaign, estimates: Sequence[Estimate], name: s
     of the campaign's records (D: CFC 60), S where they were taken as they are. Codes: ISO/TS 13499, see
     :mod:`crashfuse.readers.isomme`.
 
-    Parameters
-    ----------
-    estimates : sequence of Estimate
-        One an approach, all at one condition.
-    name : str
-        Of the test: names the folder and its files.
-
     Returns
     -------
     dict of str to bytes
-        Content by relative path, to be written to a folder or a zip.
+        Content by relative path, below a folder with the test's name.
 
     Raises
     ------

@@ -11,14 +11,9 @@ _NAME_WIDTH, _VALUE_WIDTH = 28, 51  # with the colon the 80 characters that a li
 
 
 def isomme_files(test: IsommeTest) -> dict[str, bytes]:
-    """Write a test as ISO-MME files.
+    """Write a test as ISO-MME files: content by relative path (with ``/``), in the order of the folder.
 
     Long comments go over several lines, since a line may have 80 characters. Samples are written with all their digits.
-
-    Returns
-    -------
-    dict of str to bytes
-        Content by relative path (with ``/``), in the order of the folder.
     """
     folder = f"{test.name}/Channel/{test.name}"
     listed = [("Instrumentation standard", ""), ("Number of channels", str(len(test.channels)))]

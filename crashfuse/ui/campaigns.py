@@ -36,13 +36,7 @@ def at_start() -> str | None:
 
 
 def open_folder(folder: Path) -> str:
-    """Read a folder and, if it holds a sound campaign, open it; returns its name.
-
-    Raises
-    ------
-    DataError
-        With everything that is wrong with it.
-    """
+    """Read a folder and, if it holds a sound campaign, open it; returns its name."""
     try:
         folder = folder.expanduser().resolve()
     except (OSError, RuntimeError, ValueError) as error:  # no such home, a name that no folder can have
@@ -53,13 +47,7 @@ def open_folder(folder: Path) -> str:
 
 
 def load(name: str) -> Campaign:
-    """The open campaign of this name, read anew only if its files have changed.
-
-    Raises
-    ------
-    DataError
-        With everything that is (by now) wrong with it.
-    """
+    """The open campaign of this name, read anew only if its files have changed."""
     return read(open_campaigns()[name] or _sample_folder())
 
 

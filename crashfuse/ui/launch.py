@@ -10,13 +10,7 @@ _PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in
 
 
 def launch(port: int, campaign: Path | None) -> None:
-    """Serve the dashboard on 127.0.0.1 until it is interrupted.
-
-    Parameters
-    ----------
-    campaign : Path, optional
-        Folder to open at the start.
-    """
+    """Serve the dashboard on 127.0.0.1 until it is interrupted; a campaign is a folder to open at the start."""
     if "CRASHFUSE_CACHE" in os.environ:
         os.environ["CRASHFUSE_CACHE"] = str(Path(os.environ["CRASHFUSE_CACHE"]).resolve())
     if campaign is not None:

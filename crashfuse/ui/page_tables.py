@@ -97,15 +97,7 @@ def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
 
 
 def metrics(columns: Iterable[tuple[str, Sequence[Metric]]], unit: Unit = "g") -> Styler:
-    """Pulse metrics, one column for the test and each approach, with the 95 % interval in brackets.
-
-    Parameters
-    ----------
-    columns : iterable of (str, sequence of Metric)
-        Heading and metrics of each column.
-    unit : {"g", "m/s²"}
-        Of accelerations.
-    """
+    """Pulse metrics, a column each for the test and every approach, with the 95 % interval in brackets."""
     table: dict[str, dict[str, str]] = {}
     for heading, values in columns:
         for metric in (_in_unit(metric, unit) for metric in values):

@@ -25,15 +25,7 @@ class Request(Protocol[T]):
 
 
 def result_of(request: Request[T], *, invitation: str, button: str) -> T:
-    """The result of a request; as long as there is none, the page shows how to get it and ends.
-
-    Parameters
-    ----------
-    invitation : str
-        What to say while nothing has been computed.
-    button : str
-        Label of the button that starts it.
-    """
+    """The result of a request; as long as there is none, the page shows how to get it and ends."""
     result = result_or_none(request, invitation=invitation, button=button)
     if result is None:
         st.stop()

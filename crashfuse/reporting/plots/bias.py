@@ -36,12 +36,7 @@ def bias_by_speed(
 ) -> go.Figure:
     """Draw what the CAE model got wrong in each test, over displacement and coloured by speed (Fig. 16).
 
-    Parameters
-    ----------
-    biases : sequence of BiasPoints
-        Of these tests, in their order.
-    highlight : str, optional
-        Id of the test to draw thick (the held-out one).
+    ``biases`` are those of the tests, in their order; the test with the id ``highlight`` is drawn thick.
     """
     figure = displacement_figure(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
@@ -67,9 +62,9 @@ def bias_parts(
     parts : sequence of BiasPart
         The total last.
     displacement_m : ndarray, shape (n,)
-        Where they are given, in m.
+        Where they are given.
     measured : BiasPoints, optional
-        The held-out test's own bias, black over the total: what was to be foreseen.
+        The held-out test's own bias, black over the total.
     """
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)

@@ -55,13 +55,7 @@ def height_under_names(count: int) -> int:
 
 
 def darkened(figure: go.Figure) -> go.Figure:
-    """The same figure in the colours of a dark page; a report, which is printed, stays light.
-
-    Parameters
-    ----------
-    figure : plotly.graph_objects.Figure
-        In the look of :func:`new_figure`; it is left as it is.
-    """
+    """The same figure in the colours of a dark page; a report, which is printed, stays light."""
     drawn = figure.to_plotly_json()
     # a heat map brings its own ground, on which its dark text reads
     traces = [trace if trace["type"] == "heatmap" else _in_the_dark(trace) for trace in drawn["data"]]

@@ -27,12 +27,8 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
     """Draw front and rear weight over speed, one below the other: CAE runs, their range, and the tests.
 
     A test outside the range of the CAE runs, its own paired run left aside, is drawn open where its speed or that
-    weight lies outside: predicting it is extrapolation. The range shown is that of the runs paired with no test.
-
-    Parameters
-    ----------
-    held_out : str, optional
-        Id of the test to mark by a ring.
+    weight lies outside: predicting it is extrapolation. The range shown is that of the runs paired with no test. A ring
+    marks the test with the id ``held_out``.
     """
     figure = new_figure(height=640)
     style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))

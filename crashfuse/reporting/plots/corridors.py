@@ -10,21 +10,10 @@ from crashfuse.units import MS
 
 
 def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT) -> go.Figure:
-    """Shade both corridors over the rated window: a curve scores 1 inside the inner, 0 outside the outer.
+    """Shade both corridors over the rated window of a figure whose first row is acceleration over time.
 
-    Parameters
-    ----------
-    figure : Figure
-        Acceleration over time in ms, in its first row.
-    measured : Pulse
-        The reference of the rating: both corridors are as wide as its largest acceleration in the window decides.
-    display : Display, optional
-        That of the figure.
-
-    Returns
-    -------
-    plotly.graph_objects.Figure
-        The same figure.
+    A curve scores 1 inside the inner corridor, 0 outside the outer. Both are as wide as the test's largest acceleration
+    in the window decides. Returns the same figure.
     """
     inside = measured.time_s < display.window_ms * MS
     time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * display.accel_scale

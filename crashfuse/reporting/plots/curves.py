@@ -37,16 +37,9 @@ class Curve:
 
 
 def draw_curves(figure: go.Figure, curves: Mapping[str, Curve], yaxis: str = "y", **style: object) -> None:
-    """Draw the curves of approaches and of the :data:`TEST`, each in its own colour, above all bands.
+    """Draw the curves of approaches and of the :data:`TEST`, each in its own colour, the last on top, above all bands.
 
-    Parameters
-    ----------
-    curves : mapping of str to Curve
-        By the approach's name; the last is drawn on top.
-    yaxis : str
-        ``"y2"`` for the second of stacked plots.
-    **style
-        Of all lines.
+    ``yaxis`` is ``"y2"`` for the second of stacked plots; the style is that of all lines.
     """
     for name, curve in curves.items():
         if curve.band is not None:

@@ -30,16 +30,8 @@ def over_displacement(
     """Draw acceleration over displacement: the test, the CAE model, and every correction with its 95 % band (Fig. 7).
 
     A band at some displacement holds the draws that get so far; it ends where half of them have stopped. The mark at a
-    curve's end is the maximum dynamic crush, with its 95 % interval.
-
-    Parameters
-    ----------
-    measured : Pulse or None
-        The test's pulse on the study grid, black; None where nothing was measured.
-    predictions : mapping of str to Prediction
-        By approach name.
-    speed_mps : float
-        Impact speed in m/s.
+    curve's end is the maximum dynamic crush, with its 95 % interval. Measured pulse and predictions are as in
+    :func:`crashfuse.reporting.plots.pulses.overlay`.
     """
     figure = displacement_figure(height=460)
     scale = display.accel_scale
@@ -67,11 +59,6 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
 
     Lines are the pulses integrated twice over time, up to zero velocity; marks are what the vehicle's motion over
     displacement gives back. Below is the difference of the two.
-
-    Parameters
-    ----------
-    measured, predictions, speed_mps
-        As in :func:`over_displacement`.
     """
     figure = new_figure(height=520)
     phases = _loading_phases(measured, predictions, speed_mps)
@@ -103,15 +90,7 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
 def energy_over_crush(
     measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float, mass_kg: float
 ) -> go.Figure:
-    """Draw the energy that the vehicle has absorbed over its crush: the test, the CAE model, every correction's band.
-
-    Parameters
-    ----------
-    measured, predictions, speed_mps :
-        As in :func:`over_displacement`.
-    mass_kg : float
-        Of the vehicle.
-    """
+    """Draw the energy that the vehicle has absorbed over its crush: the test, the CAE model, every correction."""
     figure = displacement_figure(height=460)
     scale = mass_kg / _KJ
     pulses = {name: (prediction.accel_mps2, prediction.draws_mps2) for name, prediction in predictions.items()}

@@ -20,14 +20,9 @@ _MOST_CHANNELS, _MOST_POINTS = 8, 4000
 def imported_pulse(
     channels: Sequence[RecordedChannel], settled: Settled | None, display: Display = DEFAULT
 ) -> go.Figure:
-    """Draw the pulse that comes of a record over its channels as recorded, contact at 0.
+    """Draw the pulse that comes of a record over its channels as recorded, at most eight, contact at 0.
 
-    Parameters
-    ----------
-    channels : sequence of RecordedChannel
-        Those that are averaged; no more than eight are drawn.
-    settled : Settled or None
-        None while the record cannot be settled: then its channels alone, in the file's own time and unit.
+    While the record cannot be settled: its channels alone, in the file's own time and unit.
     """
     figure = new_figure(height=420)
     scale = display.accel_scale

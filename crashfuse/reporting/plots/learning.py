@@ -18,10 +18,8 @@ def learning_curves(
     ----------
     curves : mapping of str to sequence of (int, float)
         By the value's name: how far the step was, and the value.
-    value : str
-        What all of them are: the title of the y axis.
-    step : str
-        What is counted: the title of the x axis.
+    value, step : str
+        What all of them are, and what is counted: the titles of the axes.
     total : int
         How far it will go.
     """
@@ -40,13 +38,8 @@ def learning_curves(
 def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], chosen: str) -> go.Figure:
     """Draw how far tests are missed for each strength of the fine-tuning: learned from, and left out in turn.
 
-    Parameters
-    ----------
-    errors, left_out : mapping of str to float
-        Root mean square error by the share that each test has to itself, strongest last; on tests that were learned
-        from, and on each as predicted from the others.
-    chosen : str
-        The share that was taken.
+    Both are root mean square errors by the share that each test has to itself, strongest last: on tests that were
+    learned from, and on each as predicted from the others.
     """
     figure = new_figure(height=260)
     for name, values, colour in (("Learned from", errors, "#0072B2"), ("Left out", left_out, "#D55E00")):

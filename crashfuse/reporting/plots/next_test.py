@@ -21,13 +21,8 @@ _HOVER = (
 def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Figure:
     """Draw by how much each candidate would shrink the band, over its speed; ticks are the tests that were run.
 
-    Candidates of the same weights are joined by a line; with several weights each is a point. The best five are
-    numbered, and what lies outside the CAE runs' range is drawn open.
-
-    Parameters
-    ----------
-    ranked : sequence of NextTest
-        The largest gain first.
+    Candidates, the largest gain first, are joined by a line if all have the same weights; with several weights each is
+    a point. The best five are numbered, and what lies outside the CAE runs' range is drawn open.
     """
     figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)

@@ -26,7 +26,7 @@ def overlay(measured: Pulse | None, predictions: Mapping[str, Prediction], displ
     Parameters
     ----------
     measured : Pulse or None
-        The test's pulse, black, over the rated window; None where nothing was measured.
+        The test's pulse on the study grid, black; None where nothing was measured.
     predictions : mapping of str to Prediction
         By approach name.
     """
@@ -43,12 +43,7 @@ def motion(
 ) -> go.Figure:
     """Stack acceleration, velocity and displacement over one time axis, with one cursor through all three.
 
-    Parameters
-    ----------
-    measured, predictions, display
-        As in :func:`overlay`.
-    speed_mps : float
-        Impact speed in m/s, from which both integrals start.
+    As :func:`overlay`; both integrals start from the impact speed.
     """
     figure = new_figure(height=820)
     draw_curves(figure, _accelerations(measured, predictions, display))
@@ -72,12 +67,7 @@ def motion(
 def residuals(measured: Pulse, predictions: Mapping[str, Prediction], display: Display = DEFAULT) -> go.Figure:
     """Draw prediction minus test, with the 95 % band about it: where the band leaves zero, the test left the band.
 
-    Parameters
-    ----------
-    measured : Pulse
-        The test's pulse on the study grid.
-    predictions, display
-        As in :func:`overlay`; the root mean square in the legend is that over the rated window.
+    As :func:`overlay`; the root mean square in the legend is that over the rated window.
     """
     figure = new_figure(height=460)
     draw_curves(figure, _accelerations(None, predictions, display, minus=measured))
@@ -90,14 +80,10 @@ def residuals(measured: Pulse, predictions: Mapping[str, Prediction], display: D
 def measured_pulses(
     tests: Sequence[CrashTest], *, highlight: str | None = None, cfc: float | None = None, display: Display = DEFAULT
 ) -> go.Figure:
-    """Draw all tests, coloured by speed; filtered, if asked for, over the thin curves of what was read.
+    """Draw all tests, coloured by speed, the one with the id ``highlight`` thick.
 
-    Parameters
-    ----------
-    highlight : str, optional
-        Id of the test to draw thick (the held-out one).
-    cfc : float, optional
-        Channel filter class to filter to (SAE J211-1), at most 1000.
+    If a channel filter class (SAE J211-1, at most 1000) is given, they are filtered, over the thin curves of what was
+    read.
     """
     figure = new_figure(height_under_names(len(tests)))
     for test, style in by_speed(tests, highlight):
@@ -114,13 +100,7 @@ def measured_pulses(
 
 
 def library_band(library: CaeLibrary, tests: Sequence[CrashTest] = (), *, display: Display = DEFAULT) -> go.Figure:
-    """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired to tests on top.
-
-    Parameters
-    ----------
-    tests : sequence of CrashTest
-        Tests whose paired runs are drawn, coloured by speed.
-    """
+    """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired to tests on top."""
     figure = new_figure(height_under_names(len(tests)))
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * display.accel_scale

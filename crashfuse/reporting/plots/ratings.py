@@ -12,13 +12,7 @@ from crashfuse.signals.rating import GRADES, grade
 
 
 def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
-    """Draw overall ratings as a table of test by approach, coloured by grade, with the mean over the tests at the foot.
-
-    Parameters
-    ----------
-    scores : mapping of str to mapping of str to float
-        Overall rating by test id, then by approach name.
-    """
+    """Draw overall ratings by test id and approach as a table coloured by grade, with the mean over the tests below."""
     tests = list(scores)
     approaches = list(scores[tests[0]])
     z = np.array([[scores[test][name] for name in approaches] for test in tests])
@@ -66,10 +60,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
 def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]]) -> go.Figure:
     """Draw each test's rating by approach, with the interval that single drawn pulses are rated in.
 
-    Parameters
-    ----------
-    ratings : mapping of str to mapping of str to (float, float, float)
-        By test id, then by approach: overall rating, and lower and upper end of the interval.
+    Given by test id, then by approach: overall rating, and lower and upper end of the interval.
     """
     figure = new_figure(height=420)
     tests = list(ratings)

@@ -20,16 +20,8 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign) -> go
     """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points.
 
     Where a pulse has no such number, its record being too short, the line has a gap. Speeds without CAE runs are
-    shaded; a tick at the foot marks the speed of each test.
-
-    Parameters
-    ----------
-    sweeps : sequence of Sweep
-        At least one, all over the same speeds and at the same weights.
-    metric : str
-        Name of the metric, as ``olc``.
-    campaign : Campaign
-        For its tests, whose weights are their own, and the speeds of its CAE runs.
+    shaded; a tick at the foot marks the speed of each test. All sweeps have the same speeds and weights;
+    tests have weights of their own.
     """
     figure = new_figure(height=460)
     readings = {sweep.approach: sweep.over_speed(metric) for sweep in sweeps}

@@ -125,15 +125,7 @@ def _parts(
 
 
 def parts(rest: Campaign, condition: Condition, *, seed: int) -> tuple[FloatArray, tuple[BiasPart, ...]]:
-    """Displacements, and the parts of the bias there as the tests that were not held out tell them.
-
-    Parameters
-    ----------
-    rest : Campaign
-        Without the held-out test.
-    condition : Condition
-        Of the held-out test.
-    """
+    """Displacements, and the parts of the bias there as the tests that were not held out tell them."""
     unfitted = DisplacementDomain(DisplacementConfig.fast(), seed=seed, cache=Cache())
     domain, _ = fitted(unfitted, rest, Cache())
     grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(condition).own.crush_m, _STEP_M)
