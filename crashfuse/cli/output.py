@@ -11,24 +11,19 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from crashfuse.errors import UsageError
-from crashfuse.reporting.result_files import RESULT_FILES
 
 
 def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
-    """Refuse a folder that results of this kind cannot or should not be written to.
+    """Refuse a folder that is or lies in a campaign, holds results of another kind, or cannot be written."""
+    from crashfuse.reporting.results import RESULT_FILES
 
-    Raises
-    ------
-    UsageError
-        If it is a campaign, lies in the campaign, holds results of another kind, or cannot be written.
-    """
     if out.resolve().is_relative_to(campaign.resolve()):
         raise UsageError(
             f"Results do not belong in the campaign folder {campaign}; name a folder outside it for --out."
         )
     if any((out / table).exists() for table in ("tests.csv", "cae.csv")):
         raise UsageError(f"{out} is a campaign folder; name another for --out.")
-    for other, (mark, *_) in RESULT_FILES.items():
+    for other, (*_, mark) in RESULT_FILES.items():
         if kind not in (None, other) and (out / mark).exists():
             raise UsageError(f"{out} holds a {other} ({mark}); name another folder for the {kind}.")
     there = next(path for path in (out.resolve(), *out.resolve().parents) if path.exists())
@@ -41,8 +36,11 @@ def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
 @contextmanager
 def replacing(out: Path, kind: str) -> Iterator[None]:
     """Write results of this kind in this context; what it leaves as it was of older ones is removed at its end."""
-    mark, *others = RESULT_FILES[kind]
-    older = [path for part in others for path in out.glob(part) if path.is_file()] if (out / mark).is_file() else []
+    from crashfuse.reporting.results import RESULT_FILES
+
+    *others, mark = (out / name for name in RESULT_FILES[kind])
+    places = [place for other in others for place in (other, *other.rglob("*"))] if mark.is_file() else []
+    older = [place for place in places if place.is_file()]
     stamps = {path: path.stat() for path in older}
     yield
     for path, stamp in stamps.items():
@@ -52,6 +50,6 @@ def replacing(out: Path, kind: str) -> Iterator[None]:
 
 def say_written(out: Path, kind: str) -> None:
     """Print which files of this kind of result are in a folder."""
-    mark, *others = RESULT_FILES[kind]
-    names = (part.partition("**")[0] for part in (*others, mark))
-    print(f"Written to {out}: {', '.join(name for name in names if (out / name).exists())}")
+    from crashfuse.reporting.results import RESULT_FILES
+
+    print(f"Written to {out}: {', '.join(name for name in RESULT_FILES[kind] if (out / name).exists())}")

@@ -17,7 +17,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -45,13 +45,7 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 
 
 class Workers(ABC):
-    """Who computes tasks.
-
-    Attributes
-    ----------
-    deaths : tuple of type
-        Exceptions of a future that mean that a worker died: what it was computing is submitted again.
-    """
+    """Who computes tasks. Of ``deaths`` are exceptions that mean that a worker died: its task is submitted again."""
 
     deaths: ClassVar[tuple[type[Exception], ...]]
 
@@ -77,17 +71,8 @@ class Workers(ABC):
     ) -> Generator[list[R]]:
         """Yield what the work returns for each task once it is done, in any order; now and then an empty list.
 
-        Parameters
-        ----------
-        cache : Cache
-            What was :attr:`~crashfuse.execution.cache.Cache.used` of it is what all tasks share.
-        watch : Watch
-            Told what a task does, if that is done in this process.
-
-        Raises
-        ------
-        CrashfuseError
-            If workers die again and again.
+        What was :attr:`~crashfuse.execution.cache.Cache.used` of the cache is what all tasks share. The watch is told
+        what a task does, if that is done in this process. Raises if workers die again and again.
         """
         left, lives = dict(enumerate(tasks)), _LIVES
         while left:
@@ -117,13 +102,7 @@ class Workers(ABC):
 
 @dataclass(frozen=True, slots=True)
 class Local(Workers):
-    """Processes on this machine; if one is enough, it is this one.
-
-    Parameters
-    ----------
-    processes : int, optional
-        Default: one for each core.
-    """
+    """Processes on this machine, by default one for each core; if one is enough, it is this one."""
 
     processes: int | None = None
     deaths = (BrokenProcessPool,)
@@ -159,11 +138,8 @@ def _in_process(work: Work[T, R], file: Path, task: T, cache: Cache) -> tuple[li
     return work(_campaign(file), task, cache, SILENT), {}
 
 
-@lru_cache(maxsize=1)
-def _campaign(file: Path) -> Campaign:
-    """A campaign whose arrays are read from its file when they are needed: all processes share one copy."""
-    campaign: Campaign = joblib.load(file, mmap_mode="r")
-    return campaign
+# arrays are read from the campaign's file when they are needed: all processes share one copy
+_campaign = lru_cache(maxsize=1)(partial(joblib.load, mmap_mode="r"))
 
 
 def _begin(parent: int) -> None:

@@ -26,10 +26,7 @@ def scores_table(study: Study) -> pd.DataFrame:
 def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
     """One row a study, way to leave tests out, approach and window: mean and least overall rating of its tests.
 
-    Parameters
-    ----------
-    studies : iterable of (str, Study)
-        With the name of the campaign.
+    Studies come with the name of their campaign.
     """
     parts = []
     for name, study in studies:
@@ -47,10 +44,7 @@ def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
 def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
     """Predicted pulses in ms and g with the central 95 % band, empty where an approach has none.
 
-    Parameters
-    ----------
-    estimates : iterable of (str, Estimate)
-        With the id of the held-out test, or an empty text for a new condition.
+    Estimates come with the id of the held-out test, or an empty text for a new condition.
     """
     return pd.concat(
         [_pulse_rows(held_out, estimate.approach, estimate.prediction) for held_out, estimate in estimates]
@@ -60,19 +54,7 @@ def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
 def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]]) -> pd.DataFrame:
     """Pulse metrics, one row each, from (held-out test, approach or ``test``, metrics)."""
     return pd.DataFrame(
-        [
-            {
-                "held_out": held_out,
-                "approach": approach,
-                "metric": metric.name,
-                "value": metric.value,
-                "lower": metric.lower,
-                "upper": metric.upper,
-                "unit": metric.unit,
-            }
-            for held_out, approach, metrics in rows
-            for metric in metrics
-        ],
+        [(held_out, approach, m.name, m.value, m.lower, m.upper, m.unit) for held_out, approach, own in rows for m in own],
         columns=["held_out", "approach", "metric", "value", "lower", "upper", "unit"],
     )
 

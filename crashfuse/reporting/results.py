@@ -1,7 +1,7 @@
 """Writes the files of a study, a prediction, a sweep or a ranking: tables, settings and report."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,9 @@ from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
 from crashfuse.study.sweep import Sweep, sweep_table
 
+Content = bytes | dict[str, bytes] | None
+"""Of a file; of the files of a folder, by relative path; None if the result has no such file."""
+
 
 @dataclass(frozen=True, slots=True)
 class StudyRecord:
@@ -37,19 +40,11 @@ class StudyRecord:
 def begin_study(folder: Path, plan: StudyPlan) -> None:
     """Note in ``study.json`` what is about to be computed, so that it can be resumed."""
     record = provenance(plan.campaign, plan.held_out, plan.config)
-    _write_json(folder / "study.json", {**record, "finished": False})
+    write_atomically(folder / "study.json", _json({**record, "finished": False}))
 
 
 def read_record(folder: Path) -> StudyRecord:
-    """Read what was being computed in this folder.
-
-    Raises
-    ------
-    UsageError
-        If the folder holds no study.
-    DataError
-        If its ``study.json`` is damaged.
-    """
+    """Read what was being computed in this folder; raises if it holds no study, or a damaged ``study.json``."""
     path = folder / "study.json"
     if not path.is_file():
         raise UsageError(f"There is no study to resume in {folder}: it has no study.json. Leave out --resume.")
@@ -75,15 +70,45 @@ def write_study(study: Study, folder: str | Path) -> None:
     OSError
         If the folder cannot be written.
     """
-    folder = Path(folder)
-    named = [(fold.held_out, estimate) for fold in study.folds for estimate in fold.estimates]
-    _write_csv(folder / "scores.csv", scores_table(study))
-    _write_csv(folder / "pulses.csv", pulses_table(named))
-    _write_csv(folder / "metrics.csv", study_metrics(study))
-    if study.speed_groups is not None:
-        _write_csv(folder / "speed_groups.csv", scores_table(study.speed_groups))
-    write_atomically(folder / "report.html", study_report(study).encode())
-    _write_json(folder / "study.json", _study_record(study))
+    _write(_STUDY, folder, study)
+
+
+def write_prediction(
+    campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig, folder: str | Path
+) -> pd.DataFrame:
+    """Write what is predicted at one new condition; returns the metrics.
+
+    ``pulses.csv`` and ``.parquet``, ``metrics.csv``, ``report.html``, ``isomme/`` with the pulses as channels of an
+    ISO-MME test, and ``prediction.json`` with the condition, whether it lies outside the CAE runs, what rating may be
+    expected, and how the fits went.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    _write(_PREDICTION, folder, campaign, estimates, config)
+    return _metrics(estimates)
+
+
+def write_sweep(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, folder: Path) -> None:
+    """Write ``sweep.csv``, with the tests' own metrics, and ``report.html``."""
+    _write(_SWEEP, folder, campaign, sweeps, config)
+
+
+def write_next_tests(
+    campaign: Campaign, over: ConditionRange, ranked: Sequence[NextTest], config: StudyConfig, folder: Path
+) -> None:
+    """Write ``next_tests.csv``, the best first, and ``report.html``."""
+    _write(_NEXT_TESTS, folder, campaign, over, ranked, config)
+
+
+def _write(files: Mapping[str, Callable[..., Content]], folder: str | Path, *result: object) -> None:
+    for name, make in files.items():
+        content = make(*result)
+        for path, own in (content if isinstance(content, dict) else {"": content}).items():
+            if own is not None:
+                write_atomically(Path(folder, name, path), own)
 
 
 def _study_record(study: Study) -> dict[str, object]:
@@ -128,31 +153,10 @@ def _study_record(study: Study) -> dict[str, object]:
     }
 
 
-def write_prediction(
-    campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig, folder: str | Path
-) -> pd.DataFrame:
-    """Write what is predicted at one new condition; returns the metrics.
-
-    ``pulses.csv`` and ``.parquet``, ``metrics.csv``, ``report.html``, ``isomme/`` with the pulses as channels of an
-    ISO-MME test, and ``prediction.json`` with the condition, whether it lies outside the CAE runs, what rating may be
-    expected, and how the fits went.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    folder = Path(folder)
-    metrics = metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates)
-    pulses = pulses_table(("", estimate) for estimate in estimates)
-    _write_csv(folder / "pulses.csv", pulses)
-    write_atomically(folder / "pulses.parquet", parquet_bytes(pulses))
-    for name, content in isomme_prediction(campaign, estimates).items():
-        write_atomically(folder / "isomme" / name, content)
-    _write_csv(folder / "metrics.csv", metrics)
+def _prediction_record(campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> dict[str, object]:
     condition = estimates[0].prediction.condition
     advice = recommend_for(estimates, campaign, condition)
-    record = {
+    return {
         **provenance(campaign, (), config),
         "condition": asdict(condition),
         "extrapolation": list(campaign.cae.extrapolation(condition)),
@@ -161,37 +165,6 @@ def write_prediction(
         "expected_rating": None if advice.expected is None else asdict(advice.expected),
         "fits": [_fit_record(estimate) for estimate in estimates],
     }
-    write_atomically(folder / "report.html", prediction_report(campaign, estimates, config).encode())
-    _write_json(folder / "prediction.json", record)
-    return metrics
-
-
-def write_sweep(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, folder: str | Path) -> None:
-    """Write ``sweep.csv``, with the tests' own metrics, and ``report.html``.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    folder = Path(folder)
-    _write_csv(folder / "sweep.csv", sweep_table(sweeps, campaign.tests))
-    write_atomically(folder / "report.html", sweep_report(campaign, sweeps, config).encode())
-
-
-def write_next_tests(
-    campaign: Campaign, over: ConditionRange, ranked: Sequence[NextTest], config: StudyConfig, folder: str | Path
-) -> None:
-    """Write ``next_tests.csv``, the best first, and ``report.html``.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    folder = Path(folder)
-    _write_csv(folder / "next_tests.csv", next_tests_table(ranked))
-    write_atomically(folder / "report.html", next_test_report(campaign, over, ranked, config).encode())
 
 
 def _fit_record(estimate: Estimate) -> dict[str, object]:
@@ -203,9 +176,51 @@ def _fit_record(estimate: Estimate) -> dict[str, object]:
     }
 
 
-def _write_csv(path: Path, table: pd.DataFrame) -> None:
-    write_atomically(path, table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode())
+def _pulses(estimates: Sequence[Estimate]) -> pd.DataFrame:
+    return pulses_table(("", estimate) for estimate in estimates)
 
 
-def _write_json(path: Path, values: Mapping[str, object]) -> None:
-    write_atomically(path, (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode())
+def _metrics(estimates: Sequence[Estimate]) -> pd.DataFrame:
+    return metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates)
+
+
+def _csv(table: pd.DataFrame) -> bytes:
+    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode()
+
+
+def _json(values: Mapping[str, object]) -> bytes:
+    return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
+
+
+_STUDY: Mapping[str, Callable[[Study], Content]] = {
+    "scores.csv": lambda study: _csv(scores_table(study)),
+    "speed_groups.csv": lambda study: None if study.speed_groups is None else _csv(scores_table(study.speed_groups)),
+    "pulses.csv": lambda study: _csv(pulses_table((f.held_out, e) for f in study.folds for e in f.estimates)),
+    "metrics.csv": lambda study: _csv(study_metrics(study)),
+    "report.html": lambda study: study_report(study).encode(),
+    "study.json": lambda study: _json(_study_record(study)),
+}
+_PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig], Content]] = {
+    "pulses.csv": lambda _, estimates, __: _csv(_pulses(estimates)),
+    "pulses.parquet": lambda _, estimates, __: parquet_bytes(_pulses(estimates)),
+    "metrics.csv": lambda _, estimates, __: _csv(_metrics(estimates)),
+    "report.html": lambda *result: prediction_report(*result).encode(),
+    "isomme/": lambda campaign, estimates, _: isomme_prediction(campaign, estimates),
+    "prediction.json": lambda *result: _json(_prediction_record(*result)),
+}
+_SWEEP: Mapping[str, Callable[[Campaign, Sequence[Sweep], StudyConfig], Content]] = {
+    "report.html": lambda *result: sweep_report(*result).encode(),
+    "sweep.csv": lambda campaign, sweeps, _: _csv(sweep_table(sweeps, campaign.tests)),
+}
+_NEXT_TESTS: Mapping[str, Callable[[Campaign, ConditionRange, Sequence[NextTest], StudyConfig], Content]] = {
+    "report.html": lambda *result: next_test_report(*result).encode(),
+    "next_tests.csv": lambda _, __, ranked, ___: _csv(next_tests_table(ranked)),
+}
+RESULT_FILES = {
+    "series of studies": ("studies.csv",),
+    "study": tuple(_STUDY),
+    "prediction": tuple(_PREDICTION),
+    "sweep": tuple(_SWEEP),
+    "ranking of next tests": tuple(_NEXT_TESTS),
+}
+"""Files and folders of each kind of result, some of which may be missing; the last, written last, tells the kind."""

@@ -19,7 +19,7 @@ from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder import folder as campaign_folder_module
-from crashfuse.reporting.result_files import RESULT_FILES
+from crashfuse.reporting.results import RESULT_FILES
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.plan import StudyPlan
 from crashfuse.units import MS

@@ -15,15 +15,7 @@ from crashfuse.study.recommendation import recommend_for
 
 
 def prediction_report(campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> str:
-    """Report of a prediction as one HTML page.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        What was learned from.
-    estimates : sequence of Estimate
-        One for each approach, at one condition.
-    """
+    """Report of a prediction as one HTML page, from one estimate for each approach at one condition."""
     condition = estimates[0].prediction.condition
     predictions = {estimate.approach: estimate.prediction for estimate in estimates}
     return render(
