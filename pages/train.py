@@ -8,10 +8,10 @@ import streamlit as st
 
 from crashfuse.study.study import Study
 from crashfuse.ui import frame
-from crashfuse.ui.computation import FitRequest, Fitted, StudyRequest, jobs
+from crashfuse.ui.computation import FitRequest, Fitted, Request, StudyRequest, jobs
 from crashfuse.ui.downloads import download_bytes
 from crashfuse.ui.navigation import open_page, pages
-from crashfuse.ui.panel import Request, show_end, show_job, stop_with_a_single_test
+from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test
 from crashfuse.ui.text import plain
 from crashfuse.ui.train.settings import choose_settings
 

@@ -148,11 +148,6 @@ class Cache:
 
         Look for the entry again inside. The operating system ends the claim of a process that dies. Where files cannot
         be locked, or who came first stays for an hour, the same is computed twice, and no more than that.
-
-        Raises
-        ------
-        Cancelled
-            If the watch was told to stop while this waited.
         """
         path = self.path(kind, key).with_suffix(".lock")
         lock = FileLock(path)

@@ -41,20 +41,7 @@ _one_at_a_time = threading.Lock()  # how many threads compute is a setting of th
 
 @contextmanager
 def connected(scheduler: str) -> Iterator["Cluster"]:
-    """Connect to the workers of a Dask scheduler.
-
-    Parameters
-    ----------
-    scheduler : str
-        Its address, ``tcp://host:port``.
-
-    Raises
-    ------
-    UsageError
-        If the address is none, or Dask is not installed.
-    CrashfuseError
-        If the cluster cannot be reached, has no worker, or one with other versions.
-    """
+    """Connect to the workers of the Dask scheduler at ``tcp://host:port``; raises if there are none, or unlike ones."""
     if not _ADDRESS.fullmatch(scheduler):
         raise UsageError(f"The address of a Dask scheduler looks like tcp://192.0.2.1:8786, not {scheduler!r}.")
     log = logging.getLogger("distributed")
@@ -129,9 +116,7 @@ def versions() -> dict[str, str]:
 
 
 def _compare(worker: str, found: Mapping[str, str], wanted: Mapping[str, str]) -> None:
-    differing = [
-        f"{name} {found.get(name)} instead of {ours}" for name, ours in wanted.items() if found.get(name) != ours
-    ]
+    differing = [f"{name} {found.get(name)} instead of {own}" for name, own in wanted.items() if found.get(name) != own]
     if differing:
         raise CrashfuseError(
             f"The Dask worker at {worker} has {', '.join(differing)}: install the same there, and start it again."

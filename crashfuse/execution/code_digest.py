@@ -15,16 +15,10 @@ _NOT_COMPUTING = {"execution", "files", "errors", "version"}  # they run, store 
 
 @cache
 def code_digest(module: str, package: Path = _PACKAGE) -> str:
-    """Digest of a module and of every module of this package that it imports, directly or not.
+    """Digest of a module, named in full, and of every module of this package that it imports, directly or not.
 
-    Comments, docstrings and layout do not count, nor does code that only runs or stores computations.
-
-    Parameters
-    ----------
-    module : str
-        Full name, ``crashfuse.cae.emulator``. A module outside the package is represented by its name alone.
-    package : Path
-        Folder of the package.
+    Comments, docstrings and layout do not count, nor does code that only runs or stores computations. A module outside
+    the package is represented by its name alone.
     """
     key = {"module": module, "sources": _sources_digest(package), "python": platform.python_version()}
 

@@ -54,7 +54,11 @@ def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
 def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]]) -> pd.DataFrame:
     """Pulse metrics, one row each, from (held-out test, approach or ``test``, metrics)."""
     return pd.DataFrame(
-        [(held_out, approach, m.name, m.value, m.lower, m.upper, m.unit) for held_out, approach, own in rows for m in own],
+        [
+            (held_out, approach, m.name, m.value, m.lower, m.upper, m.unit)
+            for held_out, approach, own in rows
+            for m in own
+        ],
         columns=["held_out", "approach", "metric", "value", "lower", "upper", "unit"],
     )
 

@@ -1,10 +1,11 @@
 """What this server has computed, and how a page has something computed: the jobs behind the pages."""
 
 import threading
-from collections.abc import Callable, Hashable
+from abc import ABC, abstractmethod
+from collections.abc import Hashable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Generic, TypeVar
 from weakref import WeakValueDictionary
 
 import streamlit as st
@@ -50,21 +51,6 @@ def _lookups() -> _Lookups:
     return _Lookups()
 
 
-def _find(key: Hashable, title: str, in_cache: Callable[[], bool], work: Callable[[Watch], T]) -> Job[T] | None:
-    """The job of this key; if there is none, it starts at once where the cache on disk has what takes long."""
-    if (job := jobs().get(key)) is not None:
-        return job
-    with _lookups().lock:  # who comes second waits for the answer
-        if _lookups().ended_before.get(key) == jobs().ended:
-            return jobs().get(key)
-        with st.spinner("Looking for earlier results …"), suppress(CrashfuseError):  # whoever starts it is told
-            if in_cache():
-                job = jobs().start_at_once(key, title, work)
-                job.wait(_PATIENCE_S)
-        _lookups().ended_before[key] = jobs().ended
-    return job
-
-
 @st.cache_resource(show_spinner=False)
 def _folds() -> WeakValueDictionary[Hashable, Fold]:
     """Folds of all studies that the server still has: one that was rated for some list of tests serves any other."""
@@ -83,8 +69,48 @@ def chosen_config() -> StudyConfig:
     )
 
 
+class Request(ABC, Generic[T]):
+    """Something that can be computed, whoever asks for it: names one job."""
+
+    @property
+    @abstractmethod
+    def key(self) -> Hashable:
+        """Equal for equal data and for equal settings of those that decide the result, wherever the files lie."""
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """What the user calls it."""
+
+    @abstractmethod
+    def work(self, watch: Watch) -> T:
+        """Compute it."""
+
+    def in_cache(self) -> bool:
+        """Whether the cache on disk has what takes long."""
+        return False
+
+    def start(self) -> None:
+        """Queue it, unless it is queued or done already."""
+        jobs().start(self.key, self.title, self.work)
+
+    def find(self) -> Job[T] | None:
+        """The job; if there is none, it starts at once where the cache on disk has what takes long."""
+        if (job := jobs().get(self.key)) is not None:
+            return job
+        with _lookups().lock:  # who comes second waits for the answer
+            if _lookups().ended_before.get(self.key) == jobs().ended:
+                return jobs().get(self.key)
+            with st.spinner("Looking for earlier results …"), suppress(CrashfuseError):  # whoever starts it is told
+                if self.in_cache():
+                    job = jobs().start_at_once(self.key, self.title, self.work)
+                    job.wait(_PATIENCE_S)
+            _lookups().ended_before[self.key] = jobs().ended
+        return job
+
+
 @dataclass(frozen=True)
-class StudyRequest:
+class StudyRequest(Request[Study]):
     """Which tests of a campaign to leave out in turn, and how; names one job, whoever asks for it."""
 
     campaign: Campaign
@@ -92,28 +118,18 @@ class StudyRequest:
     config: StudyConfig
 
     @property
-    def key(self) -> Hashable:
-        """Equal for equal data and settings, wherever the files lie."""
+    def key(self) -> Hashable:  # noqa: D102
         return "study", self.campaign.fingerprint, self.held_out, self.config
 
     @property
-    def title(self) -> str:
-        """What the user calls it."""
+    def title(self) -> str:  # noqa: D102
         tests = f"test {self.held_out[0]}" if len(self.held_out) == 1 else f"each of {len(self.held_out)} tests in turn"
         return f"{self.campaign.name}: predict {tests} from the others"
 
-    def start(self) -> None:
-        """Queue it, unless it is queued or done already."""
-        jobs().start(self.key, self.title, self._work)
-
-    def find(self) -> Job[Study] | None:
-        """The job, if there is one; what an earlier run left in the cache on disk is fetched from there."""
-        return _find(self.key, self.title, self._in_cache, self._work)
-
-    def _work(self, watch: Watch) -> Study:
+    def work(self, watch: Watch) -> Study:  # noqa: D102
         return run_study(self.campaign, self.config, held_out=self.held_out, watch=watch, folds=_folds())
 
-    def _in_cache(self) -> bool:
+    def in_cache(self) -> bool:  # noqa: D102
         return all(self._is_known(way, test_id) for way in self.config.split_configs for test_id in self.held_out)
 
     def _is_known(self, way: StudyConfig, test_id: str) -> bool:
@@ -141,38 +157,28 @@ class Fitted:
 
 
 @dataclass(frozen=True)
-class FitRequest:
+class FitRequest(Request[Fitted]):
     """Fit approaches on all tests of a campaign, for predictions at new conditions and for saved models."""
 
     campaign: Campaign
     config: StudyConfig
 
     @property
-    def key(self) -> Hashable:
-        """Equal for equal data and for equal settings of those that decide a fit."""
+    def key(self) -> Hashable:  # noqa: D102
         config = self.config
         return "fit", self.campaign.fingerprint, config.approaches, config.preset, config.seed, config.device
 
     @property
-    def title(self) -> str:
-        """What the user calls it."""
+    def title(self) -> str:  # noqa: D102
         return f"{self.campaign.name}: fit on all {len(self.campaign.tests)} tests"
 
-    def start(self) -> None:
-        """Queue it, unless it is queued or done already."""
-        jobs().start(self.key, self.title, self._work)
-
-    def find(self) -> Job[Fitted] | None:
-        """The job, if there is one; what was learned in an earlier run is fetched from the cache on disk."""
-        return _find(self.key, self.title, self._in_cache, self._work)
-
-    def _work(self, watch: Watch) -> Fitted:
+    def work(self, watch: Watch) -> Fitted:  # noqa: D102
         names = self.config.approaches
         fitted = Fitted(tuple(Fit.of(self.campaign, name, self.config, watch=watch) for name in names))
         fitted.estimates(self.campaign.tests[0].condition)  # what the first answer needs and all others share
         return fitted
 
-    def _in_cache(self) -> bool:
+    def in_cache(self) -> bool:  # noqa: D102
         cache = Cache()
         return all(is_cached(self.config.create(name, cache), self.campaign, cache) for name in self.config.approaches)
 
@@ -184,7 +190,7 @@ def answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estima
 
 
 @dataclass(frozen=True)
-class SweepRequest:
+class SweepRequest(Request[tuple[Sweep, ...]]):
     """Predict over impact speed with approaches that have learned from a campaign."""
 
     request: FitRequest
@@ -192,17 +198,12 @@ class SweepRequest:
     condition: Condition
 
     @property
-    def key(self) -> Hashable:
-        """Equal for equal data, settings, weights and factors."""
+    def key(self) -> Hashable:  # noqa: D102
         return "sweep", self.request.key, replace(self.condition, speed_mps=1.0)
 
-    def start(self) -> None:
-        """Queue it, unless it is queued or done already."""
-        jobs().start(self.key, f"{self.request.campaign.name}: predict over speed", self._work)
+    @property
+    def title(self) -> str:  # noqa: D102
+        return f"{self.request.campaign.name}: predict over speed"
 
-    def find(self) -> Job[tuple[Sweep, ...]] | None:
-        """The job, if there was one."""
-        return jobs().get(self.key)
-
-    def _work(self, watch: Watch) -> tuple[Sweep, ...]:
+    def work(self, watch: Watch) -> tuple[Sweep, ...]:  # noqa: D102
         return sweep_speed(self.fitted.fits, self.condition, usual_speeds(self.request.campaign), watch)

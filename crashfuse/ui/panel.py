@@ -1,27 +1,19 @@
 """Progress of a job as it runs, and what a page shows until there is a result."""
 
 from collections.abc import Iterable
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.learning import learning_curves
-from crashfuse.ui.computation import jobs
+from crashfuse.ui.computation import Request, jobs
 from crashfuse.ui.figures import show_figure
 from crashfuse.ui.jobs import Job, Step
 from crashfuse.ui.navigation import pages
 from crashfuse.ui.text import plain
 
 T = TypeVar("T")
-
-
-class Request(Protocol[T]):
-    """Something that can be computed: :class:`crashfuse.ui.computation.StudyRequest`, for one."""
-
-    def start(self) -> None: ...  # noqa: D102
-
-    def find(self) -> Job[T] | None: ...  # noqa: D102
 
 
 def result_of(request: Request[T], *, invitation: str, button: str) -> T:
