@@ -14,7 +14,7 @@ from crashfuse.ui import explanations, frame, page_tables
 from crashfuse.ui.compare import displacement, networks
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.downloads import download_report, download_table
-from crashfuse.ui.figures import show_cached_figure
+from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
 from crashfuse.ui.text import plain
 
@@ -69,10 +69,8 @@ for name, by_window in fold.ratings.items():
 said = recommend_for(fold.estimates, rest, test.condition, window_ms).sentences
 explanations.show_recommendation(said)
 left, right = st.columns([3, 2], vertical_alignment="center")
-shown = left.segmented_control(
-    "Figure", ["Motion", "Residuals"], default="Motion", required=True, key="compared", persist_state="session",
-    label_visibility="collapsed",
-)  # fmt: skip
+with left:
+    shown = choose("Figure", ["Motion", "Residuals"], key="compared")
 if shown == "Motion":
     corridors = right.toggle("Corridors of the rating", key="corridors", persist_state="session", help=CORRIDORS_HELP)
     alt = f"Acceleration, velocity and displacement over time: test {test.id} and every prediction of it"

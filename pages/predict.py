@@ -15,10 +15,10 @@ from crashfuse.study.recommendation import recommend_for
 from crashfuse.ui import explanations, frame
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
 from crashfuse.ui.downloads import download_bytes, download_report, download_table, zipped
-from crashfuse.ui.figures import show_cached_figure
+from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.panel import result_of
-from crashfuse.ui.predict import next_test, over_speed
 from crashfuse.ui.predict.condition import choose_condition
+from crashfuse.ui.predict.planning import show_next_test, show_over_speed
 
 view = frame.enter_with_campaign("Predict")
 campaign, config = view.campaign, chosen_config()
@@ -45,10 +45,7 @@ said = recommend_for(estimates, campaign, condition, view.display.window_ms).sen
 explanations.show_recommendation([sentence for sentence in said if sentence not in warnings])
 st.caption("  \n".join(nearest_sentences(campaign, condition)))
 explanations.show_settings(config)
-shown = st.segmented_control(
-    "Figure", ["Over time", "Over displacement", "Energy over crush"], default="Over time", required=True,
-    key="predicted", persist_state="session", label_visibility="collapsed",
-)  # fmt: skip
+shown = choose("Figure", ["Over time", "Over displacement", "Energy over crush"], key="predicted")
 
 
 def draw() -> go.Figure:
@@ -82,6 +79,6 @@ explanations.show_fits(estimates)
 st.header("Planning")
 speed_tab, test_tab = st.tabs(["Over speed", "Next test"])
 with speed_tab:
-    over_speed.show(view, request, fitted, condition)
+    show_over_speed(view, request, fitted, condition)
 with test_tab:
-    next_test.show(view, request, fitted, condition.factors)
+    show_next_test(view, request, fitted, condition.factors)

@@ -10,6 +10,7 @@ from crashfuse.study.study import Study
 from crashfuse.ui import frame
 from crashfuse.ui.computation import FitRequest, Fitted, Request, StudyRequest, jobs
 from crashfuse.ui.downloads import download_bytes
+from crashfuse.ui.figures import choose
 from crashfuse.ui.navigation import open_page, pages
 from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test
 from crashfuse.ui.text import plain
@@ -79,10 +80,7 @@ def show_predicted(study: Study) -> None:
                 open_page("compare")
 
 
-purpose = st.segmented_control(
-    "What for", [LEAVE_OUT, FIT], default=LEAVE_OUT if len(campaign.tests) > 1 else FIT, required=True, key="purpose",
-    persist_state="session", label_visibility="collapsed",
-)  # fmt: skip
+purpose = choose("What for", [LEAVE_OUT, FIT], key="purpose", default=LEAVE_OUT if len(campaign.tests) > 1 else FIT)
 if purpose == FIT:
     st.markdown(
         "Fit every approach on all tests, as `crashfuse train` does, to predict conditions that were not tested."

@@ -1,6 +1,6 @@
 """Figures on a page: in its theme, with a text for those who can't see them, drawn once for all sessions."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 import plotly.graph_objects as go
@@ -14,6 +14,15 @@ _TOOLS = {
     "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
     "toImageButtonOptions": {"format": "svg", "filename": "crashfuse"},
 }
+
+
+def choose(label: str, options: Sequence[str], key: str, default: str | None = None) -> str:
+    """Ask which of some figures or tasks to show, the first by default; the choice lasts as long as the session."""
+    choice: str = st.segmented_control(
+        label, options, default=default or options[0], required=True, key=key, persist_state="session",
+        label_visibility="collapsed",
+    )  # fmt: skip
+    return choice
 
 
 def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:

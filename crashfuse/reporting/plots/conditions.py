@@ -37,6 +37,7 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
     figure.update_xaxes(title="Impact speed (mph)", row=2)
     figure.update_yaxes(other_style)
     runs = library.vectors / _UNITS
+    some = np.float32(runs[:: -(-len(runs) // _MAX_RUNS)])
     low, high = _range(library, tests)
     points = np.array([test.condition.vector for test in tests]).reshape(-1, 3) / _UNITS
     everything = np.vstack([runs, points])
@@ -45,8 +46,16 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
     figure.update_xaxes(range=[max(bottom[0] - margin[0], 0), top[0] + margin[0]])
     for row, weight in enumerate(_WEIGHTS, start=1):  # the row is the weight's place in a condition's vector, too
         place: dict[str, object] = {"row": row, "col": 1, "showlegend": row == 1}
-        _draw_runs(figure, runs[:: -(-len(runs) // _MAX_RUNS)], row, len(runs), place)
-        _draw_range(figure, low, high, row, place)
+        figure.add_scatter(
+            x=some[:, 0], y=some[:, row], mode="markers", name=f"{len(runs):,} CAE runs", legendgroup="runs",
+            hoverinfo="skip", marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.35}, **place,
+        )  # fmt: skip
+        figure.add_scatter(
+            x=np.float32([low[0], high[0], high[0], low[0], low[0]]),
+            y=np.float32([low[row], low[row], high[row], high[row], low[row]]),
+            mode="lines", name="Their range", legendgroup="range", hoverinfo="skip",
+            line={"color": CURSOR, "width": 1.5, "dash": "dash"}, **place,
+        )  # fmt: skip
         sides = _label_sides(points[:, [0, row]], (top - bottom + 2 * margin)[[0, row]])
         _draw_tests(figure, library, tests, points, sides, held_out, row, place)
         figure.update_yaxes(
@@ -62,23 +71,6 @@ def _range(library: CaeLibrary, tests: Sequence[CrashTest]) -> tuple[FloatArray,
     free = [run for run in range(len(library)) if run not in paired] or list(range(len(library)))
     vectors = library.vectors[free] / _UNITS
     return vectors.min(axis=0), vectors.max(axis=0)
-
-
-def _draw_runs(figure: go.Figure, runs: FloatArray, row: int, count: int, place: dict[str, object]) -> None:
-    figure.add_scatter(
-        x=runs[:, 0].astype(np.float32), y=runs[:, row].astype(np.float32), mode="markers",
-        name=f"{count:,} CAE runs", legendgroup="runs", hoverinfo="skip",
-        marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.35}, **place,
-    )  # fmt: skip
-
-
-def _draw_range(figure: go.Figure, low: FloatArray, high: FloatArray, row: int, place: dict[str, object]) -> None:
-    figure.add_scatter(
-        x=np.array([low[0], high[0], high[0], low[0], low[0]], dtype=np.float32),
-        y=np.array([low[row], low[row], high[row], high[row], low[row]], dtype=np.float32),
-        mode="lines", name="Their range", legendgroup="range", hoverinfo="skip",
-        line={"color": CURSOR, "width": 1.5, "dash": "dash"}, **place,
-    )  # fmt: skip
 
 
 def _draw_tests(

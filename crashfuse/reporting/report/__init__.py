@@ -1,7 +1,6 @@
 """The report: one HTML file that needs no network, opens anywhere and prints on paper."""
 
-from crashfuse.reporting.report.planning import next_test_report, sweep_report
-from crashfuse.reporting.report.prediction import prediction_report
+from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report
 
 __all__ = ["next_test_report", "prediction_report", "study_report", "sweep_report"]

@@ -1,17 +1,31 @@
-"""Report of a prediction at a condition that was never tested."""
+"""Reports of what was never tested: a prediction, a sweep over speed, a ranking of the tests to run next."""
 
 from collections.abc import Sequence
 
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.displacement import over_displacement
+from crashfuse.reporting.plots.next_test import next_tests
 from crashfuse.reporting.plots.pulses import motion
-from crashfuse.reporting.provenance import prediction_command
+from crashfuse.reporting.plots.sweep import sweep_figure
+from crashfuse.reporting.provenance import next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import bias, details
+from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.nearest import nearest_sentences
+from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table
 from crashfuse.study.recommendation import recommend_for
+from crashfuse.study.sweep import Sweep, missing_over_speed, weights_sentence
+
+_SHOWN = 20
+
+NEXT_TEST_MEANING = (
+    "Which test would narrow the band most is known before it is run: the variance of a Gaussian process depends on "
+    "where the tests are, not on what they measure. The band is that of the displacement domain's bias, as a root mean "
+    "square over the range and over displacement; a test narrows it by what it tells about its neighbourhood, as far "
+    "as tests repeat."
+)
 
 
 def prediction_report(campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> str:
@@ -31,4 +45,37 @@ def prediction_report(campaign: Campaign, estimates: Sequence[Estimate], config:
         over_displacement=over_displacement(None, predictions, condition.speed_mps),
         about=details(estimates),
         bias=bias(campaign),
+    )
+
+
+def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig) -> str:
+    """Report of a sweep over speed as one HTML page, a figure for each metric."""
+    condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
+    return render(
+        "sweep",
+        "pulse metrics over impact speed",
+        campaign,
+        config,
+        sweep_command(condition, speeds, config),
+        weights=weights_sentence(condition, campaign.tests),
+        metrics=[
+            (label, sweep_figure(sweeps, name, campaign), missing_over_speed(sweeps, name))
+            for name, label in METRIC_LABELS.items()
+        ],
+    )
+
+
+def next_test_report(campaign: Campaign, over: ConditionRange, ranked: Sequence[NextTest], config: StudyConfig) -> str:
+    """Report of a ranking of next tests as one HTML page."""
+    return render(
+        "next_test",
+        "which test next",
+        campaign,
+        config,
+        next_test_command(over.low, over.high, config),
+        over=over,
+        meaning=NEXT_TEST_MEANING,
+        drawn=next_tests(ranked, campaign.tests),
+        best=next_tests_table(ranked[:_SHOWN]),
+        ranked=len(ranked),
     )

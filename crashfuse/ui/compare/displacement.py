@@ -18,7 +18,7 @@ from crashfuse.reporting.plots import bias
 from crashfuse.reporting.plots import displacement as plots
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
-from crashfuse.ui.figures import show_cached_figure, show_figure
+from crashfuse.ui.figures import choose, show_cached_figure, show_figure
 from crashfuse.ui.frame import View
 
 _CURVES, _ENERGY, _BIAS = "Acceleration", "Energy", "Bias by speed"
@@ -35,11 +35,7 @@ def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction],
     """
     test, condition = view.held_out, view.held_out.condition
     st.subheader("Over displacement")
-    choices = [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK]
-    choice = st.segmented_control(
-        "Figure", choices, default=_CURVES, required=True, key="over displacement", persist_state="session",
-        label_visibility="collapsed",
-    )  # fmt: skip
+    choice = choose("Figure", [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK], key="over displacement")
     if choice == _CURVES:
         show_cached_figure(
             lambda: plots.over_displacement(test.pulse, predictions, condition.speed_mps, view.display),

@@ -11,7 +11,7 @@ from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.learning import learning_curves, tuning_strength
 from crashfuse.reporting.plots.pulses import overlay
 from crashfuse.study.fold import Fold
-from crashfuse.ui.figures import show_cached_figure, show_figure
+from crashfuse.ui.figures import choose, show_cached_figure, show_figure
 from crashfuse.ui.frame import View
 
 _BEFORE_AND_AFTER, _LEARNING = "Before and after the tests", "Learning curves"
@@ -35,10 +35,7 @@ def show(view: View, fold: Fold, key: Hashable) -> None:
     if not states:
         return
     st.subheader("Networks")
-    choice = st.segmented_control(
-        "Figure", [_BEFORE_AND_AFTER, _LEARNING], default=_BEFORE_AND_AFTER, required=True, key="networks",
-        persist_state="session", label_visibility="collapsed",
-    )  # fmt: skip
+    choice = choose("Figure", [_BEFORE_AND_AFTER, _LEARNING], key="networks")
     columns = st.columns(2, gap="medium")
     if choice == _BEFORE_AND_AFTER:
         for column, name in zip(columns, states, strict=False):
