@@ -102,7 +102,7 @@ measured = pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=t
 columns = [("Test", measured), *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates)]
 explanations.show_metrics(columns, view.display.unit)
 
-explanations.show_notes(predictions, said)
+explanations.show_notes(fold.estimates, said)
 explanations.show_fits(fold.estimates)
 with st.container(horizontal=True):
     download_table("scores.csv", lambda: scores_table(study))

@@ -25,8 +25,6 @@ campaign, config = view.campaign, chosen_config()
 st.markdown(
     "The pulse at a speed and weights that were not tested, predicted from all tests and CAE runs; none is held out."
 )
-
-
 condition = choose_condition(campaign)
 request = FitRequest(campaign, config)
 fitted = result_of(
@@ -73,7 +71,7 @@ with st.container(horizontal=True):
     download_bytes("pulses.parquet", lambda: parquet_bytes(pulses()))
     download_bytes("isomme.zip", lambda: zipped(isomme_prediction(campaign, estimates)))
     download_report(lambda: prediction_report(campaign, estimates, config))
-explanations.show_notes(predictions, (*said, *warnings))
+explanations.show_notes(estimates, (*said, *warnings))
 explanations.show_fits(estimates)
 
 st.header("Planning")

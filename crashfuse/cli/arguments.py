@@ -10,6 +10,8 @@ from crashfuse.version import __version__
 
 T = TypeVar("T")
 
+_AXES = ("--speed-mph", "--front-weight-lb", "--rear-weight-lb")
+
 
 def parser() -> argparse.ArgumentParser:
     """The command line as argparse knows it."""
@@ -20,22 +22,26 @@ def parser() -> argparse.ArgumentParser:
     root.add_argument("--version", action="version", version=f"crashfuse {__version__}")
     commands = root.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    app = commands.add_parser("app", help="start the dashboard on 127.0.0.1")
+    def command(
+        name: str, run: Callable[[argparse.Namespace], None], about: str, campaign: str | None = "campaign"
+    ) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=about)
+        added.set_defaults(run=run)
+        if campaign:
+            added.add_argument(campaign, type=Path, metavar="CAMPAIGN")
+        return added
+
+    app = command("app", data.app, "start the dashboard on 127.0.0.1", None)
     app.add_argument("--port", type=_whole(1, 65535), default=8501, help="port to listen on (default: %(default)s)")
     app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
-    app.set_defaults(run=data.app)
 
-    sample = commands.add_parser("sample", help="write the synthetic sample campaign")
+    sample = command("sample", data.sample, "write the synthetic sample campaign", None)
     sample.add_argument("folder", type=Path, metavar="DIR", help="folder to make; it must not hold anything yet")
-    sample.set_defaults(run=data.sample)
 
-    check = commands.add_parser("check", help="show what a campaign holds and what is wrong with it")
-    check.add_argument("campaign", type=Path, metavar="CAMPAIGN")
-    check.set_defaults(run=data.check)
-
+    command("check", data.check, "show what a campaign holds and what is wrong with it")
     imports.add_options(commands.add_parser("import", help="import files of other formats into a campaign"))
 
-    study = commands.add_parser("study", help="leave out each test in turn, predict it, rate the prediction")
+    study = command("study", studies.study, "leave out each test in turn, predict it, rate the prediction", None)
     study.add_argument("campaigns", type=Path, nargs="+", metavar="CAMPAIGN")
     study.add_argument(
         "--out",
@@ -61,34 +67,26 @@ def parser() -> argparse.ArgumentParser:
         "--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster that you trust, to compute on its workers"
     )
     study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
-    study.set_defaults(run=studies.study)
 
-    predict = commands.add_parser("predict", help="predict the pulse at a condition that was never tested")
-    predict.add_argument("campaign", type=Path, metavar="CAMPAIGN")
-    for flag in ("--speed-mph", "--front-weight-lb", "--rear-weight-lb"):
+    predict = command("predict", models.predict, "predict the pulse at a condition that was never tested")
+    for flag in _AXES:
         predict.add_argument(flag, type=float, required=True, metavar=flag[2].upper())
     _add_prediction_options(predict)
-    predict.set_defaults(run=models.predict)
 
-    train = commands.add_parser("train", help="learn from all tests and CAE runs and save the models")
-    train.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    train = command("train", models.train, "learn from all tests and CAE runs and save the models")
     train.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the models")
     _add_model_options(train)
-    train.set_defaults(run=models.train)
 
-    sweep = commands.add_parser("sweep", help="predict the pulse metrics over impact speed, at fixed weights")
-    sweep.add_argument("campaign", type=Path, metavar="CAMPAIGN")
+    sweep = command("sweep", models.sweep, "predict the pulse metrics over impact speed, at fixed weights")
     sweep.add_argument(
         "--speed-mph", nargs=2, type=float, metavar=("LOW", "HIGH"), help="default: where there are runs"
     )
-    for flag in ("--front-weight-lb", "--rear-weight-lb"):
+    for flag in _AXES[1:]:
         sweep.add_argument(flag, type=float, required=True, metavar=flag[2].upper())
     _add_prediction_options(sweep)
-    sweep.set_defaults(run=models.sweep)
 
-    next_test = commands.add_parser("next-test", help="rank tests to run next by how much each would narrow the band")
-    next_test.add_argument("campaign", type=Path, metavar="CAMPAIGN")
-    for flag in ("--speed-mph", "--front-weight-lb", "--rear-weight-lb"):
+    next_test = command("next-test", models.next_test, "rank tests to run next by how much each would narrow the band")
+    for flag in _AXES:
         next_test.add_argument(flag, nargs=2, type=float, metavar=("LOW", "HIGH"), help="range (default: the tests')")
     next_test.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="the kind of vehicle (default: the usual)")
     next_test.add_argument(
@@ -96,14 +94,12 @@ def parser() -> argparse.ArgumentParser:
     )
     next_test.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     next_test.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
-    next_test.set_defaults(run=models.next_test)
 
-    rate = commands.add_parser("rate", help="rate one pulse against another by ISO/TS 18571")
+    rate = command("rate", data.rate, "rate one pulse against another by ISO/TS 18571", None)
     rate.add_argument("reference", type=Path, metavar="REFERENCE.csv", help="time_ms or _s, acceleration_g or _mps2")
     rate.add_argument("comparison", type=Path, metavar="COMPARISON.csv")
     rate.add_argument("--windows-ms", nargs="+", type=float, metavar="W", help="over 0 to W ms (default: 20 40 60)")
     rate.add_argument("--json", action="store_true", help="print JSON instead of a table")
-    rate.set_defaults(run=data.rate)
     return root
 
 

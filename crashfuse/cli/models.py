@@ -20,17 +20,16 @@ _BEST = 5
 def train(arguments: argparse.Namespace) -> None:
     """Learn from all tests and save the models."""
     from crashfuse.campaign_folder.folder import load_campaign
-    from crashfuse.cli.progress_bar import ProgressBar
-    from crashfuse.execution.progress import Watch
+    from crashfuse.cli.progress_bar import watching
     from crashfuse.study.estimate import Fit
     from crashfuse.study.saved_models import model_file, save_model
 
     require_output(arguments.out, arguments.campaign)
     campaign = load_campaign(arguments.campaign)
     config = _config(arguments)
-    with ProgressBar() as bar:
+    with watching() as watch:
         for name in config.approaches:
-            fit = Fit.of(campaign, name, config, watch=Watch(bar.show))
+            fit = Fit.of(campaign, name, config, watch=watch)
             save_model(fit, campaign, arguments.out / model_file(name))
     print(f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs of {campaign.name}.")
     print(f"Written to {arguments.out}: {', '.join(model_file(name) for name in config.approaches)}")
@@ -66,8 +65,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     import numpy as np
 
     from crashfuse.campaign_folder.folder import load_campaign
-    from crashfuse.cli.progress_bar import ProgressBar
-    from crashfuse.execution.progress import Watch
+    from crashfuse.cli.progress_bar import watching
     from crashfuse.reporting.results import write_sweep
     from crashfuse.study.sweep import sweep_speed, usual_speeds, weights_sentence
     from crashfuse.units import MPH
@@ -83,8 +81,8 @@ def sweep(arguments: argparse.Namespace) -> None:
         speeds = np.unique([low, *np.arange(np.ceil(low), np.floor(high) + 1), high]) * MPH
     condition = _condition(arguments, campaign, speeds[0] / MPH)
     fits = _fits(arguments, campaign)
-    with ProgressBar() as bar:
-        sweeps = sweep_speed(fits, condition, speeds, Watch(bar.show))
+    with watching() as watch:
+        sweeps = sweep_speed(fits, condition, speeds, watch)
     write_sweep(campaign, sweeps, fits[0].config, arguments.out)
     print(f"{len(speeds)} speeds from {speeds[0] / MPH:.1f} to {speeds[-1] / MPH:.1f} mph.")
     print(weights_sentence(condition, campaign.tests))
@@ -96,8 +94,7 @@ def next_test(arguments: argparse.Namespace) -> None:
     from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
     from crashfuse.campaign_folder.condition_tables import read_candidates
     from crashfuse.campaign_folder.folder import load_campaign
-    from crashfuse.cli.progress_bar import ProgressBar
-    from crashfuse.execution.progress import Watch
+    from crashfuse.cli.progress_bar import watching
     from crashfuse.reporting.results import write_next_tests
     from crashfuse.study.estimate import Fit
     from crashfuse.study.next_test import ConditionRange, next_tests_table, rank_next_tests
@@ -115,8 +112,8 @@ def next_test(arguments: argparse.Namespace) -> None:
         factors = tuple(_factor(text, campaign.factors) for text in arguments.factor)
         over = ConditionRange(replace(over.low, factors=factors), replace(over.high, factors=factors))
     candidates = read_candidates(arguments.candidates) if arguments.candidates else None
-    with ProgressBar() as bar:
-        fit = Fit.of(campaign, DisplacementDomain.name, _config(arguments), watch=Watch(bar.show))
+    with watching() as watch:
+        fit = Fit.of(campaign, DisplacementDomain.name, _config(arguments), watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
     ranked = rank_next_tests(fit.approach, over, candidates)
     write_next_tests(campaign, over, ranked, fit.config, arguments.out)
@@ -142,16 +139,15 @@ def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mph: f
 def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     """The approaches that are asked for, from saved models if there is a folder of them, else trained."""
     from crashfuse.approaches.registry import APPROACHES
-    from crashfuse.cli.progress_bar import ProgressBar
+    from crashfuse.cli.progress_bar import watching
     from crashfuse.execution.cache import Cache
-    from crashfuse.execution.progress import Watch
     from crashfuse.study.estimate import Fit
     from crashfuse.study.saved_models import load_model, model_file
 
     if arguments.models is None:
         config = _config(arguments)
-        with ProgressBar() as bar:
-            return [Fit.of(campaign, name, config, watch=Watch(bar.show)) for name in config.approaches]
+        with watching() as watch:
+            return [Fit.of(campaign, name, config, watch=watch) for name in config.approaches]
     if any(value is not None for value in (arguments.preset, arguments.seed, arguments.device)):
         raise UsageError("Saved models have their preset and seed in them; leave out --preset, --seed and --device.")
     saved = tuple(name for name in APPROACHES if (arguments.models / model_file(name)).is_file())

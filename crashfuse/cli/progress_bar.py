@@ -1,17 +1,24 @@
 """Progress on standard error: a bar for each step on a terminal, else a few plain lines that a log can hold."""
 
 import sys
-from types import TracebackType
-from typing import Self
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 
 from tqdm import tqdm
 
-from crashfuse.execution.progress import Progress
+from crashfuse.execution.progress import Progress, Watch
 
 _LINES = 4  # a step that is written as lines: at its beginning, and after each of as many parts of it
 
 
-class ProgressBar:
+@contextmanager
+def watching() -> Iterator[Watch]:
+    """Watch whatever is computed in this context, on standard error."""
+    with ProgressBar() as bar:
+        yield Watch(bar.show)
+
+
+class ProgressBar(AbstractContextManager["ProgressBar"]):
     """Shows each :class:`Progress` that it is handed; as a context it closes its bars at the end."""
 
     def __init__(self) -> None:
@@ -19,12 +26,7 @@ class ProgressBar:
         self._written: dict[str, int] = {}
         self._draw = sys.stderr.isatty()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         for bar in self._bars.values():
             bar.close()
 

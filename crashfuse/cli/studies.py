@@ -120,8 +120,7 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     """Compute a study, write it and print what came out; returns its means."""
-    from crashfuse.cli.progress_bar import ProgressBar
-    from crashfuse.execution.progress import Watch
+    from crashfuse.cli.progress_bar import watching
     from crashfuse.reporting.result_tables import scores_table, studies_table
     from crashfuse.reporting.results import begin_study, write_study
     from crashfuse.study.recommendation import recommend
@@ -130,8 +129,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     plan = run.plan
     with _writing(run.out) as folder:
         begin_study(folder, plan)
-    with ProgressBar() as bar:
-        watch = Watch(bar.show)
+    with watching() as watch:
         study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
     with replacing(run.out, "study"), _writing(run.out) as folder:
         write_study(study, folder)

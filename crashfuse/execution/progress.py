@@ -25,12 +25,8 @@ class Progress:
 class Watch:
     """Handed to everything that takes long: it reports here, and here it learns that it should stop.
 
-    Parameters
-    ----------
-    on_progress : callable, optional
-        Called with a :class:`Progress` at each report, in the computing thread.
-    cancel : threading.Event, optional
-        Once set, the next report raises :class:`crashfuse.errors.Cancelled`.
+    ``on_progress`` is called at each report, in the computing thread; once ``cancel`` is set, the next report raises
+    :class:`crashfuse.errors.Cancelled`.
     """
 
     def __init__(
@@ -40,13 +36,7 @@ class Watch:
         self._cancel = cancel
 
     def report(self, step: str, done: int, total: int, **values: float) -> None:
-        """Tell how far ``step`` is.
-
-        Raises
-        ------
-        Cancelled
-            If the user asked to stop.
-        """
+        """Tell how far ``step`` is."""
         if self._cancel is not None and self._cancel.is_set():
             raise Cancelled(f"Stopped on request during: {step}.")
         if self._on_progress is not None:

@@ -1,6 +1,6 @@
 """How a fit went and what its band is worth, in sentences and tables for pages and reports."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import pandas as pd
 
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
+from crashfuse.study.estimate import Estimate
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration"}
@@ -70,6 +71,15 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     if check := state.get("band_check"):
         sentences.append(_band_sentence(check))
     return sentences
+
+
+def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:
+    """Remarks of the approaches, each once, with the labels of those that make it."""
+    makers: dict[str, list[str]] = {}
+    for estimate in estimates:
+        for note in estimate.prediction.notes:
+            makers.setdefault(note, []).append(LABELS[estimate.approach])
+    return makers
 
 
 def _band_sentence(check: Mapping[str, Any]) -> str:

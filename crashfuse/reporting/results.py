@@ -185,7 +185,7 @@ def _metrics(estimates: Sequence[Estimate]) -> pd.DataFrame:
 
 
 def _csv(table: pd.DataFrame) -> bytes:
-    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode()
+    return str(table.to_csv(index=False, float_format="%.6g", lineterminator="\n")).encode()
 
 
 def _json(values: Mapping[str, object]) -> bytes:

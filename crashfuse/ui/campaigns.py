@@ -52,13 +52,7 @@ def load(name: str) -> Campaign:
 
 
 def read(folder: Path) -> Campaign:
-    """The campaign in this folder; its arrays are shared by all sessions and read-only.
-
-    Raises
-    ------
-    DataError
-        With everything that is wrong with it.
-    """
+    """The campaign in this folder, its arrays shared by all sessions and read-only; a DataError says what is wrong."""
     try:
         return _read(folder, _stamp(folder))
     except OSError as error:

@@ -1,13 +1,12 @@
 """What a page says about its numbers: recommendation, settings, terms, remarks of the approaches, how fits went."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import streamlit as st
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting import glossary
-from crashfuse.reporting.fit_explanations import fit_sentences, fit_table
+from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, notes_by_makers
 from crashfuse.reporting.plots.display import Unit
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.signals.metrics import Metric, missing_sentences
@@ -54,13 +53,9 @@ def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], unit: Unit) ->
     st.caption("Shaded bands and brackets: central 95 % of the model's predictive distribution, where it has one.")
 
 
-def show_notes(predictions: Mapping[str, Prediction], said: Collection[str] = ()) -> None:
+def show_notes(estimates: Iterable[Estimate], said: Collection[str] = ()) -> None:
     """List the approaches' remarks, each once with those who make it, without what the page has ``said`` already."""
-    makers: dict[str, list[str]] = {}
-    for name, prediction in predictions.items():
-        for note in prediction.notes:
-            if note not in said:
-                makers.setdefault(note, []).append(LABELS[name])
+    makers = {note: names for note, names in notes_by_makers(estimates).items() if note not in said}
     if makers:
         st.subheader("Notes")
         st.markdown("\n".join(f"- {', '.join(names)}: {plain(note)}" for note, names in makers.items()))

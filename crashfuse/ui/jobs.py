@@ -135,10 +135,7 @@ class Job(Generic[T]):
 class Jobs:
     """The queue: one job at a time, first come, first served; results of the latest ones are kept.
 
-    Attributes
-    ----------
-    ended : int
-        How many queued jobs have ended.
+    ``ended`` counts the queued jobs that have ended.
     """
 
     def __init__(self) -> None:

@@ -37,7 +37,7 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
     figure.update_xaxes(title="Impact speed (mph)", row=2)
     figure.update_yaxes(other_style)
     runs = library.vectors / _UNITS
-    some = np.float32(runs[:: -(-len(runs) // _MAX_RUNS)])
+    some = runs[:: -(-len(runs) // _MAX_RUNS)].astype(np.float32)
     low, high = _range(library, tests)
     points = np.array([test.condition.vector for test in tests]).reshape(-1, 3) / _UNITS
     everything = np.vstack([runs, points])
@@ -51,8 +51,8 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
             hoverinfo="skip", marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.35}, **place,
         )  # fmt: skip
         figure.add_scatter(
-            x=np.float32([low[0], high[0], high[0], low[0], low[0]]),
-            y=np.float32([low[row], low[row], high[row], high[row], low[row]]),
+            x=np.array([low[0], high[0], high[0], low[0], low[0]], dtype=np.float32),
+            y=np.array([low[row], low[row], high[row], high[row], low[row]], dtype=np.float32),
             mode="lines", name="Their range", legendgroup="range", hoverinfo="skip",
             line={"color": CURSOR, "width": 1.5, "dash": "dash"}, **place,
         )  # fmt: skip

@@ -45,6 +45,7 @@ def render(
 ) -> str:
     """The whole file, from a report's own template and values; the command is the one that repeats its results."""
     cfc = campaign.channel_filter_class
+    low, high = campaign.cae.vectors.min(axis=0), campaign.cae.vectors.max(axis=0)
     return _TEMPLATES.get_template(f"{template}.html.j2").render(
         own,
         title=f"{campaign.name}: {title}",
@@ -53,7 +54,8 @@ def render(
         campaign=campaign,
         config=config,
         tests=_tests(campaign),
-        library=_library(campaign),
+        library=f"CAE runs: {low[0] / MPH:.1f}–{high[0] / MPH:.1f} mph, front {low[1] / LB:.0f}–{high[1] / LB:.0f} lb, "
+        f"rear {low[2] / LB:.0f}–{high[2] / LB:.0f} lb.",
         filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
         methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
         origin=_origin(provenance(campaign, held_out, config), command),
@@ -76,14 +78,6 @@ def _tests(campaign: Campaign) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows).fillna("–")
-
-
-def _library(campaign: Campaign) -> str:
-    low, high = campaign.cae.vectors.min(axis=0), campaign.cae.vectors.max(axis=0)
-    return (
-        f"CAE runs: {low[0] / MPH:.1f}–{high[0] / MPH:.1f} mph, front {low[1] / LB:.0f}–{high[1] / LB:.0f} lb, "
-        f"rear {low[2] / LB:.0f}–{high[2] / LB:.0f} lb."
-    )
 
 
 def _origin(record: Mapping[str, object], command: str) -> dict[str, str]:

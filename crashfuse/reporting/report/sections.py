@@ -10,7 +10,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.fit_explanations import fit_sentences, fit_table
+from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, notes_by_makers
 from crashfuse.reporting.plots.bias import bias_by_speed
 from crashfuse.signals.metrics import METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
@@ -23,13 +23,12 @@ def details(estimates: Sequence[Estimate], measured: Sequence[Metric] = ()) -> d
     metrics = pd.DataFrame(
         {who: {f"{METRIC_LABELS[metric.name]} ({metric.unit})": metric.text for metric in own} for who, own in columns}
     )
-    makers: dict[str, list[str]] = {}
-    for estimate in estimates:
-        for note in estimate.prediction.notes:
-            makers.setdefault(note, []).append(LABELS[estimate.approach])
     return {
         "metrics": metrics.rename_axis("Pulse metric").reset_index(),
-        "remarks": [*missing_sentences(columns), *(f"{', '.join(who)}: {note}" for note, who in makers.items())],
+        "remarks": [
+            *missing_sentences(columns),
+            *(f"{', '.join(who)}: {note}" for note, who in notes_by_makers(estimates).items()),
+        ],
         "fits": [
             (LABELS[estimate.approach], sentences, fit_table(estimate.state))
             for estimate in estimates
