@@ -4,8 +4,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS
-from crashfuse.reporting.plots.corridors import add_corridors
-from crashfuse.reporting.plots.pulses import motion, residuals
+from crashfuse.reporting.plots.pulses import add_corridors, motion, residuals
 from crashfuse.reporting.report import study_report
 from crashfuse.reporting.result_tables import pulses_table, scores_table, study_metrics
 from crashfuse.signals.metrics import pulse_metrics

@@ -9,8 +9,7 @@ from crashfuse.approaches.calibration import LEVELS
 from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.paper_tables import TABLE_3, TABLE_5
-from crashfuse.reporting.plots.calibration import calibration_curves
-from crashfuse.reporting.plots.ratings import rating_heatmap, rating_spread
+from crashfuse.reporting.plots.ratings import calibration_curves, rating_heatmap, rating_spread
 from crashfuse.reporting.report import study_report
 from crashfuse.reporting.result_tables import scores_table, study_metrics
 from crashfuse.study.recommendation import recommend

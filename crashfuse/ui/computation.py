@@ -103,7 +103,7 @@ class Request(ABC, Generic[T]):
                 return jobs().get(self.key)
             with st.spinner("Looking for earlier results …"), suppress(CrashfuseError):  # whoever starts it is told
                 if self.in_cache():
-                    job = jobs().start_at_once(self.key, self.title, self.work)
+                    job = jobs().start(self.key, self.title, self.work, at_once=True)
                     job.wait(_PATIENCE_S)
             _lookups().ended_before[self.key] = jobs().ended
         return job

@@ -59,27 +59,14 @@ class Step:
 
 
 class Job(Generic[T]):
-    """A computation, its progress and its outcome.
-
-    Attributes
-    ----------
-    title : str
-        What is computed, for the user.
-    state : {"waiting", "running", "done", "failed", "cancelled"}
-    steps : dict of str to Step
-        Every step so far, in the order of their start.
-    result : T or None
-        What the work returned, once done.
-    message : str
-        One sentence on why it failed.
-    """
+    """A computation, its progress and its outcome; the title says what is computed, for the user."""
 
     def __init__(self, title: str, work: Callable[[Watch], T]) -> None:
         self.title = title
         self.state: State = "waiting"
-        self.steps: dict[str, Step] = {}
-        self.result: T | None = None
-        self.message = ""
+        self.steps: dict[str, Step] = {}  # every step so far, in the order of their start
+        self.result: T | None = None  # what the work returned, once done
+        self.message = ""  # one sentence on why it failed
         self._work: Callable[[Watch], T] | None = work
         self._cancel = threading.Event()
         self._ended = threading.Event()
@@ -156,31 +143,22 @@ class Jobs:
         with self._lock:
             return [job for job in self._jobs.values() if job.active]
 
-    def start(self, key: Hashable, title: str, work: Callable[[Watch], T]) -> Job[T]:
-        """Queue some work, or return the job that does it or has done it."""
-        job, is_new = self._join(key, title, work)
-        if is_new:
-            self._queue.put(job)
-        return job
-
-    def start_at_once(self, key: Hashable, title: str, work: Callable[[Watch], T]) -> Job[T]:
-        """Start work that should be short without queueing, or return the job that does it already."""
-        job, is_new = self._join(key, title, work)
-        if is_new:
-            threading.Thread(target=job.run, name=title, daemon=True).start()
-        return job
-
-    def _join(self, key: Hashable, title: str, work: Callable[[Watch], T]) -> tuple[Job[T], bool]:
+    def start(self, key: Hashable, title: str, work: Callable[[Watch], T], *, at_once: bool = False) -> Job[T]:
+        """Queue some work, or return the job that does it or has done it; what is short may start at once."""
         with self._lock:
             job = self._jobs.get(key)
             if job is not None and (job.state == "done" or (job.active and not job.cancelling)):
-                return job, False
+                return job
             self._jobs.pop(key, None)
             job = self._jobs[key] = Job(title, work)
             finished = [old for old, kept in self._jobs.items() if not kept.active]
             for old in finished[: max(len(finished) - _KEPT, 0)]:
                 del self._jobs[old]
-            return job, True
+        if at_once:
+            threading.Thread(target=job.run, name=title, daemon=True).start()
+        else:
+            self._queue.put(job)
+        return job
 
     def _serve(self) -> None:
         while True:

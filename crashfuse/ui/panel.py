@@ -1,6 +1,5 @@
 """Progress of a job as it runs, and what a page shows until there is a result."""
 
-from collections.abc import Iterable
 from typing import Any, TypeVar
 
 import streamlit as st
@@ -86,7 +85,8 @@ def show_job(job: Job[Any]) -> None:
             curves = {what.replace("_", " "): list(points) for what, points in list(step.curves.items())}
             column.caption(name)
             with column:
-                figure = learning_curves(curves, value=_quantity(curves), total=step.progress.total)
+                value = "Loss" if all(what.endswith("loss") for what in curves) else "Error"
+                figure = learning_curves(curves, value=value, total=step.progress.total)
                 show_figure(figure, alt=f"{name}, so far", key=f"{name} {id(job)}")
 
 
@@ -99,11 +99,6 @@ def _show_step(name: str, step: Step) -> None:
     if (remaining := step.remaining_s) is not None:
         text += f", about {duration(remaining)} left"
     st.progress(min(max(progress.fraction, 0.0), 1.0), text=text)
-
-
-def _quantity(names: Iterable[str]) -> str:
-    """What the curves of a step show, in a word."""
-    return "Loss" if all(name.endswith("loss") for name in names) else "Error"
 
 
 def duration(seconds: float) -> str:

@@ -73,7 +73,7 @@ def test_short_work_does_not_queue_behind_long_work(gate: threading.Event) -> No
     """What only reads the cache is answered while a training goes on."""
     jobs = Jobs()
     jobs.start("long", "Long", lambda _: gate.wait(SOON))
-    short = jobs.start_at_once("short", "Short", lambda _: 1)
+    short = jobs.start("short", "Short", lambda _: 1, at_once=True)
     assert ended(short)
     assert short.result == 1
 

@@ -1,4 +1,4 @@
-"""Figures of ratings, by test and approach."""
+"""Figures of ratings, by test and approach, and of what bands are worth."""
 
 from collections.abc import Mapping
 
@@ -8,6 +8,7 @@ import plotly.graph_objects as go
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import GRADES, grade
 
 
@@ -15,6 +16,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
     """Draw overall ratings by test id and approach as a table coloured by grade, with the mean over the tests below."""
     tests = list(scores)
     approaches = list(scores[tests[0]])
+    names = [LABELS[name].replace(" domain", "<br>domain") for name in approaches]
     z = np.array([[scores[test][name] for name in approaches] for test in tests])
     z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
@@ -22,7 +24,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
     figure = new_figure(height=64 + 34 * len(rows))
     figure.add_heatmap(
         z=z.astype(np.float32),
-        x=[LABELS[name].replace(" domain", "<br>domain") for name in approaches],
+        x=names,
         y=rows,
         text=text,
         texttemplate="%{text}",
@@ -35,7 +37,6 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
         ygap=2,
         showscale=False,
     )
-    names = [LABELS[name].replace(" domain", "<br>domain") for name in approaches]
     figure.add_scatter(  # cells of a heat map can't be clicked, marks can; those of the mean stand for no test
         x=names * len(rows),
         y=[row for row in rows for _ in approaches],
@@ -87,6 +88,33 @@ def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]
         zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,
     )  # fmt: skip
     figure.update_yaxes(title="Overall rating (dotted: limits of the grades)", range=[0, 1.01])
+    return figure
+
+
+def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -> go.Figure:
+    """Draw how much of the left-out tests lies inside bands of each level; on the diagonal a band holds what it says.
+
+    Parameters
+    ----------
+    levels : ndarray, shape (n,)
+        What bands promise, from 0 to 1.
+    observed : mapping of str to ndarray, shape (n,)
+        What they held, by approach.
+    """
+    figure = new_figure(height=440)
+    figure.add_scatter(
+        x=[0, 100], y=[0, 100], mode="lines", name="As promised", line={"color": AXIS, "dash": "dot"},
+        hoverinfo="skip",
+    )  # fmt: skip
+    for name, shares in observed.items():
+        figure.add_scatter(
+            x=np.float32(100 * levels), y=np.float32(100 * shares), mode="lines+markers", name=LABELS[name],
+            line={"color": COLOURS[name], "width": 2}, marker={"size": 5}, hovertemplate="%{y:.0f} %",
+        )  # fmt: skip
+    figure.update_xaxes(
+        title="Level of the band (%)", range=[0, 100], dtick=20, unifiedhovertitle={"text": "%{x:.0f} % band"}
+    )
+    figure.update_yaxes(title="a(t) up to TTZV inside (%)", range=[0, 102], dtick=20)
     return figure
 
 

@@ -7,11 +7,10 @@ from crashfuse.approaches.calibration import LEVELS
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.paper_tables import TABLE_3, TABLE_5, best, rating_table
-from crashfuse.reporting.plots.calibration import calibration_curves
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import motion
-from crashfuse.reporting.plots.ratings import rating_heatmap, rating_spread
+from crashfuse.reporting.plots.ratings import calibration_curves, rating_heatmap, rating_spread
 from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import bias, details
@@ -46,7 +45,8 @@ def study_report(study: Study) -> str:
         speed_groups=study.speed_groups and _result(study.speed_groups),
         paper_tables=[(caption, _shown(table, best(table))) for caption, table in tables if len(table)],
         spread=rating_spread(spread) if any(spread.values()) else None,
-        band=_band(study) if study.coverage else None,
+        band=study.coverage
+        and {"coverage": coverage_table(study.coverage), "curves": calibration_curves(LEVELS, study.reliability)},
         bias=bias(campaign),
         folds=[_fold(study, fold) for fold in study.folds],
         weak_spots=_weak_spots(study, verdict.approach),
@@ -77,20 +77,14 @@ def _shown(ratings: pd.DataFrame, bold: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(cells, ratings.index, ratings.columns, dtype=object).reset_index()
 
 
-def _band(study: Study) -> dict[str, object]:
-    curves = calibration_curves(LEVELS, study.reliability)
-    return {"coverage": coverage_table(study.coverage), "curves": curves}
-
-
 def _fold(study: Study, fold: Fold) -> dict[str, object]:
     """What was recommended for a test before it was run, and what came of it."""
     test = study.campaign.test(fold.held_out)
     window = max(study.config.windows_ms)
     predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
     speed = test.condition.speed_mps
-    advice = recommend_for(
-        fold.estimates, study.config.training_campaign(study.campaign, test.id), test.condition, window
-    )
+    rest = study.config.training_campaign(study.campaign, test.id)
+    advice = recommend_for(fold.estimates, rest, test.condition, window)
     return {
         "test": test,
         "advice": advice.sentences,

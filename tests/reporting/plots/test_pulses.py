@@ -7,6 +7,7 @@ import pytest
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.reporting.plots import pulses as plots
+from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES
@@ -213,3 +214,16 @@ def test_a_flipped_sign_flips_the_residuals(campaign: Campaign) -> None:
         plots.residuals(test.pulse, {"cae": prediction}, Display(deceleration=flip)).data[0] for flip in (False, True)
     )
     np.testing.assert_array_equal(one.y, -other.y)
+
+
+def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaign: Campaign) -> None:
+    """To either side of the test, over the rated window only."""
+    pulse = campaign.tests[1].pulse
+    outer, inner = plots.add_corridors(new_figure(400), pulse, Display(window_ms=40.0)).data
+    largest = np.abs(pulse.accel_mps2[GRID_S < 0.04]).max() / G
+    for corridor, share in ((outer, 0.5), (inner, 0.05)):
+        n = len(corridor.x) // 2
+        lower, upper = corridor.y[:n], corridor.y[: n - 1 : -1]
+        np.testing.assert_allclose(upper - lower, 2 * share * largest, rtol=1e-4)
+        np.testing.assert_allclose((upper + lower) / 2, pulse.accel_mps2[GRID_S < 0.04] / G, atol=1e-4)
+        assert corridor.x.max() == pytest.approx(39.92)

@@ -1,4 +1,4 @@
-"""Figures of ratings show their grades."""
+"""Figures of ratings show their grades, that of calibration what bands promise against what they held."""
 
 import numpy as np
 
@@ -48,3 +48,13 @@ def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> 
     np.testing.assert_allclose(fused.error_y.array, [0.05, 0.0], atol=1e-6)
     np.testing.assert_allclose(fused.error_y.arrayminus, [0.2, 0.2], rtol=1e-6)
     assert list(figure.layout.xaxis.ticktext) == ["A", "B"]
+
+
+def test_levels_run_along_x_and_shares_along_y_in_percent() -> None:
+    """Half the time inside the 90 % band is drawn at (90, 50); the diagonal is there to compare."""
+    figure = plots.calibration_curves(np.array([0.5, 0.9]), {"fused": np.array([0.4, 0.5])})
+    promised, fused = figure.data
+    assert (list(promised.x), list(promised.y)) == ([0, 100], [0, 100])
+    np.testing.assert_allclose(fused.x, [50, 90])
+    np.testing.assert_allclose(fused.y, [40, 50])
+    assert fused.name == "Fused"
