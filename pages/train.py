@@ -13,8 +13,8 @@ from crashfuse.ui.downloads import download_bytes
 from crashfuse.ui.figures import choose
 from crashfuse.ui.navigation import open_page, pages
 from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test
+from crashfuse.ui.settings import choose_settings
 from crashfuse.ui.text import plain
-from crashfuse.ui.train.settings import choose_settings
 
 T = TypeVar("T")
 FIT, LEAVE_OUT = "Fit on all tests", "Leave tests out"

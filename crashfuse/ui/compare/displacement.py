@@ -1,6 +1,7 @@
 """Test and predictions over displacement: five figures, each computed when it is asked for."""
 
 from collections.abc import Hashable, Mapping
+from functools import partial
 
 import numpy as np
 import streamlit as st
@@ -33,56 +34,43 @@ def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction],
 
     ``key`` stands for predictions and display where figures are cached.
     """
-    test, condition = view.held_out, view.held_out.condition
+    campaign, test, condition = view.campaign, view.held_out, view.held_out.condition
     st.subheader("Over displacement")
     choice = choose("Figure", [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK], key="over displacement")
+    if choice == _PARTS:
+        _show_parts(view, config)
+        return
     if choice == _CURVES:
-        show_cached_figure(
-            lambda: plots.over_displacement(test.pulse, predictions, condition.speed_mps, view.display),
-            f"Acceleration over displacement: test {test.id} and every prediction of it, up to maximum crush",
-            choice,
-            key,
-        )
-        st.caption(
+        draw = partial(plots.over_displacement, test.pulse, predictions, condition.speed_mps, view.display)
+        alt = f"Acceleration over displacement: test {test.id} and every prediction of it, up to maximum crush"
+        caption = (
             "Up to maximum crush (the marks, with their 95 % interval). The area under each curve is the absorbed "
             "energy per unit mass, ½ v0², the same for all: a lower deceleration means more crush."
         )
     elif choice == _ENERGY:
-        show_cached_figure(
-            lambda: plots.energy_over_crush(test.pulse, predictions, condition.speed_mps, condition.mass_kg),
-            f"Absorbed energy over crush: test {test.id} and every prediction of it",
-            choice,
-            key,
-        )
-        st.caption(
+        draw = partial(plots.energy_over_crush, test.pulse, predictions, condition.speed_mps, condition.mass_kg)
+        alt = f"Absorbed energy over crush: test {test.id} and every prediction of it"
+        caption = (
             "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force; a curve that ends further "
             "right needs more crush for the same energy."
         )
     elif choice == _BIAS:
-        show_figure(
-            bias.bias_by_speed(
-                view.campaign.tests,
-                _biases(view.campaign.fingerprint, view.campaign),
-                highlight=test.id,
-                display=view.display,
-            ),
-            alt="What the CAE model got wrong in each test, over displacement, coloured by speed",
-        )
-        st.caption(
+        biases = _biases(campaign.fingerprint, campaign)
+        draw = partial(bias.bias_by_speed, campaign.tests, biases, highlight=test.id, display=view.display)
+        alt = "What the CAE model got wrong in each test, over displacement, coloured by speed"
+        caption = (
             "What has to be added to the CAE model to get each test. The displacement domain is fitted to these; "
             f"{test.id} is held out: drawn here, not used in the fit. The steep ends are at zero velocity."
         )
-    elif choice == _PARTS:
-        _show_parts(view, config)
     else:
-        show_figure(
-            plots.integration_check(test.pulse, predictions, condition.speed_mps),
-            alt="Displacement over time, integrated over time and recovered from a(s), and their difference",
-        )
-        st.caption(
+        draw = partial(plots.integration_check, test.pulse, predictions, condition.speed_mps)
+        alt = "Displacement over time, integrated over time and recovered from a(s), and their difference"
+        caption = (
             "Lines: each pulse integrated twice over time, up to zero velocity. Circles: the same motion recovered "
             "from acceleration over displacement (Eq. 29). Where they agree, the conversion is lossless."
         )
+    show_cached_figure(draw, alt, choice, key)
+    st.caption(caption)
 
 
 def _show_parts(view: View, config: StudyConfig) -> None:
