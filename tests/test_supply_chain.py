@@ -183,10 +183,11 @@ def _files(folder: Path) -> set[str]:
 
 
 def test_the_source_distribution_holds_what_a_test_needs(source: Path) -> None:
-    """Tests and sample, the settings of the dashboard; no cache."""
+    """Tests and sample, the settings of dashboard, workflow and hooks, which tests read; no cache."""
     assert _files(source / "tests") == _files(ROOT / "tests")
     assert _files(source / "sample_data") == _files(ROOT / "sample_data")
-    assert {path.name for path in source.iterdir() if path.name.startswith(".")} == {".gitignore", ".streamlit"}
+    hidden = {path.name for path in source.iterdir() if path.name.startswith(".")}
+    assert hidden == {".github", ".gitignore", ".pre-commit-config.yaml", ".streamlit"}
 
 
 def test_the_wheel_holds_the_package_and_the_dashboard_and_nothing_else(installed: Path) -> None:

@@ -3,7 +3,9 @@
 import json
 import re
 import threading
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,10 +24,10 @@ HELD_OUT = "T3"
 
 
 @pytest.fixture(scope="module")
-def fits(campaign: Campaign, quick_networks: None) -> dict[str, Approach]:  # noqa: ARG001
-    """Every approach, fitted once without the held-out test."""
+def fits(campaign: Campaign, quick_networks: None) -> Callable[[str], Approach]:  # noqa: ARG001
+    """Each approach by its name, fitted once without the held-out test."""
     rest = campaign.without([HELD_OUT])
-    return {name: create(name, Settings()).fit(rest) for name in APPROACHES}
+    return cache(lambda name: create(name, Settings()).fit(rest))
 
 
 def same(one: Prediction, other: Prediction) -> bool:
@@ -56,24 +58,24 @@ def test_it_says_all_that_is_shown_of_it(name: str) -> None:
 
 
 def test_it_predicts_a_whole_finite_pulse_the_same_each_time(
-    name: str, campaign: Campaign, fits: dict[str, Approach]
+    name: str, campaign: Campaign, fits: Callable[[str], Approach]
 ) -> None:
     """On the study grid, with draws on it too if it has a band; it remembers nothing of having been asked."""
     condition = campaign.test(HELD_OUT).condition
-    prediction = fits[name].predict(condition)
+    prediction = fits(name).predict(condition)
     assert prediction.condition == condition
     assert prediction.accel_mps2.shape == GRID_S.shape
     assert np.isfinite(prediction.accel_mps2).all()
     if prediction.draws_mps2 is not None:
         assert prediction.draws_mps2.shape[1:] == GRID_S.shape
         assert np.isfinite(prediction.draws_mps2).all()
-    fits[name].predict(campaign.tests[0].condition)
-    assert same(prediction, fits[name].predict(condition))
+    fits(name).predict(campaign.tests[0].condition)
+    assert same(prediction, fits(name).predict(condition))
 
 
 @pytest.mark.slow
 def test_a_refit_forgets_and_a_held_out_pulse_changes_nothing(
-    name: str, campaign: Campaign, fits: dict[str, Approach]
+    name: str, campaign: Campaign, fits: Callable[[str], Approach]
 ) -> None:
     """Fitted to all tests and then without one whose pulse is another, it predicts that one to the same bits."""
     test = campaign.test(HELD_OUT)
@@ -82,27 +84,31 @@ def test_a_refit_forgets_and_a_held_out_pulse_changes_nothing(
     approach = create(name, Settings())
     approach.fit(changed).predict(test.condition)
     assert approach.fit(changed.without([HELD_OUT])) is approach
-    assert same(approach.predict(test.condition), fits[name].predict(test.condition))
+    assert same(approach.predict(test.condition), fits(name).predict(test.condition))
 
 
-def test_its_fitted_state_predicts_the_same_bits(name: str, campaign: Campaign, fits: dict[str, Approach]) -> None:
+def test_its_fitted_state_predicts_the_same_bits(
+    name: str, campaign: Campaign, fits: Callable[[str], Approach]
+) -> None:
     """What it learned goes through JSON and arrays; so does what it says of its fit and of tests left out."""
     rest, condition = campaign.without([HELD_OUT]), campaign.test(HELD_OUT).condition
-    learned = fits[name].learned()
+    learned = fits(name).learned()
     kept = FittedState(json.loads(json.dumps(learned.values)), dict(learned.arrays))
     restored = create(name, Settings())
     assert restored.restore(rest, kept) is restored
-    assert same(restored.predict(condition), fits[name].predict(condition))
-    assert json.dumps(restored.state) == json.dumps(fits[name].state)
-    one, two = fits[name].left_out(rest), restored.left_out(rest)
+    assert same(restored.predict(condition), fits(name).predict(condition))
+    assert json.dumps(restored.state) == json.dumps(fits(name).state)
+    one, two = fits(name).left_out(rest), restored.left_out(rest)
     assert set(one) <= set(rest.test_ids)
     assert {test: pulse.tobytes() for test, pulse in one.items()} == {t: p.tobytes() for t, p in two.items()}
     assert all(pulse.shape == GRID_S.shape for pulse in one.values())
 
 
-def test_what_it_mixes_can_be_predicted_by_others(name: str, campaign: Campaign, fits: dict[str, Approach]) -> None:
+def test_what_it_mixes_can_be_predicted_by_others(
+    name: str, campaign: Campaign, fits: Callable[[str], Approach]
+) -> None:
     """Given its parts' predictions it makes the same of them as alone."""
-    approach, condition = fits[name], campaign.test(HELD_OUT).condition
+    approach, condition = fits(name), campaign.test(HELD_OUT).condition
     assert tuple(type(part) for part in approach.parts) == approach.made_of
     assert all(part.preference > approach.preference for part in approach.parts)
     parts = [part.predict(condition) for part in approach.parts]
