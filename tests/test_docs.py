@@ -186,6 +186,7 @@ def test_a_reader_fetches_nothing_from_elsewhere(site: Path) -> None:
         assert not re.search(r"(url\(|@import)\s*[\"']?(https?:)?//", path.read_text(encoding="utf-8")), path
 
 
+@pytest.mark.slow
 def test_equations_and_docstrings_are_set(site: Path) -> None:
     """Equations are MathML; no markup of another language, no unknown LaTeX and no unanswered request is left."""
     texts = {path: path.read_text(encoding="utf-8") for path in site.rglob("*.html")}

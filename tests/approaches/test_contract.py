@@ -21,10 +21,11 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 pytestmark = [pytest.mark.usefixtures("quick_networks"), pytest.mark.parametrize("name", APPROACHES)]
 
 HELD_OUT = "T3"
+Fits = Callable[[str], Approach]
 
 
 @pytest.fixture(scope="module")
-def fits(campaign: Campaign, quick_networks: None) -> Callable[[str], Approach]:  # noqa: ARG001
+def fits(campaign: Campaign, quick_networks: None) -> Fits:  # noqa: ARG001
     """Each approach by its name, fitted once without the held-out test."""
     rest = campaign.without([HELD_OUT])
     return cache(lambda name: create(name, Settings()).fit(rest))
@@ -57,9 +58,7 @@ def test_it_says_all_that_is_shown_of_it(name: str) -> None:
         assert getattr(approach, said) not in [getattr(other, said) for other in others]
 
 
-def test_it_predicts_a_whole_finite_pulse_the_same_each_time(
-    name: str, campaign: Campaign, fits: Callable[[str], Approach]
-) -> None:
+def test_it_predicts_a_whole_finite_pulse_the_same_each_time(name: str, campaign: Campaign, fits: Fits) -> None:
     """On the study grid, with draws on it too if it has a band; it remembers nothing of having been asked."""
     condition = campaign.test(HELD_OUT).condition
     prediction = fits(name).predict(condition)
@@ -74,9 +73,7 @@ def test_it_predicts_a_whole_finite_pulse_the_same_each_time(
 
 
 @pytest.mark.slow
-def test_a_refit_forgets_and_a_held_out_pulse_changes_nothing(
-    name: str, campaign: Campaign, fits: Callable[[str], Approach]
-) -> None:
+def test_a_refit_forgets_and_a_held_out_pulse_changes_nothing(name: str, campaign: Campaign, fits: Fits) -> None:
     """Fitted to all tests and then without one whose pulse is another, it predicts that one to the same bits."""
     test = campaign.test(HELD_OUT)
     other = replace(test, pulse=Pulse(GRID_S, 3 * test.pulse.accel_mps2 - 7))
@@ -87,9 +84,7 @@ def test_a_refit_forgets_and_a_held_out_pulse_changes_nothing(
     assert same(approach.predict(test.condition), fits(name).predict(test.condition))
 
 
-def test_its_fitted_state_predicts_the_same_bits(
-    name: str, campaign: Campaign, fits: Callable[[str], Approach]
-) -> None:
+def test_its_fitted_state_predicts_the_same_bits(name: str, campaign: Campaign, fits: Fits) -> None:
     """What it learned goes through JSON and arrays; so does what it says of its fit and of tests left out."""
     rest, condition = campaign.without([HELD_OUT]), campaign.test(HELD_OUT).condition
     learned = fits(name).learned()
@@ -104,9 +99,7 @@ def test_its_fitted_state_predicts_the_same_bits(
     assert all(pulse.shape == GRID_S.shape for pulse in one.values())
 
 
-def test_what_it_mixes_can_be_predicted_by_others(
-    name: str, campaign: Campaign, fits: Callable[[str], Approach]
-) -> None:
+def test_what_it_mixes_can_be_predicted_by_others(name: str, campaign: Campaign, fits: Fits) -> None:
     """Given its parts' predictions it makes the same of them as alone."""
     approach, condition = fits(name), campaign.test(HELD_OUT).condition
     assert tuple(type(part) for part in approach.parts) == approach.made_of

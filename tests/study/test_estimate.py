@@ -76,6 +76,7 @@ def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(
         Fit.of(campaign, "displacement_domain", replace(config, seed=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [APPROACHES, APPROACHES[::-1]])
 def test_several_approaches_say_together_what_each_says_alone(
     campaign: Campaign, order: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
