@@ -99,6 +99,21 @@ def test_its_fitted_state_predicts_the_same_bits(name: str, campaign: Campaign, 
     assert all(pulse.shape == GRID_S.shape for pulse in one.values())
 
 
+@pytest.mark.slow
+def test_of_many_tests_it_learns_from_some_and_so_does_what_is_restored(
+    name: str, campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With more tests than are learned from, its fitted state predicts the same bits, left-out tests included."""
+    monkeypatch.setattr("crashfuse.approaches.base.MOST_TESTS", 3)
+    fitted = create(name, Settings()).fit(campaign)
+    restored = create(name, Settings()).restore(campaign, fitted.learned())
+    condition = campaign.test(HELD_OUT).condition
+    assert same(restored.predict(condition), fitted.predict(condition))
+    one, two = fitted.left_out(campaign), restored.left_out(campaign)
+    assert len(one) <= 3 or not CLASSES[name].learns_from_tests
+    assert {test: pulse.tobytes() for test, pulse in one.items()} == {t: p.tobytes() for t, p in two.items()}
+
+
 def test_what_it_mixes_can_be_predicted_by_others(name: str, campaign: Campaign, fits: Fits) -> None:
     """Given its parts' predictions it makes the same of them as alone."""
     approach, condition = fits(name), campaign.test(HELD_OUT).condition

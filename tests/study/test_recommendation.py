@@ -175,6 +175,14 @@ def test_the_distance_is_that_over_the_longest_window(campaign: Campaign) -> Non
     assert re.search(r"0–60 ms, .*\b4 tests.* 2\.50 g; .* 3\.00 g", found.sentences[0])
 
 
+@pytest.mark.parametrize(("excess_g", "chosen"), [(0.9, "displacement_domain"), (1.1, "time_domain")])
+def test_two_left_out_tests_have_a_standard_error(campaign: Campaign, excess_g: float, chosen: str) -> None:
+    """1 g above and 1 g below a mean excess, it is √2/√2 = 1 g."""
+    worse = [4 + excess_g + side for side in (-1.0, 1.0, 0.0, 0.0)]
+    study = offsets_study(campaign, {"time_domain": [4.0] * 4, "displacement_domain": worse})
+    assert recommend(replace(study, folds=study.folds[:2])).approach == chosen
+
+
 def test_of_a_single_left_out_test_only_the_best_is_the_best(campaign: Campaign) -> None:
     """One test has no spread: less is less, and equal is equal."""
     for excess_g, chosen in ((0.01, "time_domain"), (0.0, "displacement_domain")):

@@ -32,6 +32,12 @@ def test_a_spring_swings_as_it_should() -> None:
     np.testing.assert_allclose(motion.velocity_mps[0, loading], speed * np.cos(omega * GRID_S[loading]), atol=2e-5)
 
 
+def test_the_first_acceleration_is_that_at_contact() -> None:
+    """At s = 0 and v = v0 both functions are read off at the very ends of their tables."""
+    motion = integrate(np.array([[-5.0, 20.0]]), 0.5, np.array([[30.0, -2.0]]), 12.0, n_times=2)
+    assert motion.accel_mps2[0, 0] == pytest.approx(-7.0, abs=1e-12)
+
+
 def test_braking_in_proportion_to_velocity_decays_exponentially() -> None:
     """A = -c v, given over v / v0, gives v = v0 exp(-ct)."""
     rate, speed = 15.0, 12.0
