@@ -183,6 +183,27 @@ def test_two_left_out_tests_have_a_standard_error(campaign: Campaign, excess_g: 
     assert recommend(replace(study, folds=study.folds[:2])).approach == chosen
 
 
+def test_the_end_of_the_longest_window_counts(campaign: Campaign) -> None:
+    """An error of 6 g from 50 to 60 ms alone is in 12 of the 75 samples that are judged: 0.96 g on average."""
+    study = offsets_study(campaign, {"time_domain": [0.5] * 4, "displacement_domain": [6.0] * 4})
+    folds = []
+    for fold in study.folds:
+        late = fold.estimates[1].prediction
+        accel = np.where((late.time_s >= 0.05) & (late.time_s < 0.06), late.accel_mps2, late.accel_mps2 - 6 * G)
+        wrong = replace(fold.estimates[1], prediction=replace(late, accel_mps2=accel))
+        folds.append(replace(fold, estimates=(fold.estimates[0], wrong)))
+    found = recommend(replace(study, folds=tuple(folds)))
+    assert re.search(r" 0\.50 g; .* 0\.96 g", found.sentences[0])
+
+
+def test_approaches_that_learn_from_no_test_are_still_judged_by_tests(campaign: Campaign) -> None:
+    """Asked of the raw model and the network alone, the better one is recommended with the rating to expect."""
+    rest, test = campaign.without(["T4"]), campaign.test("T4")
+    found = recommend_for([estimate("cae", rest, test, 0.5), estimate("lf_tcn", rest, test, 0.9)], rest, test.condition)
+    assert found.approach == "lf_tcn"
+    assert found.expected is not None
+
+
 def test_of_a_single_left_out_test_only_the_best_is_the_best(campaign: Campaign) -> None:
     """One test has no spread: less is less, and equal is equal."""
     for excess_g, chosen in ((0.01, "time_domain"), (0.0, "displacement_domain")):
