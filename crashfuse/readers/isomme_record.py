@@ -36,7 +36,7 @@ def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Reco
 
 
 def record_of(test: IsommeTest, source: str) -> Record:
-    """The record of a test with the channels that could be the pulse; at one location the least filtered comes first."""
+    """The record of a test with the channels that could be the pulse; at each location, the least filtered first."""
     on_vehicles = [channel for channel in test.channels if _on_a_vehicle(channel)]
     if not on_vehicles:
         expected = "an X acceleration of the vehicle (a code such as 10VEHC000000ACXD)"
