@@ -140,7 +140,7 @@ def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, a
 
 
 def offset_before(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: list[str]) -> None:
-    """Report the mean reading before contact if the record has enough samples there; it is 0 if the zero is right."""
+    """Report the mean reading before contact, if the record starts early enough; it should be 0."""
     before = time_s < zero_s - _SOFT_CONTACT_S
     if zero_s - time_s[0] < _QUIET_S - step_of(time_s) or not before.any():
         return

@@ -36,7 +36,7 @@ _LEADING_NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?")
 
 
 def unit_named(text: str, quantity: str | None = None) -> str | None:
-    """Return our name of the unit spelt by a text; None if it is no unit (of this quantity, a key of ``UNITS``)."""
+    """Return our name of the unit spelt by a text; None if it is not a unit (of this quantity, a key of ``UNITS``)."""
     plain = text.strip().strip("[](){}").lower().replace("²", "2").replace("’", "'")
     name = _NAMES.get(re.sub(r"[\s^*·()]", "", plain))
     known = {name for units in UNITS.values() for name in units} if quantity is None else UNITS[quantity]

@@ -36,7 +36,7 @@ class _Variable:
 
 
 class LsdaFile:
-    """An LSDA file with its symbol tables read and its data left on disk; a DataError if damaged or not LSDA.
+    """An LSDA file with its symbol tables read and its data read on demand; a DataError if damaged or not LSDA.
 
     Parameters
     ----------

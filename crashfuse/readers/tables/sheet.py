@@ -128,7 +128,7 @@ def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form
 
 
 def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
-    """The first row of the largest and widest block of numbers; at least half of the cells in its rows, else any.
+    """The first row of the largest and widest block of rows with at least half of their cells numbers, else with any.
 
     Blocks before it are a preamble with numbers, unless only a remark or a gap in the data separates them from it.
     """
