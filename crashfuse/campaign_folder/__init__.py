@@ -1,1 +1,1 @@
-"""Our own form of the data, the campaign folder: read, checked and written."""
+"""The campaign folder, crashfuse's own data format: reading, checking and writing."""

@@ -1,7 +1,7 @@
 """Adding pulses to a campaign folder: all of them or none.
 
-A pulse becomes part of a campaign by its row in the table of conditions, which is written last: whatever interrupts
-before that leaves the campaign as it was.
+A pulse belongs to a campaign once its row is in the condition table, which is written last: an interruption before
+that leaves the campaign unchanged.
 """
 
 import csv
@@ -22,12 +22,12 @@ from crashfuse.files.atomic import new_folder, write_atomically
 from crashfuse.signals.pulse import Pulse
 
 Told = Mapping[str, str | float | Sequence[str]]
-_MARKS = ("tests.csv", "cae.csv", "campaign.toml")  # of a campaign folder
+_MARKS = ("tests.csv", "cae.csv", "campaign.toml")  # any of these marks a campaign folder
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Addition:
-    """A pulse to be added to a campaign folder, and what ``campaign.toml`` shall say of where it came from."""
+    """A pulse to be added to a campaign folder, and the provenance to record in ``campaign.toml``."""
 
     id: str
     condition: Condition
@@ -36,7 +36,7 @@ class Addition:
 
 
 def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
-    """Add tests or CAE runs to a campaign folder, or begin one with them.
+    """Add tests or CAE runs to a campaign folder, or start a new one with them.
 
     Rows go into the existing table, in its units; pulses go where the others are, by default
     ``<role>/<id>.csv``; ``campaign.toml`` gets an ``[[imported]]`` table for each.
@@ -44,15 +44,15 @@ def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> 
     Parameters
     ----------
     folder : Path
-        A campaign folder, or one that does not exist or is empty.
+        A campaign folder, or a folder that is empty or does not exist yet.
 
     Raises
     ------
     DataError
-        If an id is in the campaign already, twice in the additions or cannot name a file, or if the campaign's own
-        table is not in order; nothing is changed then.
+        If an id is already in the campaign, occurs twice in the additions or is not a valid file name, or if the
+        campaign's own table is invalid; nothing is changed.
     OSError
-        If it cannot be written; the campaign is as it was.
+        If writing fails; the campaign is unchanged.
     """
     ids = [addition.id for addition in additions]
     check_ids(ids, role)
@@ -98,7 +98,7 @@ def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
 
 
 def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> tuple[str, list[str]]:
-    """The table of conditions as text that rows can follow, and its columns."""
+    """The text of the condition table, ready for rows to be appended, and its columns."""
     if not table.is_file():
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
         header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors]
@@ -108,7 +108,7 @@ def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> t
     if known is None:
         raise DataError(problems)
     there = {run_id.casefold() for run_id in known.ids}
-    # file systems that take V1 for v1 would lose one of them
+    # case-insensitive file systems would lose one of V1 and v1
     twice = [addition.id for addition in additions if addition.id.casefold() in there]
     if twice:
         advice = "give it another id, or remove the one that is there"
@@ -119,7 +119,7 @@ def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> t
 
 
 def _check_readable(files: Mapping[str, str], role: Role) -> None:
-    """Raise a DataError if a file could not be read back: the whole campaign could not be opened any more."""
+    """Raise a DataError if a file could not be read back: the whole campaign could no longer be opened."""
     problems: list[Problem] = []
     with tempfile.TemporaryDirectory() as scratch:
         for name, text in files.items():
@@ -131,7 +131,7 @@ def _check_readable(files: Mapping[str, str], role: Role) -> None:
 
 
 def _settings_with(path: Path, role: str, additions: Sequence[Addition]) -> str:
-    """The text of campaign.toml with the additions told at its end."""
+    """The text of campaign.toml with the additions recorded at its end."""
     text = path.read_bytes().decode(errors="surrogateescape") if path.is_file() else ""
     for addition in additions:
         told = {"id": addition.id, "as": role, **addition.told}

@@ -1,4 +1,4 @@
-"""Columns of our own tables: found by quantity and unit, their cells checked one by one."""
+"""Columns of campaign tables: lookup by quantity and unit, and a check of each cell."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from crashfuse.errors import Problem, printable
 from crashfuse.signals.pulse import FloatArray
 
 MOST_PROBLEMS = 20
-"""Of one kind in one column: the rest is counted, not listed."""
+"""Problems listed per kind and column; the rest are only counted."""
 
 RowNumbers = npt.NDArray[np.integer[Any]]
 
@@ -19,7 +19,7 @@ RowNumbers = npt.NDArray[np.integer[Any]]
 def find_column(
     columns: Sequence[str], quantity: str, units: Mapping[str, float], where: str, problems: list[Problem]
 ) -> tuple[str, float] | None:
-    """Find the one column of a quantity and its factor to SI by its ending; a problem is appended otherwise."""
+    """Find the one column of a quantity and, from its name's ending, its factor to SI; append a problem otherwise."""
     wanted = {f"{quantity}_{unit}": factor for unit, factor in units.items()}
     found = [column for column in columns if column in wanted]
     if len(found) == 1:
@@ -39,9 +39,9 @@ def find_column(
 def not_a_number(
     cells: pd.Series, column: str, where: str, rows: RowNumbers, problems: list[Problem], largest: float
 ) -> FloatArray:
-    """Convert cells to float64; what is no number up to the largest that makes sense is a problem, and NaN.
+    """Convert cells to float64; a cell that is not a number, or is beyond ``largest``, is a problem and becomes NaN.
 
-    Each cell is a problem of its own, but for empty ones under each other.
+    Each such cell is a separate problem, except that consecutive empty cells are reported together.
     """
     numbers = _as_numbers(cells)
     bad = np.flatnonzero(~(np.abs(numbers) <= largest))
@@ -64,20 +64,20 @@ def not_a_number(
 
 
 def count_rest(count: int, told: int, what: str, where: str, column: str, problems: list[Problem]) -> None:
-    """Say how many problems of a kind are not told one by one, if any."""
+    """Append a problem with the count of those that were not listed, if any."""
     if count > told:
         found = f"{count - told} more {what}" if count - told > 1 else f"1 more of the {what}"
         problems.append(Problem(where, "none", found, "correct them too", column))
 
 
 def listed(names: Iterable[str]) -> str:
-    """Name some columns, a dozen at most."""
+    """The names of the columns as text, a dozen at most."""
     shown = [printable(name, 40) for name in names]
     return ", ".join(shown[:12]) + (f" and {len(shown) - 12} more" if len(shown) > 12 else "")
 
 
 def _are_empty(cells: pd.Series) -> npt.NDArray[np.bool_]:
-    if isinstance(cells.dtype, pd.CategoricalDtype):  # each text once, however many cells have it
+    if isinstance(cells.dtype, pd.CategoricalDtype):  # strip each distinct text only once
         of_texts = _are_empty(pd.Series(cells.cat.categories, dtype=cells.cat.categories.dtype))
         by_code: npt.NDArray[np.bool_] = np.append(of_texts, True)[cells.cat.codes]
         return by_code

@@ -1,4 +1,4 @@
-"""Condition tables: ``tests.csv`` and ``cae.csv``, one row a test or run."""
+"""Condition tables: ``tests.csv`` and ``cae.csv``, one row per test or run."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -18,19 +18,19 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MASS, SPEED
 
 _QUANTITIES: dict[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
-_SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: no crash, no vehicle
-_LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg: no vehicle, so another unit
-_MOST_CANDIDATES = 1000  # each is a prediction
+_SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: less is not a crash, not a vehicle
+_LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg: more must be in another unit
+_MOST_CANDIDATES = 1000  # each costs a prediction
 _LONGEST_FACTOR = 200
 _FORMULA = ("=", "+", "-", "@")
 
 Role = Literal["tests", "cae"]
-"""Which of the two tables of a campaign, and the pulses that belong to it."""
+"""Either of the two condition tables of a campaign, with its pulses."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConditionTable:
-    """The rows of a condition table, each with its number in the file, where the header is row 1."""
+    """The rows of a condition table, each with its row number in the file (the header is row 1)."""
 
     ids: tuple[str, ...]
     conditions: tuple[Condition, ...]
@@ -40,7 +40,7 @@ class ConditionTable:
 def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
     """Read a condition table, converting units by the endings of the column names.
 
-    What is wrong is appended to ``problems``; None if the table cannot be used. A speed of 0 may be allowed: a CAE run
+    Problems are appended to ``problems``; None if the table cannot be used. A speed of 0 may be allowed: a CAE run
     may start at rest, a test may not.
     """
     before = len(problems)
@@ -79,7 +79,7 @@ def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Prob
 
 
 def sound_ids(path: Path) -> tuple[str, ...]:
-    """Ids in a condition table that may be wrong elsewhere, as far as they could be those of pulses."""
+    """The valid ids of a condition table that may have errors elsewhere, so that their pulses can be checked."""
     frame = _read_text(path, [])
     if frame is None or "id" not in frame:
         return ()
@@ -87,7 +87,7 @@ def sound_ids(path: Path) -> tuple[str, ...]:
 
 
 def read_candidates(path: Path) -> tuple[Condition, ...]:
-    """Read conditions that could be tested, from a table of the form of ``tests.csv``; raise all that is wrong."""
+    """Read candidate test conditions from a table like ``tests.csv``; raise a DataError with every problem."""
     problems: list[Problem] = []
     table = read_conditions(path, standstill_allowed=False, problems=problems)
     if table is None or problems:
@@ -99,7 +99,7 @@ def read_candidates(path: Path) -> tuple[Condition, ...]:
 
 
 def _read_text(path: Path, problems: list[Problem]) -> pd.DataFrame | None:
-    """All cells as text, indexed by their row in the file; None, and a problem, if it is no such table."""
+    """All cells as text, indexed by their row in the file; None, and a problem, if it is not such a table."""
     if not path.exists():
         problems.append(Problem(path.name, "this file", "no such file", "add it"))
         return None
@@ -136,7 +136,7 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> None:
 
 
 def id_trouble(run_id: str) -> tuple[str, str, str] | None:
-    """What is expected, found and advised where an id could not name a file, or a spreadsheet would compute it."""
+    """Expected, found and advice for an id that is not a valid file name or would be a spreadsheet formula."""
     if not run_id:
         return "an id in each row", "an empty cell", "name the test or run"
     found = repr(printable(run_id, 60))
@@ -149,7 +149,7 @@ def id_trouble(run_id: str) -> tuple[str, str, str] | None:
 
 
 def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> None:
-    """Refuse text that would not be shown as it is: control characters, formulas, pages of it."""
+    """Reject text that cannot be displayed verbatim: control characters, spreadsheet formulas, overlong text."""
     expected = f"plain text of at most {_LONGEST_FACTOR} characters, no formula"
     for column in cells.columns:
         texts = [(1, column), *cells[column].items()]

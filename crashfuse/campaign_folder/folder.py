@@ -1,4 +1,4 @@
-"""The campaign folder: settings, both condition tables, both sources of pulses, checked as a whole."""
+"""The campaign folder: settings, both condition tables and both sets of pulses, checked as a whole."""
 
 import math
 from pathlib import Path
@@ -22,7 +22,7 @@ def load_campaign(folder: str | Path) -> Campaign:
     Parameters
     ----------
     folder : str or Path
-        With ``tests.csv`` and ``cae.csv``, the pulses of each as ``<role>/<id>.csv`` (or ``.parquet``) or
+        Contains ``tests.csv`` and ``cae.csv``, the pulses of each as ``<role>/<id>.csv`` (or ``.parquet``) or
         ``<role>_pulses.parquet`` (or ``.csv``), and optionally ``campaign.toml``.
 
     Returns
@@ -52,7 +52,7 @@ def load_campaign(folder: str | Path) -> Campaign:
         table = read_conditions(path, standstill_allowed=role == "cae", problems=problems)
         reader = PulseFiles(folder, role, settings.channel_filter_class)
         if table is None:
-            if ids := sound_ids(path):  # then what is wrong with their pulses can be said as well
+            if ids := sound_ids(path):  # so that problems of their pulses are reported as well
                 reader.read(ids)
                 problems.extend(reader.problems)
             continue
@@ -93,7 +93,7 @@ def _check_counts(tables: dict[str, ConditionTable], problems: list[Problem], wa
 
 
 def _check_factors(tests: ConditionTable, warnings: list[str]) -> None:
-    """Warn of tests that lack what others are told apart by."""
+    """Warn of tests without a value for a factor that other tests have."""
     known = [dict(condition.factors) for condition in tests.conditions]
     for name in dict.fromkeys(name for factors in known for name, value in factors.items() if value):
         lacking = [test for test, factors in zip(tests.ids, known, strict=True) if not factors.get(name)]

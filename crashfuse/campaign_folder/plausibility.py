@@ -1,4 +1,4 @@
-"""Whether pulses can be of the crashes that they are said to be of: ΔV, stop, bandwidth."""
+"""Plausibility of pulses against their conditions: ΔV, stop, bandwidth."""
 
 from collections.abc import Mapping
 
@@ -11,21 +11,21 @@ from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import KPH, MPH, MS, G
 
 STOPS: Mapping[str, tuple[float, float]] = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}
-"""ΔV over v0: of a test from "not yet stopped at 100 ms" to more rebound than any car has; a run may be odd."""
+"""Limits of ΔV/v0. Tests: from "not yet stopped at 100 ms" to more rebound than any car has; one CAE run may be odd."""
 MOVING = 0.05
-"""Of the impact speed, at the end of a record: 0.25 % of its energy is left."""
+"""Residual share of the impact speed at the end of a record: 0.25 % of the energy is left."""
 CREEP_MPS = 1.0
-"""Below this speed noise decides ΔV over v0."""
-_LIBRARY_STOPS = (0.8, 1.6)  # the median run: one may be odd, not half of them
+"""Below this speed ΔV/v0 is dominated by noise."""
+_LIBRARY_STOPS = (0.8, 1.6)  # for the median run: single runs may be odd, not half of them
 _BAND_HZ, _HIGH_SHARE = 250, 0.01
-_MOST_SPECTRA = 500  # pulses looked at
+_MOST_SPECTRA = 500  # pulses examined
 _NEAR = 5  # CAE runs
 _EXCHANGED = (MPH / KPH) ** 0.5  # halfway between the right unit of speed and the wrong one
-_AT_ONCE = 2000  # pulses
+_AT_ONCE = 2000  # pulses per batch
 
 
 def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems: list[Problem]) -> None:
-    """Compare each pulse's change of velocity with the speed it is said to have been run at."""
+    """Compare each pulse's change of velocity with its stated impact speed."""
     low, high = STOPS[role]
     speed, biggest = _speeds(table), _changes(accel)
     ratio = -biggest / np.maximum(speed, 1e-9)
@@ -45,7 +45,7 @@ def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems:
 
 
 def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, FloatArray], warnings: list[str]) -> None:
-    """Warn of tests whose ΔV over v0 is nearer to that of CAE runs at their speed with mph and km/h exchanged."""
+    """Warn of tests whose ΔV/v0 matches CAE runs at their speed better with mph and km/h exchanged."""
     cae, tests = tables["cae"], tables["tests"]
     speeds, ratios = _speeds(cae), -_changes(pulses["cae"])
     moving = speeds > CREEP_MPS
@@ -65,7 +65,7 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
 
 
 def check_ends(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
-    """Refuse a record that ends while the vehicle still moves: the rest of its pulse would be invented."""
+    """Reject a record that ends while the vehicle is still moving: the rest of its pulse would be invented."""
     for row, run_id in enumerate(table.ids):
         if run_id not in reader.ends_s:
             continue
@@ -79,7 +79,7 @@ def check_ends(role: str, table: ConditionTable, accel: FloatArray, reader: Puls
 
 
 def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
-    """Warn of pulses with much above the band that the fast time-domain network resolves."""
+    """Warn of pulses with much content above the band that the fast time-domain network resolves."""
     if not len(accel):
         return
     some = accel[:: -(-len(accel) // _MOST_SPECTRA)].astype(np.float64)
@@ -94,7 +94,7 @@ def check_band(role: str, accel: FloatArray, warnings: list[str]) -> None:
 
 
 def _likely_cause(ratio: float, low: float, high: float) -> str:
-    """Advice from how far ΔV over v0 is off."""
+    """Advice derived from how far ΔV/v0 is off."""
     causes = {
         "flip the sign of the acceleration (deceleration is negative)": -1.0,
         "check the unit of the acceleration (m/s² under a name that ends in _g?)": G,
@@ -111,7 +111,7 @@ def _speeds(table: ConditionTable) -> FloatArray:
 
 
 def _changes(accel: FloatArray) -> FloatArray:
-    """The largest change of velocity of each pulse, with its sign, some at a time: shape (n,)."""
+    """The largest change of velocity of each pulse, signed, computed in batches: shape (n,)."""
     changes = np.empty(len(accel))
     for first in range(0, len(accel), _AT_ONCE):
         velocity = kinematics(accel[first : first + _AT_ONCE], 0.0, DT_S).velocity_mps

@@ -1,4 +1,4 @@
-"""Pulse files: one a test or run, or all in one tidy table; from any even sampling to the study grid.
+"""Pulse files, one per test or run or all in one tidy table, resampled from any even sampling to the study grid.
 
 Tables are read in batches and their samples go straight into the float32 array of all pulses, so that a library of
 100,000 runs needs little more memory than the array itself.
@@ -20,12 +20,12 @@ from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray
 from crashfuse.units import MS
 
 _ENDINGS = (".csv", ".parquet")
-_MOST_STRANGERS = 3  # named
+_MOST_STRANGERS = 3  # named in the warning
 
 
 @dataclass(slots=True)
 class PulseFiles:
-    """All pulses of ``tests`` or ``cae`` of a campaign folder, on their way to the study grid.
+    """Reader of all pulses of ``tests`` or ``cae`` in a campaign folder, resampled to the study grid.
 
     With a channel filter class, whole records are filtered before they are cropped to the grid.
     """
@@ -36,11 +36,11 @@ class PulseFiles:
     problems: list[Problem] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     ends_s: dict[str, float] = field(default_factory=dict)
-    """Where the records that are shorter than the study grid end, by id."""
+    """End times of the records that are shorter than the study grid, by id."""
     _unreadable: bool = False
 
     def read(self, ids: Sequence[str]) -> npt.NDArray[np.float32]:
-        """Pulses of these ids on the study grid, shape (n_ids, 1250), m/s²; what is wrong is in ``problems``."""
+        """The pulses of these ids on the study grid, shape (n_ids, 1250), m/s²; problems go to ``problems``."""
         accel = np.zeros((len(ids), N_SAMPLES), dtype=np.float32)
         row_of = {run_id: row for row, run_id in enumerate(ids)}
         missing = set(ids)
@@ -109,7 +109,7 @@ class PulseFiles:
                 yield stem, name, None
 
     def _from_table(self, path: Path) -> Iterator[tuple[str, str, RecordedPulse | None]]:
-        """Yield one record a run, joining what a batch's end has cut."""
+        """Yield one record per run, joining records that were split at a batch boundary."""
         finished: set[str] = set()
         pending_id = ""
         pending: list[RecordedPulse] = []
@@ -126,7 +126,7 @@ class PulseFiles:
                     pending_id = run_id
                     pending.append(rows_of[start:stop])
                     if run_id in finished:
-                        del self.problems[so_far:]  # what was said of records cut to pieces is no fault of theirs
+                        del self.problems[so_far:]  # problems of records split between batches are not real
                         found = f"rows of {printable(run_id, 60)} in two places"
                         advice, row = "sort the file by id, then by time", int(pending[0].rows[0])
                         raise DataError(Problem(path.name, "the rows of one id together", found, advice, "id", row))
@@ -139,10 +139,10 @@ class PulseFiles:
             yield pending_id, path.name, joined(pending)
 
     def _on_grid(self, record: RecordedPulse, where: str) -> FloatArray | None:
-        """Bring a record to the study grid, or say why that is impossible."""
+        """Resample a record to the study grid; where that is impossible, append a problem and return None."""
         time, accel = record.time_s, record.accel_mps2
         if not (np.isfinite(time).all() and np.isfinite(accel).all()):
-            return None  # reported cell by cell already
+            return None  # already reported cell by cell
         trouble = time_trouble(record, where) or cover_trouble(time, where)
         if trouble is not None:
             self.problems.append(trouble)

@@ -1,4 +1,4 @@
-"""A record as it stands in a file: time, acceleration and the rows they came from, and what makes it unfit."""
+"""A record as stored in a file (time, acceleration and their rows), and checks of its time axis."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.units import MS
 
 UNEVEN = 0.02
-"""Of a step: what rounding the times to a few digits can do."""
+"""Allowed unevenness as a share of a time step: what rounding the times to a few digits can cause."""
 SLOWEST_S = 1e-3 * (1 + UNEVEN)
 """Longest time step of a record."""
 SHORTEST_S = 60e-3
@@ -21,7 +21,7 @@ SHORTEST_S = 60e-3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecordedPulse:
-    """Samples of a record as they stand in a file, and the file's row of each; all of shape (n,)."""
+    """The samples of a record as stored in a file, and the file's row of each; all of shape (n,)."""
 
     time_s: FloatArray
     accel_mps2: FloatArray
@@ -32,7 +32,7 @@ class RecordedPulse:
 
 
 def joined(parts: Sequence[RecordedPulse]) -> RecordedPulse:
-    """Put the parts of a record one after the other."""
+    """Concatenate the parts of a record."""
     if len(parts) == 1:
         return parts[0]
     columns = ([getattr(part, name) for part in parts] for name in ("time_s", "accel_mps2", "rows"))
@@ -40,7 +40,7 @@ def joined(parts: Sequence[RecordedPulse]) -> RecordedPulse:
 
 
 def time_trouble(record: RecordedPulse, where: str) -> Problem | None:
-    """Say what makes the time of a record unfit, if anything."""
+    """The problem that makes the time axis of a record unusable, if any."""
     time, rows = record.time_s, record.rows
     if time.size < 2:
         return Problem(where, "at least two samples", f"{time.size}", "export the whole record", "time")
@@ -63,12 +63,12 @@ def time_trouble(record: RecordedPulse, where: str) -> Problem | None:
 
 
 def ends_early(time_s: FloatArray) -> bool:
-    """Tell whether an even record leaves the end of the study grid open."""
+    """Whether an evenly sampled record ends before the study grid does."""
     return bool(time_s[-1] < GRID_S[-1] - (time_s[-1] - time_s[0]) / (time_s.size - 1))
 
 
 def cover_trouble(time_s: FloatArray, where: str) -> Problem | None:
-    """Say what part of the study grid a record misses, if too much."""
+    """The problem of a record that misses too much of the study grid, if it does."""
     step = time_s[1] - time_s[0]
     if time_s[0] <= step and time_s[-1] >= SHORTEST_S - step:
         return None

@@ -1,4 +1,4 @@
-"""Tables of samples, time and acceleration, read a batch at a time: a pulse each, or tidy tables of many."""
+"""Tables of samples (time and acceleration), one pulse each or tidy tables of many, read in batches."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,16 +16,16 @@ from crashfuse.signals.pulse import Pulse
 from crashfuse.units import ACCELERATION, TIME
 
 _MOST_SAMPLES = 2_000_000  # a record of 10 s at 200 kHz
-_LARGEST_S, _LARGEST_MPS2 = 1e6, 1e6  # 100,000 g: no sensor, no vehicle
+_LARGEST_S, _LARGEST_MPS2 = 1e6, 1e6  # 100,000 g: beyond any sensor or vehicle
 
 
 def sample_batches(
     path: Path, where: str, problems: list[Problem], *, with_id: bool = False
 ) -> Iterator[tuple[pd.Categorical, RecordedPulse]]:
-    """Yield the samples of a CSV or Parquet file in SI units, a batch at a time, with the id of the record of each.
+    """Yield the samples of a CSV or Parquet file in SI units, batch by batch, with the record id of each.
 
-    Cells that are no numbers become problems, and NaN. Without a column of ids, all rows are of one record. A file that
-    cannot be read, lacks a column or an id, or is empty, raises a DataError.
+    Cells that are not numbers become problems and NaN. Without an id column, all rows belong to one record. A file that
+    cannot be read, lacks a column or an id, or is empty raises a DataError.
     """
     empty = True
     with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, where) as table:
@@ -50,7 +50,7 @@ def sample_batches(
 
 
 def whole_record(path: Path, where: str, problems: list[Problem]) -> RecordedPulse:
-    """All samples of a file with one pulse; errors as of :func:`sample_batches`."""
+    """All samples of a file with one pulse; raises as :func:`sample_batches` does."""
     parts: list[RecordedPulse] = []
     for _, part in sample_batches(path, where, problems):
         parts.append(part)
@@ -59,7 +59,7 @@ def whole_record(path: Path, where: str, problems: list[Problem]) -> RecordedPul
 
 
 def check_length(parts: Sequence[RecordedPulse], where: str) -> None:
-    """Raise a DataError if a record has more samples than any has."""
+    """Raise a DataError if a record has more samples than any real one."""
     if (count := sum(part.rows.size for part in parts)) > _MOST_SAMPLES:
         found, advice = f"{count} at least", "cut the record, or export it at a lower rate"
         row = int(parts[0].rows[0])
@@ -67,7 +67,7 @@ def check_length(parts: Sequence[RecordedPulse], where: str) -> None:
 
 
 def read_pulse(path: Path) -> Pulse:
-    """Read one pulse from a CSV or Parquet file as it is sampled there; raise every problem of the file."""
+    """Read one pulse from a CSV or Parquet file as sampled; raise a DataError with every problem of the file."""
     if not path.exists():
         raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
     problems: list[Problem] = []
@@ -81,7 +81,7 @@ def read_pulse(path: Path) -> Pulse:
 
 
 def _columns(names: Sequence[str], where: str, *, with_id: bool) -> tuple[tuple[str, float], tuple[str, float]]:
-    """Find time and acceleration with their factors to SI."""
+    """The time and acceleration columns with their factors to SI."""
     problems: list[Problem] = []
     time = find_column(names, "time", TIME, where, problems)
     accel = find_column(names, "acceleration", ACCELERATION, where, problems)
@@ -94,7 +94,7 @@ def _columns(names: Sequence[str], where: str, *, with_id: bool) -> tuple[tuple[
 
 
 def _blank(frame: pd.DataFrame) -> npt.NDArray[np.bool_]:
-    """Lines with nothing in any of the columns, such as those that spreadsheets leave at the end."""
+    """Mask of the lines that are empty in all columns, such as spreadsheets leave at the end."""
     if not all(isinstance(kind, pd.StringDtype) for kind in frame.dtypes):
         return np.zeros(len(frame), dtype=bool)
     return np.asarray((frame == "").all(axis=1))

@@ -8,13 +8,13 @@ from typing import Any
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.csv_text import text_from
 
-_LARGEST = 4 << 20  # characters: some thousands of imported pulses, each told in a paragraph
+_LARGEST = 4 << 20  # characters: some thousands of imported pulses, a paragraph on each
 _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a campaign says of itself, and the channel filter classes to filter its records with, or filtered with."""
+    """A campaign's description, and the channel filter classes its records are to be, or were, filtered with."""
 
     name: str
     notice: str = ""
@@ -23,7 +23,7 @@ class Settings:
 
 
 def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> Settings:
-    """Read ``campaign.toml``, if there is one; what is wrong is appended to ``problems``."""
+    """Read ``campaign.toml``, if there is one; append its problems to ``problems``."""
     path = folder / "campaign.toml"
     unnamed = Settings(printable(folder.resolve().name, _LONGEST_NAME))
     if not path.exists():
@@ -45,7 +45,7 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
     if cfc is not None and already is not None:
         expected, advice = "one of the two", "leave out channel_filter_class, or pulses are filtered twice"
         problems.append(Problem(path.name, expected, "channel_filter_class and filtered_with", advice))
-    values.pop("imported", None)  # where pulses came from, told by crashfuse import
+    values.pop("imported", None)  # provenance of pulses, written by crashfuse import
     name = _text(values, "name", unnamed.name, _LONGEST_NAME, problems)
     notice = _text(values, "notice", "", _LONGEST_NOTICE, problems)
     if values:
@@ -55,7 +55,7 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
 
 
 def own_filter_class(folder: Path) -> float | None:
-    """The class with which a campaign filters all its records when it is read; None if it does not."""
+    """The channel filter class that a campaign applies to all its records on reading; None if it has none."""
     problems: list[Problem] = []
     settings = read_settings(folder, problems, [])
     if problems:
@@ -64,7 +64,7 @@ def own_filter_class(folder: Path) -> float | None:
 
 
 def _text(values: dict[str, Any], key: str, default: str, most: int, problems: list[Problem]) -> str:
-    """Take a line of text out of the settings."""
+    """Pop a line of text from the settings."""
     text = values.pop(key, default)
     if not isinstance(text, str) or len(text) > most:
         found = "a longer one" if isinstance(text, str) else _shown(text)
@@ -75,7 +75,7 @@ def _text(values: dict[str, Any], key: str, default: str, most: int, problems: l
 
 
 def _filter_class(values: dict[str, Any], key: str, problems: list[Problem]) -> float | None:
-    """Take a channel filter class out of the settings, None for "none"."""
+    """Pop a channel filter class from the settings, None for "none"."""
     cfc = values.pop(key, "none")
     if cfc == "none":
         return None
@@ -87,6 +87,6 @@ def _filter_class(values: dict[str, Any], key: str, problems: list[Problem]) -> 
 
 
 def _shown(value: object) -> str:
-    """A value as it may be shown: numbers of any size, tables of any depth."""
+    """A value as text for messages, safe for numbers of any size and tables of any depth."""
     plain = isinstance(value, str | float | bool)
     return printable(repr(value), 60) if plain else f"a value of type {type(value).__name__}"

@@ -1,4 +1,4 @@
-"""Adding pulses to a tidy table of them, in its own columns and units, a batch at a time."""
+"""Appending pulses to a tidy table in its own columns and units, batch by batch."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ from crashfuse.units import ACCELERATION, TIME
 
 
 def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
-    """Add pulses to ``<role>_pulses.parquet`` or ``.csv``; where that fails, the table stays as it was.
+    """Add pulses to ``<role>_pulses.parquet`` or ``.csv``; if that fails, the table is unchanged.
 
-    Rows of the same ids, left by an import that was cut short, are replaced. A DataError says what the table lacks.
+    Rows with the same ids, left by an interrupted import, are replaced. A DataError says what the table lacks.
     """
     with replacing(path) as temporary:
         try:
@@ -78,7 +78,7 @@ def _append_csv(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]
 
 
 def _columns(names: Sequence[str], pulse: Pulse, where: str) -> Mapping[str, FloatArray]:
-    """Time and acceleration in the columns and units that a table has."""
+    """Time and acceleration in the columns and units of a table."""
     wanted = {f"time_{unit}": pulse.time_s / factor for unit, factor in TIME.items()}
     wanted |= {f"acceleration_{unit}": pulse.accel_mps2 / factor for unit, factor in ACCELERATION.items()}
     columns = {name: np.asarray(wanted[name]) for name in names if name in wanted}

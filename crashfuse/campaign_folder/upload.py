@@ -1,4 +1,4 @@
-"""Uploads of strangers, one zip or loose files, laid out as a campaign folder."""
+"""Untrusted uploads, one zip or loose files, laid out as a campaign folder."""
 
 import io
 import shutil
@@ -31,7 +31,7 @@ _PULSES = (".csv", ".parquet")
 _AT_THE_TOP = {*_TABLES, "campaign.toml", *(f"{role}_pulses{ending}" for role in _ROLES for ending in _PULSES)}
 _NOTES = (".md", ".txt")
 _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst")
-_ENTRY = b"PK\x01\x02"  # begins every entry of a zip's directory
+_ENTRY = b"PK\x01\x02"  # starts every entry of a zip's directory
 
 
 def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
@@ -41,16 +41,16 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
     ----------
     uploads : sequence of (str, bytes)
         Either one zip of a campaign folder, or the files of one: ``tests.csv``, ``cae.csv``, ``cae_pulses.parquet``,
-        ``campaign.toml``, ``<id>.csv`` … A pulse that lies beside the tables belongs to the one that has its id; where
-        both have it, to the one without a table of pulses. Notes (``.md``, ``.txt``) are passed over.
+        ``campaign.toml``, ``<id>.csv`` … A pulse file beside the tables belongs to the table that has its id; if both
+        have it, to the one without a table of pulses. Notes (``.md``, ``.txt``) are ignored.
     into : Path
-        An existing folder, which is the caller's to delete; a folder named after the campaign is made in it, and
-        returned. Nobody has checked its numbers yet.
+        An existing folder, which the caller must delete; a folder named after the campaign is created in it and
+        returned. Its numbers are not checked here.
 
     Raises
     ------
     DataError
-        If anything in the uploads is not of a campaign or beyond the limits; nothing is left in ``into``.
+        If anything in the uploads is not part of a campaign or exceeds the limits; nothing is left in ``into``.
     """
     members, name = _opened(uploads, limits)
     root = _root(members, name)
@@ -70,7 +70,7 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
 
 
 def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[Member], str]:
-    """Everything in the uploads, and how messages call them as a whole."""
+    """All files in the uploads, and the name for the whole upload in messages."""
     expected = "one zip of a campaign folder, or its files"
     if not uploads:
         raise DataError(Problem("upload", expected, "nothing", "choose the files"))
@@ -84,7 +84,7 @@ def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[
 
 
 def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
-    """Raise a DataError if uploads are too many or too large, or the name of one is a trick."""
+    """Raise a DataError if uploads are too many or too large, or one has an unsafe name."""
     if len(uploads) > limits.members:
         raise too_many("upload", len(uploads), limits)
     if sum(len(content) for _, content in uploads) > limits.total_bytes:
@@ -94,13 +94,13 @@ def check_uploads(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> None:
 
 def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
     """List the files of a zip in memory as :func:`zip_members` does."""
-    if (found := content.count(_ENTRY)) > limits.members:  # before a directory of millions is read
+    if (found := content.count(_ENTRY)) > limits.members:  # checked before a directory of millions is read
         raise too_many(name, found, limits)
     return zip_members(io.BytesIO(content), name, limits)
 
 
 def _root(members: Sequence[Member], name: str) -> PurePosixPath:
-    """The folder that holds the campaign: the outermost with a condition table."""
+    """The folder that holds the campaign: the outermost one with a condition table."""
     homes = [member.path.parent for member in members if member.path.name in _TABLES]
     if not homes:
         refuse([trouble for member in members if (trouble := _strange(member))], name)
@@ -110,7 +110,7 @@ def _root(members: Sequence[Member], name: str) -> PurePosixPath:
 
 
 def _targets(members: Sequence[Member], root: PurePosixPath, name: str) -> dict[Member, PurePosixPath]:
-    """Where each member goes in the campaign folder; notes go nowhere, a pulse beside the tables stays for now."""
+    """The target of each member in the campaign folder; notes are dropped, pulses beside the tables stay for now."""
     problems: list[Problem] = []
     targets: dict[Member, PurePosixPath] = {}
     for member in members:
@@ -134,7 +134,7 @@ def _targets(members: Sequence[Member], root: PurePosixPath, name: str) -> dict[
 
 
 def _strange(member: Member) -> Problem | None:
-    """Say what is of no format that a campaign or a note in it has."""
+    """The problem of a file that is neither in a campaign format nor a note, if it is so."""
     ending = member.path.suffix.lower()
     if ending in _ARCHIVES:
         return Problem(member.where, "tables", "an archive in the upload", "unpack it first")
@@ -154,12 +154,12 @@ def _in_a_campaign(path: PurePosixPath) -> bool:
 
 
 def _folded(path: PurePosixPath) -> str:
-    """The name as a file system sees it that minds neither capitals nor how letters are composed."""
+    """The name as seen by a file system that ignores case and Unicode normalisation."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", str(path)).casefold())
 
 
 def _place(folder: Path, at_the_top: Sequence[PurePosixPath]) -> None:
-    """Move each pulse beside the tables to the tests or the CAE runs, whichever have its id."""
+    """Move each pulse beside the tables to the tests or the CAE runs, whichever has its id."""
     strays = [folder / path for path in at_the_top if path.name not in _AT_THE_TOP]
     if not strays:
         return
@@ -186,12 +186,12 @@ def _place(folder: Path, at_the_top: Sequence[PurePosixPath]) -> None:
 
 
 def _check_rows(folder: Path, limits: Limits) -> None:
-    """Refuse a Parquet table of few bytes and endless rows."""
+    """Reject a Parquet table that packs too many rows into few bytes."""
     for path in sorted(folder.rglob("*.parquet")):
         try:
             with pq.ParquetFile(path) as file:
                 rows = file.metadata.num_rows
         except (pa.ArrowException, OSError):
-            continue  # what is wrong with it is for load_campaign to say
+            continue  # load_campaign reports what is wrong with it
         if rows > limits.rows:
             raise DataError(Problem(path.name, f"at most {limits.rows} rows", f"{rows}", "upload fewer runs"))

@@ -1,4 +1,4 @@
-"""Writing a whole campaign folder, and the form of its files."""
+"""Writing a whole campaign folder, and the text of its files."""
 
 import csv
 import io
@@ -25,16 +25,16 @@ _LINE = 100
 def write_campaign(campaign: Campaign, folder: Path) -> None:
     """Write a campaign as a folder that reads back to the same fingerprint.
 
-    Conditions are written in SI units with all their digits, each test as ``tests/<id>.csv``, the CAE runs as
-    ``cae_pulses.parquet``. Pulses that were filtered when they were read are written filtered; ``filtered_with`` in
-    ``campaign.toml`` says so, and nobody filters them again.
+    Conditions are written in SI units at full precision, each test as ``tests/<id>.csv``, the CAE runs as
+    ``cae_pulses.parquet``. Pulses that were filtered on reading are written filtered; ``filtered_with`` in
+    ``campaign.toml`` says so, and they are not filtered again.
 
     Raises
     ------
     DataError
-        If the folder holds anything already, or an id cannot name a file.
+        If the folder is not empty, or an id is not a valid file name.
     OSError
-        If it cannot be written; nothing is left behind.
+        If writing fails; nothing is left behind.
     """
     check_ids([*campaign.test_ids, *campaign.cae.ids], folder.name)
     with new_folder(folder) as home:
@@ -57,7 +57,7 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
 
 
 def table_row(header: Sequence[str], run_id: str, condition: Condition) -> list[object]:
-    """Cells of a condition in the columns of a table, empty where it knows nothing of a factor."""
+    """The cells of a condition in the columns of a table, empty for factors it does not have."""
     quantities = {
         "speed": (condition.speed_mps, SPEED),
         "front_weight": (condition.front_weight_kg, MASS),
@@ -72,20 +72,20 @@ def table_row(header: Sequence[str], run_id: str, condition: Condition) -> list[
 
 
 def csv_text(rows: Sequence[Sequence[object]]) -> str:
-    """Rows as CSV; every text between quotes, so that spaces at its ends stay."""
+    """Rows as CSV; every text is quoted, so that leading and trailing spaces survive."""
     stream = io.StringIO()
     csv.writer(stream, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC).writerows(rows)
     return stream.getvalue()
 
 
 def pulse_csv(pulse: Pulse) -> str:
-    """A pulse as CSV, with all its digits."""
+    """A pulse as CSV at full precision."""
     rows = zip(pulse.time_s.tolist(), pulse.accel_mps2.tolist(), strict=True)
     return "time_s,acceleration_mps2\n" + "".join(f"{t!r},{a!r}\n" for t, a in rows)
 
 
 def _write_runs(campaign: Campaign, path: Path) -> None:
-    """All CAE runs, some at a time, so that a library of any size needs little memory beside its own."""
+    """Write all CAE runs in batches, so that a library of any size needs little extra memory."""
     schema = pa.schema(
         [("id", pa.dictionary(pa.int32(), pa.string())), ("time_s", pa.float64()), ("acceleration_mps2", pa.float32())]
     )
@@ -100,14 +100,14 @@ def _write_runs(campaign: Campaign, path: Path) -> None:
 
 
 def check_ids(ids: Sequence[str], where: str) -> None:
-    """Raise a DataError if an id cannot name a file."""
+    """Raise a DataError if an id is not a valid file name."""
     problems = [Problem(where, *trouble, "id") for run_id in ids if (trouble := id_trouble(run_id)) is not None]
     if problems:
         raise DataError(problems[:20])
 
 
 def toml_text(value: str | float | Sequence[str]) -> str:
-    """A value as TOML: JSON's strings are TOML's, but for one character."""
+    """A value as TOML: JSON strings are valid TOML except for one character."""
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, int | float):

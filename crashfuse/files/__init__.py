@@ -1,1 +1,1 @@
-"""Files that are safe to trust: bounded reading of what strangers wrote, whole writing of our own."""
+"""File access: bounded reading of untrusted files, atomic writing of our own."""

@@ -1,8 +1,7 @@
-"""Zips from strangers: safe names, sizes counted while unpacking.
+"""Untrusted zip archives: safe names, sizes counted while unpacking.
 
-Nothing that an archive says of itself is believed: what it unpacks to is counted a chunk at a time, and every name is
-checked before the first byte is read. Names must hold on every platform, so that what is accepted here can be copied
-anywhere.
+The sizes that an archive declares are not trusted: unpacked bytes are counted chunk by chunk, and every name is checked
+before the first byte is read. Names must be valid on every platform, so that accepted files can be copied anywhere.
 """
 
 import io
@@ -19,31 +18,31 @@ from typing import IO
 from crashfuse.errors import DataError, Problem, printable
 
 _CHUNK = 1 << 20
-_HARMLESS = 1 << 20  # bytes: what any archive may unpack to, whatever its ratio
-_MOST_PROBLEMS = 20  # listed; the rest is counted
-_LONGEST_NAME, _LONGEST_PATH = 200, 1000  # bytes in UTF-8; file systems end at 255 a name
+_HARMLESS = 1 << 20  # bytes that any archive may unpack to, whatever its ratio
+_MOST_PROBLEMS = 20  # listed; the rest are counted
+_LONGEST_NAME, _LONGEST_PATH = 200, 1000  # bytes in UTF-8; file systems allow 255 per name
 _DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}
 _DEVICES |= {f"{port}{number}" for port in ("COM", "LPT") for number in "0123456789¹²³"}
-_SYSTEM_FILES = {"thumbs.db", "desktop.ini", "__macosx"}  # and whatever begins with a dot
-_ENCRYPTED = 0x1 | 0x40 | 0x2000  # bits of an entry's flags: classic, strong, directory too
-_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # the others may ask for any amount of memory
+_SYSTEM_FILES = {"thumbs.db", "desktop.ini", "__macosx"}  # and any name that starts with a dot
+_ENCRYPTED = 0x1 | 0x40 | 0x2000  # flag bits of an entry: classic, strong, directory too
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # other methods may demand any amount of memory
 _BROKEN = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError, OverflowError, OSError)
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How much an upload may hold, as unpacked.
+    """Limits on the unpacked content of an upload.
 
     Parameters
     ----------
     total_bytes, member_bytes : int
-        All files together (2 GiB: 100,000 CAE runs as Parquet), and one of them (1 GiB).
+        All files together (2 GiB: 100,000 CAE runs as Parquet), and any one of them (1 GiB).
     members : int
-        Entries of an archive, or files (20,000: a library of 10,000 runs with one file each, twice).
+        Archive entries or files (20,000: twice a library of 10,000 runs with one file each).
     ratio : float
-        Bytes unpacked for each byte of the archive (100: tables of numbers reach 5 to 20, a bomb 1000 and more).
+        Unpacked bytes per byte of the archive (100: tables of numbers reach 5 to 20, a zip bomb 1000 and more).
     rows : int
-        Rows of a Parquet table, whose size tells nothing of them (200 million: 100,000 runs of 2000 samples).
+        Rows of a Parquet table, which its file size does not bound (200 million: 100,000 runs of 2000 samples).
     """
 
     total_bytes: int = 2 << 30
@@ -57,7 +56,7 @@ DEFAULT_LIMITS = Limits()
 
 
 class Budget:
-    """What may still be unpacked from one upload of ``packed`` bytes."""
+    """Remaining allowance for unpacking one upload of ``packed`` bytes."""
 
     def __init__(self, limits: Limits, packed: int) -> None:
         self.limits = limits
@@ -80,14 +79,14 @@ class Budget:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """One file of an upload: its path there, how messages call it, and how to open it."""
+    """One file of an upload: its path there, its name in messages, and how to open it."""
 
     path: PurePosixPath
     where: str
     opened: Callable[[], IO[bytes]]
 
     def chunks(self, budget: Budget) -> Iterator[bytes]:
-        """Yield its content, unpacked, in pieces of at most 1 MiB; raise a DataError if it is damaged or too large."""
+        """Yield the unpacked content in chunks of at most 1 MiB; raise a DataError if it is damaged or too large."""
         size = 0
         try:
             with self.opened() as stream:
@@ -99,11 +98,11 @@ class Member:
             raise _damaged(self.where, error) from error
 
     def content(self, budget: Budget) -> bytes:
-        """All that it holds; errors as of :meth:`chunks`."""
+        """The whole unpacked content; raises as :meth:`chunks` does."""
         return b"".join(self.chunks(budget))
 
     def write_to(self, path: Path, budget: Budget) -> None:
-        """Unpack it to a path that nothing is at yet."""
+        """Unpack it to a path that does not exist yet."""
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as stream:
             for chunk in self.chunks(budget):
@@ -111,20 +110,20 @@ class Member:
 
 
 def in_memory(name: str, content: bytes) -> Member:
-    """An uploaded file."""
+    """An uploaded file as a member."""
     return Member(PurePosixPath(name), name, partial(io.BytesIO, content))
 
 
 def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -> list[Member]:
-    """List the files of a zip, without folders and what systems leave behind (``__MACOSX``, ``.DS_Store``).
+    """List the files of a zip, without folders and system files (``__MACOSX``, ``.DS_Store``).
 
-    The stream stays in use by the members.
+    The members read from the stream, so it must stay open.
 
     Raises
     ------
     DataError
-        If it is no sound zip, has too many entries, or one that is encrypted, a link, packed in a rare way, or whose
-        name is a trick.
+        If it is not a valid zip, has too many entries, or has one that is encrypted, a link, compressed by an
+        unsupported method, or unsafely named.
     """
     try:
         archive = zipfile.ZipFile(stream)
@@ -146,7 +145,7 @@ def zip_members(stream: IO[bytes], name: str, limits: Limits = DEFAULT_LIMITS) -
 
 
 def name_trouble(name: str) -> tuple[str, str, str] | None:
-    """What is expected, found and advised where a relative path would not be safe on every platform."""
+    """Expected, found and advice for a relative path that is not safe on every platform."""
     parts = name.split("/")
     found = None
     if not name.isprintable():
@@ -169,12 +168,12 @@ def name_trouble(name: str) -> tuple[str, str, str] | None:
 
 
 def left_by_the_system(name: str) -> bool:
-    """Tell whether a path is of the kind that file managers leave behind."""
+    """Whether a path is one of the files that file managers leave behind."""
     return any(part.startswith(".") or part.lower() in _SYSTEM_FILES for part in name.split("/"))
 
 
 def refuse(problems: list[Problem], name: str) -> None:
-    """Raise a DataError with the first of the problems and the count of the rest, if there are any."""
+    """Raise a DataError with the first problems and the count of the rest, if there are any."""
     if len(problems) > _MOST_PROBLEMS:
         rest = f"{len(problems) - _MOST_PROBLEMS} more like these"
         problems = [*problems[:_MOST_PROBLEMS], Problem(name, "none", rest, "correct them too")]
@@ -183,19 +182,19 @@ def refuse(problems: list[Problem], name: str) -> None:
 
 
 def too_many(where: str, found: int, limits: Limits) -> DataError:
-    """More files than allowed."""
+    """The error for more files than allowed."""
     advice = "leave out what is not needed, or put all pulses of a source into one table"
     return DataError(Problem(where, f"at most {limits.members} files", f"{found}", advice))
 
 
 def too_much(where: str, limits: Limits) -> DataError:
-    """More bytes than allowed."""
+    """The error for more bytes than allowed."""
     advice = "leave out what is not needed, or save the pulses as Parquet"
     return DataError(Problem(where, f"at most {_size(limits.total_bytes)} in all", "more", advice))
 
 
 def _entry_trouble(entry: zipfile.ZipInfo) -> tuple[str, str, str] | None:
-    """What is expected, found and advised where an entry of a zip is unfit."""
+    """Expected, found and advice for an entry of a zip that is not acceptable."""
     kind = stat.S_IFMT(entry.external_attr >> 16)
     if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
         return "files", "a link or a device", "zip the files themselves"

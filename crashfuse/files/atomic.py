@@ -1,4 +1,4 @@
-"""Writing files so that nobody ever sees half of one, or some of a set."""
+"""Atomic writing: no reader ever sees part of a file, or part of a set of files."""
 
 import os
 import platform
@@ -16,7 +16,7 @@ from crashfuse.errors import DataError, Problem
 
 _UNFINISHED = re.compile(r"\.unfinished-(?P<host>.+)-(?P<process>\d+)-[0-9a-f]{32}")
 _HOST = re.sub(r"[^\w.-]", "_", platform.node()) or "here"
-_LONG_S = 3600.0  # no write takes that
+_LONG_S = 3600.0  # no write takes that long
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -28,7 +28,7 @@ def write_atomically(path: Path, content: bytes) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A name in the same folder to write a file to, which takes its place once all of it is on the disk."""
+    """A temporary path in the same folder to write to; it replaces the file once it is completely on the disk."""
     temporary = _unfinished(path.parent)
     try:
         yield temporary
@@ -42,10 +42,10 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def written_together(folder: Path, last: str) -> Iterator[Path]:
-    """A folder to write a set of files into: all of them move to ``folder`` once each is whole, or none does.
+    """A folder to write a set of files into: all of them move to ``folder`` once each is complete, or none does.
 
-    The file named ``last`` moves last. As long as it does not tell of the others, they are not all there: should the
-    machine stop between two moves, that shows.
+    The file named ``last`` moves last. Until it lists the others, the set is incomplete, so a crash between two moves
+    can be detected.
     """
     folder.mkdir(parents=True, exist_ok=True)
     staging = _unfinished(folder)
@@ -62,7 +62,7 @@ def written_together(folder: Path, last: str) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """A folder to write into, which takes its place and name once all of it is there; an empty one may be."""
+    """A temporary folder to write into, renamed to ``folder`` once complete; an empty folder may already be there."""
     folder = folder.resolve()
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise DataError(Problem(str(folder), "a folder that holds nothing yet", "one that does", "choose another"))
@@ -80,14 +80,14 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 
 def _unfinished(folder: Path) -> Path:
-    """Name for what this process is about to write there."""
+    """A temporary name for what this process is about to write there."""
     _sweep(folder)
     return folder / f".unfinished-{_HOST}-{os.getpid()}-{uuid.uuid4().hex}"
 
 
-@cache  # looking once is enough
+@cache  # once per process is enough
 def _sweep(folder: Path) -> None:
-    """Remove what processes that were killed have left."""
+    """Remove temporary files left by killed processes."""
     for path in folder.glob(".unfinished-*"):
         name = _UNFINISHED.fullmatch(path.name)
         with suppress(OSError):
@@ -99,8 +99,8 @@ def _sweep(folder: Path) -> None:
 
 
 def _is_alive(process: int) -> bool:
-    """Whether there is a process of this number; where that cannot be asked, there is."""
-    if sys.platform != "win32":  # there the question would end it
+    """Whether a process with this id exists; True where that cannot be checked."""
+    if sys.platform != "win32":  # on Windows os.kill would end it
         with suppress(PermissionError):
             try:
                 os.kill(process, 0)

@@ -1,4 +1,4 @@
-"""Comma-separated text from strangers: UTF-8, as wide as its header, and never more in memory than a block of it."""
+"""Untrusted comma-separated text: UTF-8, no wider than its header, never more than one block of it in memory."""
 
 import csv
 import io
@@ -17,12 +17,12 @@ from crashfuse.errors import DataError, Problem, printable
 _BLOCK = 4 << 20  # characters
 _LONGEST_LINE = 100_000
 _MOST_COLUMNS = 500
-_LARGEST_TABLE, _MOST_LINES, _MOST_CELLS = 32 << 20, 500_000, 5_000_000  # a condition table; the first: characters
+_LARGEST_TABLE, _MOST_LINES, _MOST_CELLS = 32 << 20, 500_000, 5_000_000  # of a condition table; the first in characters
 _AGAIN = "export it again as comma-separated text in UTF-8"
 
 
 class CsvTable:
-    """A CSV file as tables of whole lines; ``names`` is its header, stripped of spaces."""
+    """A CSV file read in blocks of whole lines; ``names`` is its header, stripped of spaces."""
 
     def __init__(self, stream: TextIO, where: str) -> None:
         self._stream, self._where = stream, where
@@ -31,9 +31,9 @@ class CsvTable:
     @classmethod
     @contextmanager
     def opened(cls, path: Path, where: str) -> Iterator[Self]:
-        """Open a file; a DataError if it is empty, no text in UTF-8, not comma-separated, or cannot be read.
+        """Open a file; a DataError if it is empty, not UTF-8 text, not comma-separated, or cannot be read.
 
-        Blocks may raise it too.
+        :meth:`blocks` may raise it too.
         """
         with text_from(path, where) as stream:
             yield cls(stream, where)
@@ -41,7 +41,7 @@ class CsvTable:
     def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
         """Yield these columns and the row number of each line, the header being row 1.
 
-        A column is numeric where all its cells in the block are, ids are always text; empty cells are empty texts. A
+        A column is numeric if all its cells in the block are; ids are always text; empty cells are empty strings. A
         line with more cells than the header raises a DataError.
         """
         at = [self.names.index(name) for name in columns]
@@ -93,7 +93,7 @@ class CsvTable:
         return frame
 
     def _ragged(self, text: str, row: int) -> Problem:
-        """Name the line that has more cells than the header, or a cell that does not end in it."""
+        """The problem of the line that has more cells than the header, or a quoted cell not closed on its line."""
         for number, line in enumerate(text.split("\n"), start=row):
             if line.count('"') % 2:
                 found = f"one alone in {printable(line, 60)!r}"
@@ -104,10 +104,10 @@ class CsvTable:
 
 
 def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[int]]:
-    """Read a small table whole: its header, its rows filled up to the header's width, and the number of each row.
+    """Read a small table at once: its header, its rows padded to the header's width, and the number of each row.
 
-    Rows without anything in them are passed over. A table that cannot be read, is larger than any library needs, or has
-    a row with more cells than the header, raises a DataError.
+    Empty rows are skipped. A table that cannot be read, is larger than any library needs, or has a row with more cells
+    than the header raises a DataError.
     """
     with text_from(path, where) as stream:
         text = stream.read(_LARGEST_TABLE + 1)
@@ -143,7 +143,7 @@ def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[
 
 
 def header_names(cells: Sequence[str], where: str) -> list[str]:
-    """Names of the columns; a DataError if there are none, too many, or something else than commas between them."""
+    """The column names; a DataError if there are none or too many, or if they are not separated by commas."""
     names = [cell.strip() for cell in cells]
     while names and not names[-1]:
         names.pop()  # a comma at the end of each line
@@ -160,7 +160,7 @@ def header_names(cells: Sequence[str], where: str) -> list[str]:
 
 @contextmanager
 def text_from(path: Path, where: str) -> Iterator[TextIO]:
-    """Open a file as text in UTF-8; what the system or the encoding says against it becomes a DataError."""
+    """Open a file as UTF-8 text; system and decoding errors become a DataError."""
     require_file(path, where)
     try:
         with path.open(encoding="utf-8-sig") as stream:
@@ -173,20 +173,20 @@ def text_from(path: Path, where: str) -> Iterator[TextIO]:
 
 
 def require_file(path: Path, where: str) -> None:
-    """Raise a DataError if there is something else than a file, such as a folder, or a pipe that never ends."""
+    """Raise a DataError if the path is not a regular file but, say, a folder or a pipe that never ends."""
     if not path.is_file():
         found = "a folder" if path.is_dir() else "a link to nothing, a pipe or a device"
         raise DataError(Problem(where, "a file", found, "put the file itself there"))
 
 
 def unreadable(where: str, error: OSError) -> Problem:
-    """What the system says against a file."""
+    """The problem of a file that the system cannot read."""
     found = (error.strerror or type(error).__name__).lower()
     return Problem(where, "a file that can be read", found, "check what it is and who may read it")
 
 
 def too_wide(where: str, width: int, cells: Sequence[str], row: int) -> Problem:
-    """A line with more cells than the header has."""
+    """The problem of a line with more cells than the header."""
     found = f"{len(cells)} in the line {printable(','.join(cells), 60)!r}"
     advice = "write decimal points, not commas, and put text with commas between quotes"
     return Problem(where, f"{width} cells as in the header", found, advice, row=row)

@@ -1,4 +1,4 @@
-"""Parquet tables from strangers: the columns that are wanted, a batch at a time, whatever types they have."""
+"""Untrusted Parquet tables: the requested columns, batch by batch, whatever their types."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ _BATCH_ROWS = 1_000_000
 
 
 class ParquetTable:
-    """A Parquet file as batches of the columns ``names``."""
+    """A Parquet file read in batches; ``names`` are its columns."""
 
     def __init__(self, path: Path, where: str) -> None:
         self._path, self._where = path, where
@@ -29,7 +29,7 @@ class ParquetTable:
     @classmethod
     @contextmanager
     def opened(cls, path: Path, where: str) -> Iterator[Self]:
-        """Open a file; a DataError if it is no sound Parquet file, which reading its blocks may raise too."""
+        """Open a file; a DataError if it is not a valid Parquet file (:meth:`blocks` may raise it too)."""
         require_file(path, where)
         try:
             yield cls(path, where)
@@ -38,10 +38,10 @@ class ParquetTable:
             raise DataError(Problem(where, "a sound Parquet file", found, "export it again")) from None
 
     def blocks(self, columns: Sequence[str]) -> Iterator[tuple[pd.DataFrame, npt.NDArray[np.int64]]]:
-        """Yield these columns and the row number of each line, a header counting as row 1.
+        """Yield these columns and the row number of each line, counted as if a header were row 1.
 
-        Numbers become float64, text categories; so a long text that is repeated is in memory once. A column that is
-        neither, or is there twice, raises a DataError.
+        Numbers become float64, text becomes categories, so that a long repeated text is in memory only once. A column
+        that is neither, or occurs twice, raises a DataError.
         """
         texts = [name for name in columns if self._is_text(name)]
         row = 2

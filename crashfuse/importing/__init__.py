@@ -1,4 +1,4 @@
-"""Foreign files into a campaign: read, settle, add.
+"""Import of foreign files into a campaign: read, settle, add.
 
 >>> from crashfuse.importing import Choices, import_source
 >>> import_source(Path("v10146"), Path("camry"))                                  # doctest: +SKIP

@@ -1,4 +1,4 @@
-"""Foreign files into a campaign: read, settle, add."""
+"""Import of foreign files into a campaign: read, settle, add."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -30,19 +30,19 @@ def import_source(
     columns: Sequence[ColumnChoice] = (),
     conditions: Path | None = None,
 ) -> tuple[Settled, ...]:
-    """Add everything in a source to a campaign, or begin one with it: all of it or, if anything is wrong, nothing.
+    """Add everything in a source to a campaign, or start a new one with it: all of it or, on any problem, nothing.
 
     Parameters
     ----------
     source : Path
         A file, a folder of one test or of several, or a zip.
     out : Path
-        The campaign folder. If its ``campaign.toml`` sets ``channel_filter_class``, records go in raw and whole, to be
-        filtered with the others when the campaign is read; else they are filtered here.
+        The campaign folder. If its ``campaign.toml`` sets ``channel_filter_class``, records are added raw and uncut, to
+        be filtered with the others when the campaign is read; otherwise they are filtered here.
     choices : Choices
-        What is not to be left to be detected; it holds for every record of the source.
+        Settings that replace detection; they apply to every record of the source.
     fmt : str, optional
-        A key of :data:`crashfuse.readers.formats.FORMATS`; by default what the names in the source say.
+        A key of :data:`crashfuse.readers.formats.FORMATS`; by default detected from the file names in the source.
     record_id : str, optional
         Id for the one record in the source; columns of a table are then channels of one record.
     columns, conditions
@@ -51,12 +51,12 @@ def import_source(
     Returns
     -------
     tuple of Settled
-        What was added, each with the steps that led to it; ``campaign.toml`` tells them, too.
+        The records added, each with the steps that led to it, which ``campaign.toml`` also records.
 
     Raises
     ------
     DataError
-        With every problem of every record; the campaign is as it was.
+        With every problem of every record; the campaign is unchanged.
     UsageError
         If a choice does not exist.
     """
@@ -81,10 +81,10 @@ def settle_each(
     raw: bool = False,
     tolerant: bool = False,
 ) -> tuple[Settled, ...]:
-    """Settle every record that can be settled; what is wrong with the others is appended to ``problems``.
+    """Settle every record that can be settled; append the problems of the others to ``problems``.
 
-    Choices, role and raw are those of :func:`settle`. Tolerant takes a choice that does not exist for a problem of the
-    record instead of raising it, as choices that fit one may not fit another.
+    ``choices``, ``role`` and ``raw`` are as in :func:`settle`. ``tolerant`` turns an invalid choice into a problem of
+    the record instead of raising, because choices that fit one record may not fit another.
     """
     settled: list[Settled] = []
     for record in records:
@@ -100,33 +100,33 @@ def settle_each(
 
 
 def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") -> None:
-    """Add settled records to a campaign, or begin one with them: all of them or, if anything is wrong, none.
+    """Add settled records to a campaign, or start a new one with them: all of them or, on any problem, none.
 
     Parameters
     ----------
     out : Path
-        The campaign folder; for one that filters its records itself (:func:`own_filter_class`) they are settled raw.
+        The campaign folder; if it filters its own records (:func:`own_filter_class`), they must be settled raw.
 
     Raises
     ------
     DataError
-        If an id is there already or cannot name a file; the campaign is as it was.
+        If an id is already there or is not a valid file name; the campaign is unchanged.
     OSError
-        If it cannot be written.
+        If writing fails.
     """
     additions = [Addition(one.id, one.condition, one.pulse, _told(one)) for one in settled]
-    with Cache().alone("campaign", {"folder": str(out.resolve())}):  # of two that add to its table, one comes second
+    with Cache().alone("campaign", {"folder": str(out.resolve())}):  # concurrent additions take turns
         add_to_campaign(out, role, additions)
 
 
 def _named(record: Record, problem: Problem) -> Problem:
-    """The problem with its record named: many records may have one source."""
+    """The problem with its record named, because many records may share one source."""
     told = re.search(rf"(?<!\w){re.escape(record.id)}(?!\w)", f"{problem.where} {problem.expected}")
     return problem if told else replace(problem, where=f"{problem.where}, {record.id}")
 
 
 def _told(settled: Settled) -> dict[str, str | float | Sequence[str]]:
-    """What campaign.toml says of a record."""
+    """The entry for a record in campaign.toml."""
     cfc = settled.channel_filter_class
     return {
         "source": settled.source,

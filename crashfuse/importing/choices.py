@@ -1,4 +1,4 @@
-"""What a user decides about an import."""
+"""User choices for an import."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -8,20 +8,20 @@ from crashfuse.readers.record import PartialCondition
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """What a user decides instead of leaving it to be detected; None and empty leave it.
+    """User settings that replace detection; None or empty means detect.
 
     Parameters
     ----------
     channels : tuple of str
         Names of the channels to average.
     unit : str, optional
-        Of the acceleration, a key of :data:`crashfuse.readers.record.ACCELERATION_UNITS`.
+        Unit of the acceleration, a key of :data:`crashfuse.readers.record.ACCELERATION_UNITS`.
     deceleration_sign : {"negative", "positive"}, optional
         Whether the file writes deceleration as negative or as positive numbers.
     time_zero_s : float, optional
         Time of first contact in the file's own time.
     front_share : float, optional
-        Share of the mass on the front axle, for files that know only the whole.
+        Share of the mass on the front axle, for files that state only the total mass.
     """
 
     channels: tuple[str, ...] = ()

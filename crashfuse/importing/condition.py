@@ -1,4 +1,4 @@
-"""The condition of a record, completed by what the user knows."""
+"""The condition of a record, completed with values from the user."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,19 +26,19 @@ def complete_condition(
     standstill: bool,
     also_missing: Sequence[Problem] = (),
 ) -> Condition:
-    """Complete what a record says of its condition by what the user gives, which overrules it.
+    """Complete the condition of a record with the user's values, which take precedence.
 
-    A mass without axle weights keeps the record's share of the front axle, unless one is given. What is missing, makes
-    no sense or does not add up raises a DataError; a share or weights by the user that cannot be, a UsageError.
+    A mass without axle weights keeps the record's front-axle share, unless one is given. Missing, implausible or
+    contradictory values raise a DataError; an impossible share or weights from the user raise a UsageError.
 
     Parameters
     ----------
     steps : list of str
-        What was done is appended.
+        A sentence is appended for each thing done.
     standstill : bool
-        Whether a speed of 0 is a condition (a CAE run may start there, a test may not).
+        Whether a speed of 0 is allowed (a CAE run may start at rest, a test may not).
     also_missing : sequence of Problem
-        What else is missing of the record, to be asked for together with what is missing here.
+        Other values missing from the record, reported together with those missing here.
     """
     if front_share is not None and not 0 < front_share < 1:
         raise UsageError(f"The front axle carries a share between 0 and 1 of the mass, not {front_share:g}.")
@@ -78,7 +78,7 @@ def _sound(record: Record, known: PartialCondition, standstill: bool, also_missi
 
 
 def _weights_trouble(record: Record, front: float, rear: float) -> Problem | None:
-    """Say what no vehicle weighs."""
+    """The problem of weights that no vehicle has, if any."""
     mass, share = front + rear, front / (front + rear)
     if not _LIGHTEST_KG <= mass <= _HEAVIEST_KG:
         expected = f"a mass of {record.id} between {_LIGHTEST_KG:g} and {_HEAVIEST_KG:,.0f} kg"

@@ -1,4 +1,4 @@
-"""What can be told from a record itself: unit and sign from the impact speed, time zero, whether it was filtered."""
+"""Detection from a record itself: unit and sign (from the impact speed), time zero, earlier filtering."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from crashfuse.units import KPH, MPH, MS, G
 
 _NO_SIGN = "let the record tell its sign (remove --deceleration-sign)"
 _DEFAULT_CFC = 60.0
-_CFC60_HZ = 110.0  # a low pass at or below it leaves nothing for CFC 60 (100 Hz) to take
+_CFC60_HZ = 110.0  # a low pass at or below this leaves nothing for CFC 60 (100 Hz) to remove
 _BAND_HZ, _HIGH_SHARE = 250.0, 1e-3  # measured: CFC 60 2e-5…6e-5, CFC 180 2e-2
 _AROUND_PEAK_S = 0.15
 _ONSET_MPS2, _CALM_MPS2, _ONSET_S = 0.5 * G, 0.05 * G, 1e-3
@@ -31,7 +31,7 @@ def unit_and_sign(
     role: Role,
     steps: list[str],
 ) -> tuple[str, str]:
-    """Decide what the numbers are in and which sign deceleration has, both held against the impact speed."""
+    """The unit of the numbers and the sign of deceleration, both checked against the impact speed."""
     gain = delta_v(time_s, values)
     low, high = STOPS[role]
     moving = speed_mps > CREEP_MPS
@@ -69,7 +69,7 @@ def unit_and_sign(
 def time_zero(
     record: Record, time_s: FloatArray, accel: FloatArray, choices: Choices, role: Role, steps: list[str]
 ) -> float:
-    """First contact in the file's own time."""
+    """The time of first contact in the file's own time."""
     start, end = float(time_s[0]), float(time_s[-1])
     onset = _onset(time_s, accel)
     began = "never passes 0.5 g" if onset is None else f"begins at {onset / MS:.4g} ms"
@@ -94,9 +94,9 @@ def time_zero(
 
 
 def _onset(time_s: FloatArray, accel: FloatArray) -> float | None:
-    """When the deceleration begins that passes 0.5 g and stays above it for 1 ms, at CFC 60.
+    """The time when deceleration at CFC 60 first exceeds 0.5 g and stays above it for 1 ms.
 
-    A bumper is soft: on a barrier test at 57 km/h this comes 2 ms after the switch on the bumper has closed.
+    A bumper is soft: in a barrier test at 57 km/h this is 2 ms after the bumper contact switch closes.
     """
     step = step_of(time_s)
     smooth = cfc_filter(accel, cfc=60, dt_s=step) if step <= 1 / 600 and time_s[-1] - time_s[0] > 0.02 else accel
@@ -113,7 +113,7 @@ def _onset(time_s: FloatArray, accel: FloatArray) -> float | None:
 def filter_class(
     channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray, choices: Choices, steps: list[str]
 ) -> float | None:
-    """Choose the class to filter with; None for no filter."""
+    """The channel filter class to apply; None for no filter."""
     chosen = choices.channel_filter_class
     if chosen == "none":
         steps.append("Not filtered, as chosen by the user.")
@@ -127,11 +127,11 @@ def filter_class(
 
 
 def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, accel: FloatArray) -> str:
-    """Say by what a record shows that it has been filtered to CFC 60 or below; empty if it has not."""
+    """The evidence that a record has already been filtered to CFC 60 or below; empty if there is none."""
     cutoffs = [channel.cutoff_hz for channel in channels]
     if all(cutoff is not None and cutoff <= _CFC60_HZ for cutoff in cutoffs):
         return f"the file says that it has gone through {cutoffs[0]:g} Hz already"
-    level = np.linspace(accel[0], accel[-1], accel.size)  # ends that differ, as where a pulse was cut, are no noise
+    level = np.linspace(accel[0], accel[-1], accel.size)  # unequal ends, as of a cut pulse, are not noise
     power = np.abs(np.fft.rfft(accel - level - (accel - level).mean())) ** 2
     share = power[np.fft.rfftfreq(accel.size, step_of(time_s)) > _BAND_HZ].sum() / max(power.sum(), 1e-300)
     if share < _HIGH_SHARE:
@@ -140,7 +140,7 @@ def filtered_before(channels: tuple[RecordedChannel, ...], time_s: FloatArray, a
 
 
 def offset_before(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: list[str]) -> None:
-    """Tell what a record reads before contact, where it has enough of that: nothing, if its zero is right."""
+    """Report the mean reading before contact, if the record starts early enough; it should be 0."""
     before = time_s < zero_s - _SOFT_CONTACT_S
     if zero_s - time_s[0] < _QUIET_S - step_of(time_s) or not before.any():
         return
@@ -153,14 +153,14 @@ def offset_before(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: l
 
 
 def delta_v(time_s: FloatArray, values: FloatArray) -> float:
-    """The biggest change of velocity around the peak, in the values' own unit times seconds; signed."""
+    """The largest change of velocity around the peak, signed, in the unit of the values times seconds."""
     near = np.abs(time_s - time_s[np.abs(values).argmax()]) <= _AROUND_PEAK_S
     velocity = kinematics(values[near], 0.0, step_of(time_s)).velocity_mps
     return float(velocity[np.abs(velocity).argmax()])
 
 
 def step_of(time_s: FloatArray) -> float:
-    """Step of an even clock."""
+    """The time step of even sampling."""
     return float((time_s[-1] - time_s[0]) / (time_s.size - 1))
 
 

@@ -1,4 +1,4 @@
-"""Tables of a source together: pulses in some, conditions in others, joined by id."""
+"""The tables of a source, some with pulses and some with conditions, joined by id."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,7 +16,7 @@ from crashfuse.readers.tables.table_reader import apply_conditions, apply_mappin
 
 @dataclass(frozen=True, slots=True)
 class ColumnChoice:
-    """What a user says of one column of a foreign table."""
+    """A user's assignment of one column of a foreign table."""
 
     column: str
     role: ColumnRole
@@ -35,25 +35,25 @@ class ColumnChoice:
 
 
 class OneCrashOrSeveral(DataError):
-    """Several accelerations in one table, and nothing says whether they are sensors of one crash or crashes."""
+    """Several accelerations in one table that may be sensors of one crash or separate crashes."""
 
 
 @dataclass
 class TableSet:
-    """What several tables hold.
+    """The content of several tables.
 
     Parameters
     ----------
     of_table : dict of (Path, str) to list of Record
-        The records of each table, also of one that was parted, by its file and its name.
+        The records of each table (split tables included), by its file and name.
     with_ids, parted : set of (Path, str)
-        Tables that say themselves which records these are, and those that were side by side.
+        Tables that identify their own records, and those that stood side by side and were split.
     conditions : dict of str to (str, PartialCondition, tuple of str)
-        The id as it is written, the condition and how it was read, by the id in small letters.
+        The id as written, the condition and how it was read, by the id in lower case.
     neither : list of str
-        A sentence for each table that holds neither.
+        A sentence for each table with neither pulses nor conditions.
     unread : list of Problem
-        What is wrong with tables of conditions.
+        Problems of tables of conditions.
     """
 
     of_table: dict[tuple[Path, str], list[Record]] = field(default_factory=dict)
@@ -65,11 +65,11 @@ class TableSet:
 
     @property
     def records(self) -> list[Record]:
-        """All of them, in the order of the tables."""
+        """All records, in the order of the tables."""
         return [record for records in self.of_table.values() for record in records]
 
     def add(self, sheet: Sheet, path: Path, columns: Sequence[ColumnChoice], *, together: bool) -> None:
-        """Take in one more table."""
+        """Add one more table."""
         mapping = propose(sheet)
         for choice in columns:
             if choice.column in sheet.columns:
@@ -92,7 +92,7 @@ class TableSet:
             self.neither.append(f"{sheet.name} with the columns {listed(sheet.columns)}")
 
     def given_to(self, record: Record) -> Record:
-        """Give a record the condition of its id, whatever the capitals; one without stays as it is."""
+        """The record with the condition of its id (case ignored); unchanged if there is none."""
         if record.id.casefold() not in self.conditions:
             return record
         _, condition, told = self.conditions[record.id.casefold()]
@@ -100,9 +100,9 @@ class TableSet:
         return replace(record, condition=record.condition.overruled(condition), steps=steps)
 
     def check_ids(self, ids: Sequence[str]) -> None:
-        """Raise a DataError if there are conditions, but for none of the records.
+        """Raise a DataError if there are conditions but none matches a record.
 
-        Raise OneCrashOrSeveral if a table has several accelerations, and neither ids nor conditions for each.
+        Raise OneCrashOrSeveral if a table has several accelerations and neither ids nor conditions for each.
         """
         if self.conditions and not self.conditions.keys() & set(map(str.casefold, ids)):
             found = f"those of {listed([run_id for run_id, *_ in self.conditions.values()])}"
@@ -125,21 +125,21 @@ class TableSet:
 def read_tables(
     paths: Sequence[Path], columns: Sequence[ColumnChoice], problems: list[Problem], *, together: bool
 ) -> TableSet:
-    """Read tables, each taken for what its columns say; what is wrong with one is appended.
+    """Read tables, each according to its columns; append the problems of each to ``problems``.
 
     Parameters
     ----------
     columns : sequence of ColumnChoice
-        Overrule the proposal in every table that has such a column.
+        Override the proposal in every table that has such a column.
     together : bool
-        Columns of one table are channels of one record.
+        Treat the columns of one table as channels of one record.
 
     Raises
     ------
     DataError
-        If a table of conditions cannot be read: no record could be judged without it.
+        If a table of conditions cannot be read: no record can be judged without it.
     UsageError
-        If no table has a column that is mapped.
+        If a mapped column is in none of the tables.
     """
     tables = TableSet()
     there: set[str] = set()

@@ -1,4 +1,4 @@
-"""One even clock for the channels of a record."""
+"""Even, common sampling for the channels of a record."""
 
 from collections.abc import Sequence
 
@@ -15,9 +15,9 @@ _FEWEST = 20
 
 
 def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, str]:
-    """Return time and values of a channel on an even clock, and a sentence where that took more than rounding.
+    """Return time and values of a channel at even sampling, and a sentence if that took more than rounding.
 
-    Samples without a value at either end are cut; amid the record they are refused, as are gaps in time.
+    Samples without a value are cut at either end; within the record they are rejected, as are gaps in time.
     """
     place = f"{where}, {channel.name}"
     time, values = np.asarray(channel.time_s, dtype=np.float64), np.asarray(channel.values, dtype=np.float64)
@@ -45,9 +45,9 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
 
 
 def on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:
-    """Return the time that channels share, as long as the shortest, and their values of shape (n_channels, n).
+    """Return the common time of the channels, as long as the shortest, and their values, shape (n_channels, n).
 
-    A DataError names one that is unfit, or not sampled as the others are.
+    A DataError names a channel that is unusable or not sampled like the others.
     """
     evens = [even(channel, where) for channel in channels]
     steps.extend(told for *_, told in evens if told)

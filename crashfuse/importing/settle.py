@@ -1,7 +1,7 @@
-"""From a record to a pulse of the campaign: channels, unit, sign, time zero, filter; each step told, each overruled.
+"""Turning a record into a campaign pulse: channels, unit, sign, time zero, filter; every step reported and overridable.
 
-The order matters: what is found of unit and sign needs the impact speed, the filter needs the whole record with what
-was recorded before contact, and only then is the record cut to the crash.
+The order matters: detecting unit and sign needs the impact speed, the filter needs the whole record including the part
+before contact, and only then is the record cut to the crash.
 """
 
 from dataclasses import dataclass, replace
@@ -37,23 +37,23 @@ _DISSENT = 0.2  # of the larger ΔV of two
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Settled:
-    """A record as it goes into a campaign.
+    """A record ready to be added to a campaign.
 
     Parameters
     ----------
     pulse : Pulse
-        Braking negative, m/s², 0 at first contact; filtered and cut, or whole and raw if the campaign's own
+        Deceleration negative, m/s², time 0 at first contact; filtered and cut, or whole and raw if the campaign's own
         ``channel_filter_class`` is to filter it.
     unit : str
-        That the file's numbers are in.
+        Unit of the numbers in the file.
     deceleration_sign : str
-        Whether the file has it as negative or as positive numbers.
+        Whether the file writes deceleration as negative or as positive numbers.
     time_zero_s : float
-        First contact in the file's own time.
+        Time of first contact in the file's own time.
     channel_filter_class : float or None
-        What the record was filtered with here; None if it was not.
+        Class the record was filtered with here; None if it was not.
     steps : tuple of str
-        Everything that was found and done, in its order.
+        Everything that was found and done, in order.
     """
 
     id: str
@@ -74,9 +74,9 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
     Parameters
     ----------
     role : {"tests", "cae"}
-        A CAE run begins at contact unless its time says otherwise, and may stop early or late.
+        A CAE run starts at contact unless its time says otherwise, and may stop early or late.
     raw : bool
-        Leave filter and cut to the campaign's own ``channel_filter_class``.
+        Leave filtering and cutting to the campaign's own ``channel_filter_class``.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
 
 
 def _missing(record: Record, choices: Choices) -> list[Problem]:
-    """What is asked for of the channels: which of them, and what they are in if there is no speed to tell it."""
+    """Missing choices about the channels: which ones, and their unit if there is no speed to infer it from."""
     chosen = record.chosen(choices.channels)
     missing = []
     if not chosen:
@@ -129,7 +129,7 @@ def _missing(record: Record, choices: Choices) -> list[Problem]:
 
 
 def _channels(record: Record, choices: Choices, speed_mps: float, steps: list[str]) -> tuple[RecordedChannel, ...]:
-    """The channels to average: as chosen, else those proposed that most agree with."""
+    """The channels to average: those chosen, else the largest group of proposed channels whose ΔV agrees."""
     chosen = record.chosen(choices.channels)
     if choices.channels:
         steps.append(f"Channels chosen by the user: {', '.join(choices.channels)}.")
@@ -160,7 +160,7 @@ def _channels(record: Record, choices: Choices, speed_mps: float, steps: list[st
 def _average(
     record: Record, channels: tuple[RecordedChannel, ...], choices: Choices, steps: list[str]
 ) -> tuple[FloatArray, FloatArray]:
-    """The mean of the channels, in the unit of the first."""
+    """The time and the mean of the channels, in the unit of the first."""
     if choices.unit is not None and choices.unit not in ACCELERATION_UNITS:
         raise UsageError(f"There is no unit {choices.unit!r} of acceleration; take {', '.join(ACCELERATION_UNITS)}.")
     if choices.unit is None and len({channel.unit for channel in channels}) > 1:
@@ -182,7 +182,7 @@ def _filtered(record: Record, accel: FloatArray, cfc: float, step_s: float, step
 
 
 def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) -> Pulse:
-    """From contact to 200 ms at the record's own rate, a filtered one at no more than 12.5 kHz; raw: all of it."""
+    """The record from contact to 200 ms at its own rate (at most 12.5 kHz if filtered); if raw, all of it."""
     if raw:
         return Pulse(time_s, accel)
     step = max(step_of(time_s), DT_S) if filtered else step_of(time_s)
@@ -192,7 +192,7 @@ def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) ->
 
 
 def _check(record: Record, pulse: Pulse, condition: Condition, role: Role, steps: list[str]) -> None:
-    """Refuse what a campaign would refuse: too short, too slow, or still moving at its end."""
+    """Reject what a campaign would reject: a record too short, sampled too slowly, or still moving at its end."""
     end = float(pulse.time_s[-1])
     if pulse.dt_s > SLOWEST_S:
         found = f"{1 / pulse.dt_s:.0f} Hz"

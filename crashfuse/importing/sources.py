@@ -1,4 +1,4 @@
-"""What a source is: its format, and the records in it."""
+"""Import sources: format detection and reading of the records."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -15,27 +15,27 @@ from crashfuse.readers.formats import FORMATS, TABLES, all_formats, formats_of
 from crashfuse.readers.members import files_below
 from crashfuse.readers.record import Record
 
-_MOST_FILES = 100_000  # looked at in a folder
+_MOST_FILES = 100_000  # examined in a folder
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """How a source is to be read.
+    """Options for reading a source.
 
     Parameters
     ----------
     source : Path
         A file, a folder (of one test or run, or of several), or a zip.
     fmt : str, optional
-        A key of :data:`crashfuse.readers.formats.FORMATS`; by default what :func:`format_of` finds.
+        A key of :data:`crashfuse.readers.formats.FORMATS`; by default the result of :func:`format_of`.
     columns : tuple of ColumnChoice
-        For tables: what columns are, in every table that has them; the rest is as proposed.
+        For tables: column assignments, used in every table with these columns; the rest are as proposed.
     together : bool
-        For tables: columns of one file are channels of one record.
+        For tables: treat the columns of one file as channels of one record.
     conditions : Path, optional
-        A table with the conditions of the records by id; its headers may be foreign, too.
+        A table with the conditions of the records by id; it may have foreign headers, too.
     record_id : str, optional
-        Id for the one record in the source, in the table of conditions, too.
+        Id for the one record in the source, also in the table of conditions.
     """
 
     source: Path
@@ -47,12 +47,12 @@ class Reading:
 
 
 def format_of(source: Path) -> str:
-    """Tell the format of a file, folder or zip by the names in it.
+    """The format of a file, folder or zip, detected from the file names in it.
 
     Raises
     ------
     DataError
-        If there is nothing there, nothing of a known format, or files of several besides tables.
+        If there is nothing there, nothing in a known format, or files of several formats besides tables.
     """
     if not source.exists():
         raise DataError(Problem(str(source), "a file or folder to import", "nothing there", "check the path"))
@@ -73,7 +73,7 @@ def read_records(reading: Reading) -> tuple[Record, ...]:
     DataError
         With every problem of every record.
     UsageError
-        If the format does not exist, a column is mapped that is not there, or one id is given to several records.
+        If the format does not exist, a mapped column is missing, or one id is given for several records.
     """
     problems: list[Problem] = []
     records = tuple(each_record(reading, problems))
@@ -82,17 +82,17 @@ def read_records(reading: Reading) -> tuple[Record, ...]:
 
 
 def read_each(reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]]:
-    """Read every record of a source that can be read, and say what is wrong with the others."""
+    """Read every readable record of a source; return the records and the problems of the others."""
     problems: list[Problem] = []
     records: list[Record] = []
-    # whoever looks at the records says whether they are of one crash
+    # the user, seeing the records, decides whether they are of one crash
     with collecting(problems), suppress(OneCrashOrSeveral):
         records += each_record(reading, problems)
     return tuple(records), tuple(problems)
 
 
 def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
-    """Read the records of a source one after the other, as :func:`read_records` does; what is wrong is appended."""
+    """Yield the records of a source one by one, read as by :func:`read_records`; append problems to ``problems``."""
     source = reading.source
     fmt = reading.fmt or format_of(source)
     if fmt not in FORMATS:
@@ -120,7 +120,7 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
             record = replace(record, id=reading.record_id)
         ids.append(record.id)
         yield tables.given_to(record)
-    if whole:  # else ids of what could not be read may lack
+    if whole:  # else ids of unreadable records may be missing
         tables.check_ids(ids)
 
 
@@ -139,7 +139,7 @@ def _names(source: Path) -> Iterable[PurePath]:
 
 
 def _has_to_be_unpacked(source: Path, fmt: str) -> bool:
-    """Whether a zip holds tables, or several tests of a format whose reader takes one."""
+    """Whether a zip holds tables, or several tests in a format whose reader takes only one."""
     return fmt == TABLES or (FORMATS[fmt].one_a_file and sum(map(FORMATS[fmt].has, _names(source))) > 1)
 
 
@@ -150,7 +150,7 @@ def _unpacked(source: Path, into: Path) -> Path:
 
 
 def _of_homes(source: Path, fmt: str, problems: list[Problem]) -> Iterator[Record]:
-    """Records of a format, read one path a test where its reader takes one."""
+    """Yield the records of a format, with one path per test if its reader takes only one."""
     tests = _files(source, FORMATS[fmt].has) if FORMATS[fmt].one_a_file else []
     for home in tests if len(tests) > 1 else [source]:
         with collecting(problems):

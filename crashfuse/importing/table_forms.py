@@ -1,4 +1,4 @@
-"""The tables of a source by their headers, so that what their columns are is said once for all that are alike."""
+"""The tables of a source grouped by header, so that columns are assigned once for all tables that are alike."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ _HEAD = 3  # rows
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TableForm:
-    """Tables with the same headers: their names; of the first, what its columns are taken for, and its first rows."""
+    """Tables with the same headers: their names, and the proposed mapping and first rows of the first table."""
 
     names: tuple[str, ...]
     proposed: mappings.Mapping
@@ -26,21 +26,21 @@ class TableForm:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Headers, in their order."""
+        """The headers, in order."""
         return tuple(use.column for use in self.proposed.uses)
 
     def unit_of(self, columns: Sequence[str]) -> str | None:
-        """The unit that all of these columns have, as far as their headers tell."""
+        """The common unit of these columns according to their headers; None if they differ."""
         units = {use.unit for use in self.proposed.uses if use.column in columns}
         return units.pop() if len(units) == 1 else None
 
     def choices(
         self, picked: Mapping[ColumnRole, Sequence[str]], units: Mapping[ColumnRole, str | None]
     ) -> tuple[ColumnChoice, ...]:
-        """What a user says of the columns, where it differs from the proposal.
+        """The user's column assignments where they differ from the proposal.
 
-        Picked are the columns of each role that was asked for: one that was proposed in such a role and is not picked
-        is ignored.
+        ``picked`` holds the columns chosen for each role on offer; a column proposed for such a role but not picked is
+        ignored.
         """
         role_of = {column: role for role in picked for column in picked[role]}
         choices = []
@@ -52,12 +52,12 @@ class TableForm:
         return tuple(choices)
 
     def nothing(self) -> tuple[ColumnChoice, ...]:
-        """Every column ignored."""
+        """Choices that ignore every column."""
         return self.choices(dict.fromkeys(get_args(ColumnRole), ()), {})
 
 
 def table_forms(paths: Sequence[Path]) -> tuple[TableForm, ...]:
-    """Sort tables by their headers; those that cannot be read are passed over, for reading them says why."""
+    """Group tables by their headers; unreadable ones are skipped here, as reading them later reports why."""
     forms: dict[tuple[object, ...], TableForm] = {}
     names: dict[tuple[object, ...], list[str]] = {}
     for path in paths:

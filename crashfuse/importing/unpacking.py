@@ -1,4 +1,4 @@
-"""Foreign files that were uploaded, laid out as a source on disk."""
+"""Uploaded foreign files, laid out on disk as an import source."""
 
 import shutil
 from collections.abc import Sequence
@@ -15,15 +15,15 @@ def lay_out_source(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Lim
     Parameters
     ----------
     uploads : sequence of (str, bytes)
-        Files and zips; each zip is unpacked into a folder of its name.
+        Files and zips; each zip is unpacked into a folder named after it.
     into : Path
-        An existing folder, which is the caller's to delete. Returned is the one file or folder in it, or the folder of
-        all of them.
+        An existing folder, which the caller must delete. The return value is the single file or folder in it, or a
+        folder with all of them.
 
     Raises
     ------
     DataError
-        If a name is a trick, a zip is unsound, or there is more than the limits allow; nothing is left in ``into``.
+        If a name is unsafe, a zip is invalid, or the limits are exceeded; nothing is left in ``into``.
     """
     check_uploads(uploads, limits)
     home = into / "upload"

@@ -1,1 +1,1 @@
-"""Readers of foreign formats: numbers and signs as they are found, and where each fact was found."""
+"""Readers of foreign formats: numbers and signs as found in the file, with the origin of each fact."""

@@ -1,31 +1,31 @@
-"""What the axles carry: told by any two of mass, front weight, rear weight and the front axle's share."""
+"""Axle weights, determined by any two of mass, front weight, rear weight and front-axle share."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-_UNEQUAL = 0.01  # of the mass: what rounding and a scale can do
+_UNEQUAL = 0.01  # of the mass: allowed for rounding and scale errors
 
 
 @dataclass(frozen=True, slots=True)
 class AxleWeights:
-    """What one source, a file or a user, says of a vehicle's weights; None where it says nothing."""
+    """A vehicle's weights as stated by one source (a file or a user); None where not stated."""
 
     mass_kg: float | None = None
     front_kg: float | None = None
     rear_kg: float | None = None
-    front_share: float | None = None  # of the mass, on the front axle
+    front_share: float | None = None  # front axle's share of the mass
 
     @property
     def told(self) -> int:
-        """How many of the four it says."""
+        """How many of the four values are stated."""
         return sum(value is not None for value in (self.mass_kg, self.front_kg, self.rear_kg, self.front_share))
 
     def overruled(self, by: "AxleWeights") -> "AxleWeights":
-        """Put what another says in the place of what is said here, so that nothing contradicts it.
+        """Return the weights with the values of ``by`` taking precedence; values that contradict them are dropped.
 
-        Two weights tell everything. A mass alone keeps the share of the front axle, a share the mass, and the weight of
-        one axle that of the other.
+        Two values determine all. A mass alone keeps the front-axle share, a share alone keeps the mass, and the weight
+        of one axle keeps that of the other.
         """
         if by.told == 0:
             return self
@@ -45,7 +45,7 @@ class AxleWeights:
         return pair if pair.told > 1 else AxleWeights(self.mass_kg, by.front_kg, by.rear_kg, self.front_share)
 
     def axles(self) -> tuple[float | None, float | None]:
-        """Front and rear weight in kg, as far as they follow."""
+        """Front and rear weight in kg, as far as they can be derived."""
         mass, front, rear, share = self.mass_kg, self.front_kg, self.rear_kg, self.front_share
         if front is None and rear is None and mass is not None and share is not None:
             front = share * mass
@@ -56,7 +56,7 @@ class AxleWeights:
         return front, rear
 
     def contradiction(self) -> str:
-        """Say what does not add up, in kg and per cent; empty where all does."""
+        """The contradiction between stated values, in kg and per cent; empty if there is none."""
         front, rear = self.axles()
         own = [value for value in (self.mass_kg, self.front_kg, self.rear_kg) if value is not None]
         if front is None or rear is None or not all(0 < value < np.inf for value in own):
@@ -74,7 +74,7 @@ class AxleWeights:
 
 
 def _rest(mass: float | None, one: float, share: float | None) -> float | None:
-    """The other axle's weight, from the mass or from the share of this one."""
+    """The weight of the other axle, from the mass or from this axle's share."""
     if mass is not None:
         return mass - one
     return None if not share else one / share - one

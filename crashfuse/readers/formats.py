@@ -1,7 +1,7 @@
-"""The foreign formats, one line each: how its files are named, what it is called, what reads it.
+"""Registry of the foreign formats: file names, label and reader of each.
 
-A new format is a module with a function that reads a path into records, and one line of :data:`FORMATS`; recognition,
-``crashfuse import --format``, the messages and the page follow.
+A new format needs a module with a function that reads a path into records, and one line in :data:`FORMATS`; detection,
+``crashfuse import --format``, the messages and the page use that line.
 """
 
 import importlib
@@ -23,20 +23,20 @@ class Format:
     Parameters
     ----------
     label : str
-        What the page and messages call it.
+        Its name on the page and in messages.
     files : str
-        Its files, as messages name them.
+        Its files, as named in messages.
     names : str
-        Regular expression that the whole name of such a file matches, whatever its capitals. Of a test of many files
-        it is the one that stands for the test.
+        Regular expression for the whole file name, case ignored. For a test with many files it matches the file that
+        represents the test.
     reader : str
-        ``module:function``, imported when it is asked for. The function takes the path of a file, folder or zip,
-        returns a tuple of :class:`~crashfuse.readers.record.Record`, and raises a DataError for whatever is unfit.
-        Empty for tables: :mod:`crashfuse.importing.joined_tables` reads them, as a user may say what is in a column.
+        ``module:function``, imported on first use. The function takes the path of a file, folder or zip, returns a
+        tuple of :class:`~crashfuse.readers.record.Record`, and raises a DataError for unusable input.
+        Empty for tables: :mod:`crashfuse.importing.joined_tables` reads them, because a user may assign columns.
     one_a_file : bool
-        Whether each of these files is one test and the reader takes no more than one.
+        Whether each of these files is one test and the reader takes only one.
     role : {"tests", "cae"}
-        What its records most likely are.
+        The most likely role of its records.
     """
 
     label: str
@@ -47,11 +47,11 @@ class Format:
     role: "Role" = "tests"
 
     def has(self, path: PurePath) -> bool:
-        """Whether a file is of this format by its name."""
+        """Whether the name of a file is of this format."""
         return re.fullmatch(self.names, path.name, re.IGNORECASE | re.DOTALL) is not None
 
     def read(self, path: Path) -> "tuple[Record, ...]":
-        """Read the records in a file, folder or zip; a DataError says what is wrong with it."""
+        """Read the records in a file, folder or zip; raise a DataError if it is unusable."""
         module, _, function = self.reader.partition(":")
         records: tuple[Record, ...] = getattr(importlib.import_module(module), function)(path)
         return records
@@ -60,7 +60,7 @@ class Format:
 _HERE = "crashfuse.readers"
 
 TABLES = "csv"
-"""The format whose files may lie beside those of any other."""
+"""The format whose files may accompany those of any other format."""
 
 FORMATS = {
     "nhtsa": Format("NHTSA", ".EV5", r".*\.ev5", f"{_HERE}.nhtsa:read_nhtsa", one_a_file=True),
@@ -75,16 +75,16 @@ FORMATS = {
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
     TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|xls[xm]?)"),
 }
-"""Formats by their names on the command line."""
+"""The formats by their command-line names."""
 
 
 def formats_of(paths: Iterable[PurePath]) -> list[str]:
-    """Names of the formats that files are of, by their own names; tables last."""
+    """The formats found among files, judged by file name; tables last."""
     files = list(paths)
     found = [name for name, each in FORMATS.items() if any(map(each.has, files))]
     return sorted(found, key=TABLES.__eq__)
 
 
 def all_formats() -> str:
-    """All formats in a line, for people: NHTSA (.EV5), ISO-MME (.mme), ...."""
+    """All formats in one line, for display: NHTSA (.EV5), ISO-MME (.mme), ...."""
     return ", ".join(f"{each.label} ({each.files})" for each in FORMATS.values())

@@ -1,18 +1,18 @@
-"""ISO-MME, the exchange format of crash laboratories (ISO/TS 13499): a folder, or a zip of one.
+"""Reader of ISO-MME, the exchange format of crash laboratories (ISO/TS 13499): a folder, or a zip of one.
 
 ::
 
-    T1/T1.mme             descriptors of the test, one a line: ``Name of the descriptor      :value``
+    T1/T1.mme             descriptors of the test, one per line: ``Name of the descriptor      :value``
     T1/Channel/T1.chn     the list of channels: ``Name of channel 001         :10VEHC000000ACXD / Vehicle X``
-    T1/Channel/T1.001     a channel: its descriptors in the same form, then one sample a line
+    T1/Channel/T1.001     a channel: its descriptors in the same form, then one sample per line
 
-Time is implicit (``Time of first sample`` and ``Sampling interval``, s), or a channel of its own that a channel names
-as its reference. ``NOVALUE`` stands for what is not known.
+Time is implicit (``Time of first sample`` and ``Sampling interval``, s), or a separate channel that a channel names as
+its reference. ``NOVALUE`` means unknown.
 
 A channel code has 16 characters: test object (1: vehicle 1), position (0: undefined), main location (VEHC: vehicle),
-three fine locations of two (00: undefined), physical dimension of two (AC: acceleration, VA: velocity integrated from
-it, DV: displacement integrated from velocity), direction (X, signed as in SAE J211), filter class (D: CFC 60, C: CFC
-180, S: special, see the channel's header).
+three two-character fine locations (00: undefined), two-character physical dimension (AC: acceleration, VA: velocity
+integrated from it, DV: displacement integrated from velocity), direction (X, signed as in SAE J211), filter class
+(D: CFC 60, C: CFC 180, S: special, see the channel's header).
 
 Sources: ISO/TS 13499 with its related electronic documents A (descriptors) and B (channel codes), 1.6.2, as quoted by
 the public packages pyisomme and sdata, which also show that laboratories write UTF-8, Windows-1252 and Latin-1.
@@ -31,19 +31,19 @@ from crashfuse.readers.members import as_text, is_numbered, opened_members
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 from crashfuse.signals.pulse import FloatArray
 
-_MOST_LINES = 2_000_000  # of a file: 100 s at 20 kHz
+_MOST_LINES = 2_000_000  # per file: 100 s at 20 kHz
 _MOST_DESCRIPTORS = 10_000
 _UNEVEN = 0.02  # of a step, in a time channel
 
 ISOMME_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20)
-"""Sizes beyond which a test is refused: 300 channels of 60,000 samples are within them."""
+"""Size limits of a test; 300 channels of 60,000 samples are within them."""
 
 
 def read_isomme(path: Path, limits: Limits = ISOMME_LIMITS) -> IsommeTest:
     """Read one ISO-MME test: its descriptors and all its channels.
 
-    Its folder, its ``.mme`` file or a zip is read; films and pictures are passed over. A DataError says that it is no
-    ISO-MME test, or which channels are not as their headers say.
+    The path is its folder, its ``.mme`` file or a zip; films and pictures are skipped. A DataError says that it is not
+    an ISO-MME test, or which channels contradict their headers.
     """
     with opened_members(path, _is_text, "an ISO-MME folder or zip", limits) as (members, budget):
         if path.suffix.lower() == ".mme" and path.is_file():
@@ -83,7 +83,7 @@ def _read(members: Iterable[Member], name: str, budget: Budget) -> IsommeTest:
 
 
 def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, str | None]:
-    """One channel, and the code of the channel that has its time, if any."""
+    """One channel, and the code of its time channel, if any."""
     lines, where = _lines_in(member, budget), member.where
     end = next((row for row, line in enumerate(lines) if line.strip() and ":" not in line), len(lines))
     header, values = _descriptors(lines[:end], where), _numbers(lines[end:], where)
@@ -110,7 +110,7 @@ def _channel(member: Member, listed: Pairs, budget: Budget) -> tuple[Channel, st
 
 
 def _timed(channel: Channel, clock: Channel | None) -> Channel:
-    """The channel with the sampling of its time channel, where that is even and as long."""
+    """The channel with the sampling of its time channel, if that is even and of equal length."""
     if clock is None or clock.values.shape != channel.values.shape or clock.values.size < 2:
         return channel
     time_s = clock.values * UNITS["time"][unit_named(clock.unit, "time") or "s"]
@@ -125,11 +125,11 @@ def _lines_in(member: Member, budget: Budget) -> list[str]:
     text = as_text(member.content(budget)).replace("\r\n", "\n").replace("\r", "\n")
     if text.count("\n") > _MOST_LINES:
         raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", "more", "export a shorter record"))
-    return text.split("\n")  # splitlines() would split at the … of Windows-1252 read as Latin-1, too
+    return text.split("\n")  # splitlines() would also split at the … of Windows-1252 read as Latin-1
 
 
 def _descriptors(lines: list[str], where: str) -> list[tuple[str, str]]:
-    """Names and values, without those of no value."""
+    """Descriptor names and values, without those that have no value."""
     if len(lines) > _MOST_DESCRIPTORS:
         expected = f"at most {_MOST_DESCRIPTORS} descriptors"
         raise DataError(Problem(where, expected, f"{len(lines)}", "export the test again"))
@@ -157,7 +157,7 @@ def _number_in(header: Pairs, name: str, where: str) -> float | None:
     if (text := first_of(header, name)) is None:
         return None
     try:
-        value = float(text.split()[0])  # "0.0001 s" has been seen
+        value = float(text.split()[0])  # "0.0001 s" occurs in practice
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
@@ -166,7 +166,7 @@ def _number_in(header: Pairs, name: str, where: str) -> float | None:
 
 
 def _seconds_in(header: Pairs, name: str, where: str) -> float | None:
-    """A time: in s, by the format's definition, unless it names another unit."""
+    """A time in s, the unit defined by the format unless the value names another."""
     value = _number_in(header, name, where)
     unit = (first_of(header, name) or "").split()[1:]
     if value is None or not unit:

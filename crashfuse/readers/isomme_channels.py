@@ -1,4 +1,4 @@
-"""An ISO-MME test, as it is read and written: descriptors and channels."""
+"""Data model of an ISO-MME test, for reading and writing: descriptors and channels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from crashfuse.signals.pulse import FloatArray
 
 NO_VALUE = "NOVALUE"
-"""Stands for what is not known."""
+"""The format's marker for an unknown value."""
 
 Pairs = Sequence[tuple[str, str]]
-"""Descriptors: names and values."""
+"""Descriptors as name and value pairs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,17 +19,17 @@ class Channel:
     Parameters
     ----------
     code : str
-        The 16 characters; empty where the file has none.
+        The 16-character channel code; empty if the file has none.
     name, unit : str
-        As they are written there, the unit in ISO-MME's spelling (``m/(s*s)``); empty where unknown.
+        As written in the file, the unit in ISO-MME's spelling (``m/(s*s)``); empty if unknown.
     values : ndarray, shape (n,)
         NaN where a sample has no value.
     interval_s : float or None
-        Sampling interval; None where the file tells no even time.
+        Sampling interval; None if the file gives no even time.
     start_s : float or None
-        Time of the first sample; None where the file does not tell it.
+        Time of the first sample; None if the file does not give it.
     source : str
-        What it comes from: ``transducer``, ``calculation``, ``camera``, ``simulation`` or ``parameter``.
+        Origin of the signal: ``transducer``, ``calculation``, ``camera``, ``simulation`` or ``parameter``.
     """
 
     code: str
@@ -44,14 +44,14 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class IsommeTest:
-    """One test: what it was, and its channels.
+    """One test: its descriptors and channels.
 
     Parameters
     ----------
     name : str
-        Names the folder and its files.
+        Name of the test, used for the folder and its files.
     descriptors : sequence of (str, str)
-        Lines of the ``.mme`` file in their order, without those of no value; a name may come more than once
+        Lines of the ``.mme`` file in order, without those that have no value; a name may occur more than once
         (``Comments``).
     """
 
@@ -60,10 +60,10 @@ class IsommeTest:
     channels: tuple[Channel, ...]
 
     def descriptor(self, name: str) -> str | None:
-        """Value of the first descriptor of this name, whatever its capitals; None if there is none."""
+        """The value of the first descriptor with this name (case ignored); None if there is none."""
         return first_of(self.descriptors, name)
 
 
 def first_of(pairs: Pairs, name: str) -> str | None:
-    """Value of the first pair of this name, whatever its capitals; None if there is none."""
+    """The value of the first pair with this name (case ignored); None if there is none."""
     return next((value for key, value in pairs if key.lower() == name.lower()), None)

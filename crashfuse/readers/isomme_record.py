@@ -1,4 +1,4 @@
-"""What an ISO-MME test says of one crash: its condition, and which of its channels could be the pulse."""
+"""An ISO-MME test as a record: its condition, and the channels that could be the pulse."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -30,13 +30,13 @@ _RAW_FIRST = "0PXSABCD"
 def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Record]:
     """Read one ISO-MME test as a record: its folder, its ``.mme`` file, or a zip.
 
-    Proposed is the vehicle's own X acceleration, else that of tunnel, sills or B-pillars, both sides averaged.
+    The vehicle's own X acceleration is proposed, else that of tunnel, sills or B-pillars, both sides averaged.
     """
     return (record_of(read_isomme(path, limits), path.name),)
 
 
 def record_of(test: IsommeTest, source: str) -> Record:
-    """Choose what could be the pulse; the least filtered of several channels at one place comes first."""
+    """The record of a test with the channels that could be the pulse; at each location, the least filtered first."""
     on_vehicles = [channel for channel in test.channels if _on_a_vehicle(channel)]
     if not on_vehicles:
         expected = "an X acceleration of the vehicle (a code such as 10VEHC000000ACXD)"
@@ -76,7 +76,7 @@ def _place(channel: Channel) -> str:
 
 
 def _named(channels: Sequence[Channel]) -> dict[str, Channel]:
-    """Channels by code, counted where several have the same; the least filtered first."""
+    """Channels by code, numbered if several share one; the least filtered first."""
     ordered = sorted(channels, key=lambda channel: _RAW_FIRST.find(channel.code[15].upper()))
     times, seen = Counter(channel.code for channel in channels), Counter[str]()
     named = {}
@@ -87,7 +87,7 @@ def _named(channels: Sequence[Channel]) -> dict[str, Channel]:
 
 
 def _recorded(name: str, channel: Channel) -> RecordedChannel:
-    assert channel.interval_s is not None  # noqa: S101 - the others were left out
+    assert channel.interval_s is not None  # noqa: S101 - channels without it were left out
     time_s = (channel.start_s or 0.0) + channel.interval_s * np.arange(channel.values.size)
     label, unit = printable(channel.name or name), unit_named(channel.unit, "acceleration")
     return RecordedChannel(name, label, time_s, channel.values, unit, _CUTOFF_HZ.get(channel.code[15].upper()))
@@ -123,7 +123,7 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[
 
 
 def _quantity(test: IsommeTest, names: Sequence[str], quantity: str, default: str) -> float | None:
-    """Return the first descriptor of these names in SI; its unit is the format's where it has none of its own."""
+    """Return the first descriptor with one of these names in SI; its unit is the format's unless it states one."""
     text = next((value for name in names if (value := test.descriptor(name))), None)
     found = None if text is None else number_and_unit(text)
     if found is None or not 0 < found[0] < np.inf:

@@ -1,4 +1,4 @@
-"""The files of a source, whether it is a folder, one of its files, or a zip of it."""
+"""The files of a source: a folder, one of its files, or a zip of it."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -13,22 +13,22 @@ from crashfuse.files.archive import Budget, Limits, Member, too_many, zip_member
 def opened_members(
     path: Path, wanted: Callable[[PurePath], bool], kind: str, limits: Limits
 ) -> Iterator[tuple[list[Member], Budget]]:
-    """Open the files of a source that are wanted, and what may be read from them.
+    """Open the wanted files of a source; return them with the budget for reading them.
 
     Parameters
     ----------
     path : Path
         A folder, a file in it, or a zip.
     wanted : callable
-        From a file's path to whether it is one of the format; nothing else is opened.
+        Tells from a file's path whether it belongs to the format; no other file is opened.
     kind : str
-        What messages call it ("an ISO-MME folder or zip").
+        Name of the expected source in messages ("an ISO-MME folder or zip").
 
     Raises
     ------
     DataError
-        If there is no such folder or file, it is a file of another kind, a folder in it cannot be read, or it has more
-        files than allowed.
+        If the path does not exist, is a file of another kind, contains an unreadable folder, or has more files than
+        allowed.
     """
     if path.suffix.lower() == ".zip" and path.is_file():
         with path.open("rb") as stream:
@@ -51,9 +51,9 @@ def opened_members(
 
 
 def files_below(folder: Path) -> Iterator[Path]:
-    """Yield everything in a folder and the folders in it, but for these themselves.
+    """Yield all files in a folder and its subfolders.
 
-    One that cannot be read raises a DataError: what is in it would silently be left out.
+    An unreadable folder raises a DataError, because its files would otherwise be left out silently.
     """
 
     def refuse(error: OSError) -> None:
@@ -65,7 +65,7 @@ def files_below(folder: Path) -> Iterator[Path]:
 
 
 def as_text(content: bytes) -> str:
-    """Text in whatever encoding of the Western ones it is."""
+    """Decode text in any of the usual Western encodings."""
     for encoding in ("utf-8-sig", "cp1252"):
         with suppress(UnicodeDecodeError):
             return content.decode(encoding)

@@ -1,13 +1,13 @@
-"""NHTSA's vehicle crash test database, ASCII form: a folder, or a zip of one.
+"""Reader of NHTSA's vehicle crash test database, ASCII form: a folder, or a zip of one.
 
 ::
 
     v10146.EV5      the test's specification: sections of lines with fields between ``|``
-    v10146.093      channel 93: time in s and value, one sample a line; 0 is first contact
+    v10146.093      channel 93: time in s and value, one sample per line; 0 is first contact
 
-Fields are counted as in NHTSA's Test Reference Guide, version 5, volume I: Vehicle Tests (2014). Speeds are in km/h,
-weights in kg, lengths in mm. ``VEHCG`` is how far the centre of gravity lies behind the front axle, so with the
-wheelbase it gives what each axle carried.
+Fields are numbered as in NHTSA's Test Reference Guide, version 5, volume I: Vehicle Tests (2014). Speeds are in km/h,
+weights in kg, lengths in mm. ``VEHCG`` is the distance of the centre of gravity behind the front axle, so with the
+wheelbase it gives the axle weights.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
 
 NHTSA_LIMITS = Limits(total_bytes=512 << 20, member_bytes=32 << 20)
-"""Sizes beyond which a test is refused: 1000 channels of 10,000 samples are within them."""
+"""Size limits of a test; 1000 channels of 10,000 samples are within them."""
 
 _TITLE, _CONFIGURATION, _ANGLE = 1, 8, 15  # fields of TEST
 _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY = 10, 12, 15  # fields of VEHICLE
@@ -39,8 +39,8 @@ _UNITS = {"G'S": "g", "GS": "g", "G": "g"}
 def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
     """Read the conditions and the vehicle's X accelerations of one NHTSA test: its folder, its ``.EV5`` file, or a zip.
 
-    Proposed are the rear crossmember's channels, else those at the centre of gravity; channels that the test's
-    engineers marked as failed are there to be chosen, never proposed.
+    The rear crossmember's channels are proposed, else those at the centre of gravity; channels that the test engineers
+    marked as failed can be chosen but are never proposed.
     """
     with opened_members(path, _is_of_the_format, "an NHTSA folder or zip with a .EV5 file", limits) as (
         members,
@@ -73,7 +73,7 @@ def _specification(members: Sequence[Member], path: Path) -> Member:
 
 def _sections(member: Member, budget: Budget) -> dict[str, list[list[str]]]:
     """Lines by section, split into fields."""
-    lines = _text(member, budget).split("\n")  # splitlines() would split at control characters, too
+    lines = _text(member, budget).split("\n")  # splitlines() would also split at control characters
     if len(lines) > _MOST_LINES:
         raise DataError(Problem(member.where, f"at most {_MOST_LINES} lines", f"{len(lines)}", "download it again"))
     sections: dict[str, list[list[str]]] = {}
@@ -131,7 +131,7 @@ def _samples(text: str, where: str) -> tuple[FloatArray, FloatArray]:
 def _condition(
     sections: dict[str, list[list[str]]], vehicle: str, where: str
 ) -> tuple[PartialCondition, tuple[str, ...]]:
-    """Speed and axle weights, and sentences on where they come from."""
+    """Speed and axle weights, with sentences on their origin."""
     test = sections["TEST"][0]
     car = next((fields for fields in sections["VEHICLE"] if fields[0] == vehicle), sections["VEHICLE"][0])
     speed, mass, wheelbase, behind = (

@@ -1,4 +1,4 @@
-"""What both forms of NHTSA's database say of a test: its setup and speed, and which of its sensors are the pulse."""
+"""Shared by both forms of NHTSA's database: a test's setup and speed, and the sensors that measure the pulse."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -33,19 +33,19 @@ class Sensor:
 
     @property
     def of_the_vehicle(self) -> bool:
-        """Whether it could be the pulse: an accelerometer along X on the vehicle, not on a dummy or the barrier."""
+        """Whether it could measure the pulse: an X accelerometer on the vehicle, not on a dummy or the barrier."""
         on_it = self.vehicle != "0" and self.occupant in ("NA", "", "00")
         return self.sensor == "AC" and self.axis.startswith("X") and on_it
 
     @property
     def at_the_rear(self) -> bool:
-        """Whether it sits on the floor behind the crushed zone, where both sides follow the vehicle as a whole."""
+        """Whether it is on the floor behind the crush zone, where both sides follow the motion of the whole vehicle."""
         label = self.comment.upper()
         return self.attachment in _REAR_FLOOR or ("REAR" in label and any(word in label for word in _REAR_WORDS))
 
 
 def number_in(value: str | float) -> float:
-    """Return a number above 0; 0, NHTSA's own sign for unknown, where there is none."""
+    """Return a number above 0; otherwise 0, NHTSA's own code for unknown."""
     try:
         number = float(value)
     except ValueError:
@@ -54,7 +54,7 @@ def number_in(value: str | float) -> float:
 
 
 def setup_and_speed(setup: str, angle_deg: float, speed_kph: float, where: str) -> list[str]:
-    """Sentences on what kind of test it was and how fast; a speed of 0 is unknown."""
+    """Sentences on the kind of test and its speed; a speed of 0 means unknown."""
     told = f"Speed {speed_kph:g} km/h ({speed_kph * KPH / MPH:.2f} mph) from {where}."
     steps = [told if speed_kph else f"{where} has no speed of the vehicle."]
     if setup not in ("VTB", "") or angle_deg:
@@ -69,17 +69,17 @@ def nhtsa_record(
     sensors: Mapping[Sensor, Callable[[], RecordedChannel]],
     told: tuple[PartialCondition, Sequence[str]],
 ) -> Record:
-    """Read the channels of one vehicle into a record, those at its best place proposed.
+    """Read the channels of one vehicle into a record, proposing those at the best location.
 
     Parameters
     ----------
     stem : str
-        Of the file's name: v and the number of the test.
+        Stem of the file name: v and the number of the test.
     sensors : mapping of Sensor to callable
-        What reads the channel of each. It may raise a DataError, which is passed on only for a channel that would be
-        proposed, or if no other is left.
+        The function that reads each sensor's channel. It may raise a DataError, which is passed on only for a channel
+        that would be proposed, or if no other is left.
     told : (PartialCondition, sequence of str)
-        The condition, and where it was found.
+        The condition, and sentences on its origin.
     """
     channels: dict[Sensor, RecordedChannel] = {}
     damaged: dict[Sensor, Problem] = {}
@@ -102,13 +102,13 @@ def nhtsa_record(
 
 
 def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
-    """Those that could be the pulse, of the first vehicle that has any."""
+    """The sensors that could measure the pulse, of the first vehicle that has any."""
     there = [sensor for sensor in sensors if sensor.of_the_vehicle]
     return [sensor for sensor in there if sensor.vehicle == min(other.vehicle for other in there)]
 
 
 def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], str]:
-    """Choose the channels to be averaged, and say why."""
+    """The channels to average, and the reason."""
     sound = [
         entry
         for entry, channel in channels.items()
@@ -123,7 +123,7 @@ def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ..
 
 
 def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
-    """Those on the rear floor, else those at the centre of gravity."""
+    """The sensors on the rear floor, else those at the centre of gravity, with a description."""
     rear = [entry for entry in sound if entry.at_the_rear]
     if rear:
         return rear, "on the rear crossmember or floor, behind the crush"

@@ -1,8 +1,8 @@
-"""The record: what a foreign file says of one crash, before anybody has decided anything about it.
+"""The record: the content of a foreign file on one crash, before anything is decided about it.
 
 Every reader of a foreign format (:mod:`~crashfuse.readers.nhtsa`, :mod:`~crashfuse.readers.isomme`,
-:mod:`~crashfuse.readers.tables.table_reader` …) returns records: numbers and signs as they are found, and for each fact
-where it was found. What they mean, time zero, sign and unit, is settled in one place, :mod:`crashfuse.importing`.
+:mod:`~crashfuse.readers.tables.table_reader` …) returns records: numbers and signs as found, with the origin of each
+fact. Their interpretation (time zero, sign and unit) is settled in one place, :mod:`crashfuse.importing`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,19 +14,19 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import G
 
 ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
-"""Factors to m/s² of the units that records come in; the last two are LS-DYNA's."""
+"""Factors to m/s² of the units that occur in records; the last two are LS-DYNA's."""
 
 
 @dataclass(frozen=True, slots=True)
 class PartialCondition:
-    """What a file says of the condition; None where it says nothing.
+    """The condition as far as a file states it; None where it does not.
 
     Parameters
     ----------
     speed_mps, mass_kg, front_weight_kg, rear_weight_kg : float, optional
-        ``mass_kg`` is the whole vehicle's, for files that know no axle weights.
+        ``mass_kg`` is the mass of the whole vehicle, for files without axle weights.
     factors : tuple of (str, str)
-        Anything else worth keeping (make, model, barrier) as name and value.
+        Anything else worth keeping (make, model, barrier), as name and value.
     """
 
     speed_mps: float | None = None
@@ -36,17 +36,17 @@ class PartialCondition:
     factors: tuple[tuple[str, str], ...] = ()
 
     def overruled(self, by: "PartialCondition") -> "PartialCondition":
-        """Put everything that ``by`` knows in the place of what is known here; weights as :class:`AxleWeights` does."""
+        """Return the condition with the values of ``by`` taking precedence; for weights see :class:`AxleWeights`."""
         known = {each.name: value for each in fields(by) if (value := getattr(by, each.name)) not in (None, ())}
         return replace(self, **known).weighing(self.weights.overruled(by.weights))
 
     @property
     def weights(self) -> AxleWeights:
-        """What is said of the weights."""
+        """The stated weights."""
         return AxleWeights(self.mass_kg, self.front_weight_kg, self.rear_weight_kg)
 
     def weighing(self, weights: AxleWeights) -> "PartialCondition":
-        """Return the condition with these weights, those that follow included."""
+        """Return the condition with these weights, including those derived from them."""
         front, rear = weights.axles()
         return replace(self, mass_kg=weights.mass_kg, front_weight_kg=front, rear_weight_kg=rear)
 
@@ -58,17 +58,17 @@ class RecordedChannel:
     Parameters
     ----------
     name : str
-        What it is chosen by, unique in its record: a channel's number or code, a node, a column's header.
+        Name to choose it by, unique in its record: a channel's number or code, a node, a column's header.
     label : str
-        What the file calls it, for people.
+        The file's own description, for display.
     time_s : ndarray, shape (n,)
-        The file's own time in s, increasing, in even steps, wherever its zero may be.
+        The file's own time in s, increasing in even steps, with any zero.
     values : ndarray, shape (n,)
-        As found: unfiltered by us, uncropped, sign and unit as in the file.
+        As found: not filtered or cropped by the reader, sign and unit as in the file.
     unit : str or None
-        A key of :data:`ACCELERATION_UNITS`; None where the file does not tell.
+        A key of :data:`ACCELERATION_UNITS`; None if the file does not state it.
     cutoff_hz : float, optional
-        −3 dB frequency of the low pass that the file says the signal went through; None where it does not tell.
+        −3 dB frequency of the low pass already applied, according to the file; None if it does not say.
     """
 
     name: str
@@ -81,27 +81,27 @@ class RecordedChannel:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Record:
-    """One crash as a foreign file holds it.
+    """One crash as recorded in a foreign file.
 
     Parameters
     ----------
     id : str
         Proposed id of the test or run in the campaign.
     source : str
-        The file or folder, by name and without its path.
+        Name of the file or folder, without its path.
     channels : tuple of RecordedChannel
-        All that could be the pulse, at least one.
+        All channels that could be the pulse, at least one.
     proposed : tuple of str
         Names of the channels that the reader would average into the pulse.
     steps : tuple of str
         Sentences: what was found and where, why these channels are proposed, what was joined or left out.
     own_time_zero : str, optional
         Why 0 in the file's time is first contact ("time zero of the test, by the format's definition"); empty
-        where the file does not say so and it has to be looked for.
+        if the file does not say so and first contact has to be detected.
     no_speed : str, optional
-        Why the file tells no speed, where it has something of the kind ("nodes at 612 a second, …").
+        Why no speed could be read although the file has something like one ("nodes at 612 a second, …").
     unread : mapping of str to Problem, optional
-        Channels that could be the pulse but are damaged, and what is wrong with each.
+        Channels that could be the pulse but are damaged, with the problem of each.
     """
 
     id: str
@@ -115,14 +115,14 @@ class Record:
     unread: Mapping[str, Problem] = field(default_factory=dict)
 
     def chosen(self, names: Sequence[str] = ()) -> tuple[RecordedChannel, ...]:
-        """The channels of these names; of none, the proposed ones.
+        """The channels with these names; by default the proposed ones.
 
         Raises
         ------
         UsageError
             If the record has no such channel.
         DataError
-            If it is one that could not be read.
+            If the channel could not be read.
         """
         if damaged := [self.unread[name] for name in names if name in self.unread]:
             raise DataError(damaged)

@@ -1,8 +1,8 @@
-"""TDMS as a source of tests: NHTSA's newer downloads, and any other file whose channels are accelerations.
+"""Reader of tests in TDMS: NHTSA's newer downloads, and any other file whose channels are accelerations.
 
-NHTSA writes what its ASCII specification says (:mod:`crashfuse.readers.nhtsa`) into properties of each channel:
+NHTSA stores the content of its ASCII specification (:mod:`crashfuse.readers.nhtsa`) as properties of each channel:
 ``Inst_SenAtt`` FLLR, ``Inst_Axis`` XG, ``Veh_VehSpd``, ``Veh_VehTWt`` … in km/h and kg; sampling is in ``wf_increment``
-and ``wf_start_offset``, and 0 is first contact. Axle weights are not among them.
+and ``wf_start_offset``, and 0 is first contact. Axle weights are not included.
 """
 
 import re
@@ -25,12 +25,12 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
 
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
-"""Sizes beyond which a file is refused: a test of 1000 channels of 10,000 samples has 80 MB."""
+"""Size limits of a file; a test of 1000 channels of 10,000 samples has 80 MB."""
 
 _TIME_NAMES = ("time", "zeit", "t")
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
 _ACCELERATION = re.compile(r"acc|beschl|puls|^a[ _-]?x", re.IGNORECASE)
-_MOST_CHANNELS = 200  # of a test that could be its pulse
+_MOST_CHANNELS = 200  # per test, that could be its pulse
 
 _Told = Mapping[str, str | float]
 
@@ -38,8 +38,8 @@ _Told = Mapping[str, str | float]
 def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
     """Read TDMS files (one, a folder or a zip of them), one record each.
 
-    Of an NHTSA test it has the X accelerations of its vehicle with those on the rear floor proposed, else those at the
-    centre of gravity; of another file, every acceleration, proposed if it is the only one.
+    For an NHTSA test, the record has the vehicle's X accelerations and proposes those on the rear floor, else those at
+    the centre of gravity; for another file, it has every acceleration, proposed if it is the only one.
     """
     kind = "a .tdms file, or a folder or zip of them"
     of_the_format = FORMATS["tdms"].has
@@ -98,7 +98,7 @@ def _is_time(channel: TdmsChannel, said: _Told) -> bool:
 
 
 def _clock(file: TdmsFile, channel: TdmsChannel, told: Sequence[tuple[TdmsChannel, _Told]]) -> FloatArray | None:
-    """Time in s as the channel of times beside a channel has it, None where there is none as long."""
+    """Time in s from the time channel that accompanies a channel; None if there is none of equal length."""
     values = file.values(channel)
     for beside, said in told:
         if beside.group == channel.group and _is_time(beside, said):
@@ -127,7 +127,7 @@ def _nhtsa_record(file: TdmsFile, told: Sequence[tuple[TdmsChannel, _Told]], mem
 
 
 def _sensor(place: int, said: _Told) -> Sensor:
-    """Put a channel's properties in the form of a line of the ASCII specification."""
+    """A channel's properties as a sensor, as if from a line of the ASCII specification."""
     return Sensor(
         vehicle=_text(said, "veh_vehno") or "1",
         number=int(_number(said, "inst_curno")) or place,
@@ -152,7 +152,7 @@ def _channel(
     where: str,
     clock: FloatArray | None = None,
 ) -> RecordedChannel:
-    """A channel on its own even time, else on the clock beside it."""
+    """A channel with its own even time, else with that of the accompanying time channel."""
     increment, start = _number(said, "wf_increment"), said.get("wf_start_offset", 0.0)
     values = file.values(channel)
     if increment > 0 and isinstance(start, float) and values.size >= 2:

@@ -1,8 +1,8 @@
-"""TDMS, National Instruments' container of measured channels, read without trust.
+"""Reader of TDMS, National Instruments' container of measured channels; files are treated as untrusted.
 
-A file is a row of segments: a lead-in, objects (file, groups, channels) with properties, and raw data, channel after
-channel or interleaved, as often as there is room for. As in "TDMS File Format Internal Structure" (NI). Not read are
-DAQmx raw data and scales: measured values that are kept as they came from the converter.
+A file is a sequence of segments: a lead-in, objects (file, groups, channels) with properties, and raw data in repeated
+chunks, channel after channel or interleaved. As in "TDMS File Format Internal Structure" (NI). Not supported are DAQmx
+raw data and scales: measured values stored as they came from the converter.
 """
 
 import re
@@ -19,19 +19,19 @@ from crashfuse.signals.pulse import FloatArray
 _LEAD_IN = struct.Struct("<4sI")
 _METADATA, _NEW_LIST, _RAW, _INTERLEAVED, _BIG_ENDIAN, _DAQMX = (1 << bit for bit in (1, 2, 3, 5, 6, 7))
 _NUMBERS = dict(enumerate("bhiqBHIQfd", start=1)) | {0x19: "f", 0x1A: "d", 0x21: "B"}
-_OTHERS = {0: 1, 0x44: 16, 0x0B: 16, 0x1B: 16, 0x08000C: 8, 0x10000D: 16}  # bytes of types that are passed over
+_OTHERS = {0: 1, 0x44: 16, 0x0B: 16, 0x1B: 16, 0x08000C: 8, 0x10000D: 16}  # bytes of types that are skipped
 _TEXT, _NO_DATA, _AS_BEFORE, _WITHOUT_END = 0x20, 0xFFFFFFFF, 0, 0xFFFFFFFFFFFFFFFF
 _PATH = re.compile(r"/'((?:[^']|'')*)'")
 _MOST_METADATA = 8 << 20  # bytes, all segments together
-_MOST_VISITS = 1_000_000  # of objects, all segments together
-_MOST_VALUES = 5_000_000  # of a channel
+_MOST_VISITS = 1_000_000  # object entries, all segments together
+_MOST_VALUES = 5_000_000  # per channel
 
 Properties = dict[str, str | float]
 
 
 @dataclass(slots=True)
 class _Layout:
-    """How much of an object each chunk of raw data has."""
+    """The data of one object in each chunk of raw data: type, count of values and size in bytes."""
 
     kind: int
     count: int
@@ -40,7 +40,7 @@ class _Layout:
 
 @dataclass(frozen=True, slots=True)
 class _Extent:
-    """A channel's numbers in a segment: ``chunks`` times ``count`` of them, so many bytes apart."""
+    """A channel's numbers in a segment: ``chunks`` times ``count`` of them, with their strides in bytes."""
 
     code: str
     offset: int
@@ -51,7 +51,7 @@ class _Extent:
 
 @dataclass(slots=True)
 class TdmsChannel:
-    """A channel of a TDMS file; names of properties are in small letters, as files differ in them."""
+    """A channel of a TDMS file; property names are in lower case, because files differ in case."""
 
     group: str
     name: str
@@ -62,7 +62,7 @@ class TdmsChannel:
 
 @dataclass(frozen=True, slots=True)
 class TdmsFile:
-    """A TDMS file with its own properties; its channels' values are left where they are."""
+    """A TDMS file with its own properties; the values of its channels are read on demand."""
 
     properties: Properties
     channels: tuple[TdmsChannel, ...]
@@ -71,12 +71,12 @@ class TdmsFile:
     _where: str
 
     def told(self, channel: TdmsChannel) -> Mapping[str, str | float]:
-        """Everything said of a channel: by itself, else by its group, else by the file."""
+        """All properties of a channel: its own, else its group's, else the file's."""
         group = self._groups.get(channel.group)
         return ChainMap(channel.properties, group.properties if group else {}, self.properties)
 
     def values(self, channel: TdmsChannel) -> FloatArray:
-        """Return the numbers of a channel; a DataError if there are too many, or they are no plain numbers."""
+        """Return the numbers of a channel; a DataError if there are too many or they are not plain numbers."""
         place = f"{self._where}: {printable(channel.name)}"
         if sum(extent.chunks * extent.count for extent in channel._extents) > _MOST_VALUES:
             raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", "choose the file of one test"))
@@ -86,14 +86,14 @@ class TdmsFile:
             np.ndarray((e.chunks, e.count), e.code, self._content, e.offset, e.strides).ravel()
             for e in channel._extents
         ]
-        with np.errstate(invalid="ignore"):  # damage may look like any number
+        with np.errstate(invalid="ignore"):  # damaged data may hold any number
             return np.concatenate(parts).astype(np.float64) if parts else np.empty(0)
 
 
 def parse_tdms(content: bytes, where: str) -> TdmsFile:
-    """Read what a TDMS file says of its channels.
+    """Read the metadata of a TDMS file and its channels.
 
-    A DataError says that it is none, damaged, or keeps its data in a form that is not read.
+    Raise a DataError if it is not a TDMS file, is damaged, or stores its data in an unsupported form.
     """
     reader = _Reader(content, where)
     while len(content) - reader.at >= 28:
@@ -105,7 +105,7 @@ def parse_tdms(content: bytes, where: str) -> TdmsFile:
 
 
 class _Reader:
-    """Reads segment after segment."""
+    """Reader of one segment after another."""
 
     def __init__(self, content: bytes, where: str) -> None:
         self.at, self.objects = 0, dict[str, TdmsChannel]()

@@ -1,4 +1,4 @@
-"""How units are spelt outside: ``m/(s*s)``, ``G'S``, ``km/h``, ``[ms]`` … all to one name and one factor to SI."""
+"""Unit spellings found in files (``m/(s*s)``, ``G'S``, ``km/h``, ``[ms]`` …), mapped to one name and factor to SI."""
 
 import re
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "mass": {"kg": 1.0, "lb": LB, "t": 1000.0},
     "share": {"%": 0.01, "1": 1.0},
 }
-"""Factors to SI by quantity and by the name that units have here."""
+"""Factors to SI by quantity and by our own unit name."""
 
 _SPELLINGS = {
     "s": ("s", "sec", "secs", "second", "seconds", "sek", "sekunden"),
@@ -36,7 +36,7 @@ _LEADING_NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?")
 
 
 def unit_named(text: str, quantity: str | None = None) -> str | None:
-    """Return the name of the unit that a text spells, None if it spells none (of this quantity, a key of ``UNITS``)."""
+    """Return our name of the unit spelt by a text; None if it is not a unit (of this quantity, a key of ``UNITS``)."""
     plain = text.strip().strip("[](){}").lower().replace("²", "2").replace("’", "'")
     name = _NAMES.get(re.sub(r"[\s^*·()]", "", plain))
     known = {name for units in UNITS.values() for name in units} if quantity is None else UNITS[quantity]
@@ -44,7 +44,7 @@ def unit_named(text: str, quantity: str | None = None) -> str | None:
 
 
 def number_and_unit(text: str) -> tuple[float, str] | None:
-    """Split ``56,3 km/h`` into number and the rest, None if it does not begin with a number."""
+    """Split ``56,3 km/h`` into the number and the rest; None if it does not start with a number."""
     match = _LEADING_NUMBER.match(text.strip())
     if match is None:
         return None

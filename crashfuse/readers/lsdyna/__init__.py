@@ -1,1 +1,1 @@
-"""LS-DYNA's histories, in ``binout`` or ``nodout``."""
+"""Readers of LS-DYNA's nodal histories in ``binout`` or ``nodout``."""

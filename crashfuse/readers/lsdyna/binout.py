@@ -1,4 +1,4 @@
-"""Histories of nodes and rigid bodies in LS-DYNA's ``binout``, in one file or in many shards."""
+"""Histories of nodes and rigid bodies in LS-DYNA's ``binout``, one file or many shards."""
 
 from collections.abc import Sequence
 from typing import IO
@@ -16,10 +16,10 @@ _TITLE_BYTES = 80
 
 
 def read_binout(shards: Sequence[tuple[IO[bytes], str]], most: int) -> Histories:
-    """Read a run's ``binout``, the shards of its processors and of its restarts merged.
+    """Read a run's ``binout``, merging the shards of its processors and restarts.
 
-    Each shard is a seekable file and what messages call it. Of more than ``most`` nodes those with a title are kept
-    first.
+    Each shard is a seekable file and its name in messages. If there are more than ``most`` nodes, those with a title
+    are kept first.
     """
     pieces: dict[str, list[History]] = {}
     title, energy, listed = "", None, 0
@@ -40,7 +40,7 @@ def read_binout(shards: Sequence[tuple[IO[bytes], str]], most: int) -> Histories
 
 
 def _wanted(folder: tuple[str, ...]) -> frozenset[str] | None:
-    """Names of what is read of a folder of a binout."""
+    """Names of the variables to read from a folder of a binout."""
     match folder:
         case (database, "metadata") if database in _DATABASES:
             return _METADATA
@@ -54,7 +54,7 @@ def _wanted(folder: tuple[str, ...]) -> frozenset[str] | None:
 def _histories(
     file: LsdaFile, where: str, database: str, names: tuple[str, str], most: int
 ) -> tuple[list[History], int]:
-    """Histories of one database of a shard, and how many it lists."""
+    """Histories of one database of a shard, and the number that it lists."""
     ids = file.read((database, "metadata"), "ids")
     if ids is None or ids.dtype.kind not in "iu":
         return [], 0
@@ -68,7 +68,7 @@ def _histories(
         raise too_much(where)
     time = np.full(len(states), np.nan)
     values = np.full((2, len(places), len(states)), np.nan)
-    with np.errstate(invalid="ignore"):  # damage may look like any number
+    with np.errstate(invalid="ignore"):  # damaged data may hold any number
         for state, folder in enumerate(states):
             when = file.read(folder, "time")
             time[state] = np.nan if when is None or when.size != 1 else when[0]
@@ -103,7 +103,7 @@ def _text(file: LsdaFile, folder: tuple[str, ...], name: str) -> str:
 
 
 def _joined(pieces: Sequence[History]) -> History:
-    """Join what shards have of one node; where a restart wrote a time again, the later shard holds."""
+    """Join one node's data from several shards; if a restart repeats a time, the later shard takes precedence."""
     ordered = sorted(pieces, key=lambda piece: float(piece.time[0]))
     ends = [float(piece.time[0]) for piece in ordered[1:]] + [np.inf]
     kept = [piece.time < end for piece, end in zip(ordered, ends, strict=True)]

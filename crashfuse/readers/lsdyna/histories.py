@@ -1,4 +1,4 @@
-"""What an LS-DYNA run says of its nodes, whichever of its files says so."""
+"""Nodal histories of an LS-DYNA run, whichever file they come from."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,14 +7,14 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.signals.pulse import FloatArray
 
 MOST_NODES = 200_000
-"""Listed in a file."""
+"""Limit of the nodes listed in a file."""
 MOST_VALUES = 20_000_000
-"""States times nodes that are kept of a run."""
+"""Limit of states times nodes kept per run."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class History:
-    """One node, or rigid body, along the global x axis, in the units of the run.
+    """One node or rigid body along the global x axis, in the units of the run.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class History:
     title : str
         From ``*DATABASE_HISTORY_NODE_ID``; empty if it has none.
     time, acceleration, velocity : ndarray, shape (n,)
-        ``velocity`` is all NaN where the file has none.
+        ``velocity`` is all NaN if the file has none.
     """
 
     name: str
@@ -35,14 +35,14 @@ class History:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Histories:
-    """What a run says of its nodes.
+    """The nodal histories of a run.
 
     Parameters
     ----------
     total : int
-        How many nodes there are in the files.
+        Number of nodes in the files.
     kinetic_energy : float, optional
-        Of the whole model at its first state (``glstat``), in the units of the run.
+        Kinetic energy of the whole model at its first state (``glstat``), in the units of the run.
     notes : tuple of str
         What was joined or left out.
     """
@@ -55,11 +55,11 @@ class Histories:
 
 
 def kept_of(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:
-    """Choose which to keep of too many: those with a title first, then as they come."""
+    """The nodes to keep if there are too many: those with a title first, then in file order."""
     return set(sorted(names, key=lambda name: not titles.get(name))[:most])
 
 
 def too_much(where: str) -> DataError:
-    """More values than are kept of a run."""
+    """The error for more values than are kept per run."""
     expected = f"at most {MOST_VALUES:,} states times nodes"
     return DataError(Problem(where, expected, "more", "write fewer nodes (*DATABASE_HISTORY_NODE) or fewer states"))

@@ -1,9 +1,9 @@
-"""LSDA, the binary container of LS-DYNA's ``binout`` files, read without trust.
+"""Reader of LSDA, the binary container of LS-DYNA's ``binout`` files, which are treated as untrusted.
 
-A file is a header of eight bytes and then records: their length, a command, and what belongs to it. Folders and
-variables are listed in symbol tables, each of which ends in the place of the next; a solver that writes adds a table
-from time to time, so that a run that was killed can be read up to the last of them. As in the layout published with
-the solver's own library (LSTC I/O Library, file format, 1.1).
+A file is a header of eight bytes followed by records: length, command, and the command's data. Folders and variables
+are listed in symbol tables, each of which ends with the offset of the next; the solver adds a table from time to time,
+so that a killed run can be read up to the last table. Layout as published with the solver's own library (LSTC I/O
+Library, file format, 1.1).
 """
 
 import struct
@@ -20,15 +20,15 @@ _CD, _DATA, _VARIABLE, _BEGIN_TABLE, _END_TABLE, _TABLE_OFFSET = 2, 3, 4, 5, 6, 
 _TYPES = dict(enumerate(("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"), start=1))
 _INTEGERS = {1: "B", 2: "H", 4: "I", 8: "Q"}
 _HEADER_BYTES = 8
-_MOST_RECORDS = 3_000_000  # of symbol tables in a file: 5000 states with 600 variables
+_MOST_RECORDS = 3_000_000  # symbol table records per file: 5000 states with 600 variables
 _MOST_WANTED = 300_000
-_MOST_BYTES = 64 << 20  # of a variable
-_LONGEST_RECORD = 4096  # bytes of a path or a name
+_MOST_BYTES = 64 << 20  # per variable
+_LONGEST_RECORD = 4096  # bytes, for a path or a name
 
 
 @dataclass(frozen=True, slots=True)
 class _Variable:
-    """Where a variable is: the type of its numbers, their count, and the offset of its record."""
+    """Location of a variable: the type and count of its numbers, and the offset of its record."""
 
     kind: int
     count: int
@@ -36,14 +36,14 @@ class _Variable:
 
 
 class LsdaFile:
-    """One file, its symbol tables read and its data left where they are; a DataError if it is damaged or no such file.
+    """An LSDA file with its symbol tables read and its data read on demand; a DataError if damaged or not LSDA.
 
     Parameters
     ----------
     stream : binary file
-        Seekable; stays in use.
+        Seekable; must stay open.
     wanted : callable
-        From a folder's path (``("nodout", "d000001")``) to the names that are wanted of it; the rest is skipped.
+        Maps a folder's path (``("nodout", "d000001")``) to the wanted names in it; the rest is skipped.
     """
 
     def __init__(
@@ -67,11 +67,11 @@ class LsdaFile:
 
     @property
     def folders(self) -> Mapping[tuple[str, ...], Mapping[str, object]]:
-        """Names of the variables that are there and wanted, by their folder's path."""
+        """Names of the wanted variables that exist, by folder path."""
         return self._folders
 
     def read(self, folder: tuple[str, ...], name: str) -> npt.NDArray[Any] | None:
-        """Return the numbers of a variable, None if there is none of that name."""
+        """Return the numbers of a variable; None if there is none with that name."""
         variable = self._folders.get(folder, {}).get(name)
         if variable is None:
             return None
@@ -147,7 +147,7 @@ class LsdaFile:
 
 
 def _changed(folder: tuple[str, ...], path: str) -> tuple[str, ...]:
-    """Follow a path, absolute or relative."""
+    """The folder reached by an absolute or relative path."""
     parts = [] if path.startswith("/") else list(folder)
     for part in path.split("/"):
         if part == "..":

@@ -11,15 +11,15 @@ from crashfuse.readers.lsdyna.histories import MOST_NODES, MOST_VALUES, Historie
 
 _LONGEST_LINE = 1 << 16
 _TIME = re.compile(rb"at time\s*([-+.\dEeDd]+)")
-_ROW = re.compile(rb"\s*(\d+)(?=[\s+-]|$)(.*)", re.DOTALL)  # a negative number may touch the node
+_ROW = re.compile(rb"\s*(\d+)(?=[\s+-]|$)(.*)", re.DOTALL)  # a negative number may directly follow the node number
 _NUMBER = re.compile(rb"[-+]?\d+\.\d*(?:[EeDd][-+]?\d+|[-+]\d+)?")
 _NO_EXPONENT_LETTER = re.compile(r"(?<=[\d.])([-+])")
 
 
 def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
-    """Read an ASCII ``nodout`` as a stream; what is not the nodes' translation is passed over.
+    """Read an ASCII ``nodout`` as a stream; everything but the nodes' translation is skipped.
 
-    Of more than ``most`` nodes those with a title are kept first. A row that cannot be read raises a DataError.
+    If there are more than ``most`` nodes, those with a title are kept first. An unreadable row raises a DataError.
     """
     times: list[float] = []
     titles: dict[str, str] = {}
@@ -40,7 +40,7 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
         elif b"nodal point" in line:
             columns = line.split()[2:]
             if not {b"x-accl", b"x-vel"} <= set(columns):
-                columns = []  # the nodes' rotation
+                columns = []  # table of nodal rotations
                 continue
             if len(times) == 1:
                 kept, total = kept_of(list(series), titles, most), len(series)
@@ -55,7 +55,7 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
             if name in series:
                 values = _NUMBER.findall(row.group(2))
                 if len(values) != len(columns):
-                    break  # cut short, or nothing of it can be told
+                    break  # truncated, or cannot be parsed
                 for into, column in zip(series[name], (b"x-accl", b"x-vel"), strict=True):
                     into.append(_number(values[columns.index(column)].decode(), where))
     return _assembled(title, times, titles, series, max(total, len(series)), next(lines, None) is None, where)
@@ -98,7 +98,7 @@ def _lines(chunks: Iterable[bytes], where: str) -> Iterator[bytes]:
 
 
 def _number(text: str, where: str) -> float:
-    """Read a number as Fortran writes it: 1.2E-03, 1.2D-03, and 1.2-103 where the exponent leaves no room."""
+    """Read a number as written by Fortran: 1.2E-03, 1.2D-03, and 1.2-103 for three-digit exponents."""
     plain = text.upper().replace("D", "E")
     try:
         return float(plain if "E" in plain else _NO_EXPONENT_LETTER.sub(r"E\1", plain))

@@ -1,7 +1,7 @@
-"""LS-DYNA runs: ``binout`` (one file or shards) or ASCII ``nodout``; one run, or a folder with one folder a run.
+"""Reader of LS-DYNA runs: ``binout`` (one file or shards) or ASCII ``nodout``; one run, or one folder per run.
 
-LS-DYNA does not know which node is the accelerometer: titles (``*DATABASE_HISTORY_NODE_ID``) say so, and where there
-are none, nodes that travel as far as most do.
+LS-DYNA does not record which node is the accelerometer: titles (``*DATABASE_HISTORY_NODE_ID``) identify it; without
+titles, nodes that travel as far as most others are proposed.
 """
 
 import re
@@ -28,10 +28,10 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
 LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
-"""Sizes beyond which a library is refused; of a binout only what is needed is read, however long it is."""
+"""Size limits of a library; only the needed part of a binout is read, however long it is."""
 
-_MOST_UNZIPPED = 256 << 20  # bytes of a binout in a zip, which has to be in memory to be read
-_MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept of one run, of a run among many, of all runs
+_MOST_UNZIPPED = 256 << 20  # bytes of a zipped binout, which must be read in memory
+_MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept for a single run, per run of many, for all runs
 _ALIKE = 0.1  # of the median travel
 _ALIASED = 0.05  # of the velocity
 _DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
@@ -48,8 +48,8 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
     """Read LS-DYNA runs: the X accelerations of their nodes, else of their rigid bodies.
 
     The path is a ``binout``, any of its shards, a ``nodout``, the folder of a run or of many, or a zip. Each run is a
-    record with the folder's name as id, the speed at which its nodes set out, and the mass that the kinetic energy
-    (``glstat``) gives at that speed.
+    record with the folder's name as id, the initial speed of its nodes, and the mass that follows from the kinetic
+    energy (``glstat``) at that speed.
     """
     kind = "binout or nodout of LS-DYNA"
     with opened_members(path, FORMATS["lsdyna"].has, kind, limits) as (members, budget):
@@ -61,7 +61,7 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
         records: list[Record] = []
         problems: list[Problem] = []
         for run_id, files in runs.items():
-            with collecting(problems), np.errstate(all="ignore"):  # damage may look like any number
+            with collecting(problems), np.errstate(all="ignore"):  # damaged data may hold any number
                 histories = _histories(files, budget, most, zipped=zipped)
                 records.append(_record(run_id, path.name if len(runs) == 1 else run_id, histories))
         refuse(problems, path.name)
@@ -69,7 +69,7 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
 
 
 def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
-    """Files by run: those of one folder belong together, and of a file that was chosen only its shards."""
+    """Files by run: the files of one folder, or only the shards of a file that was chosen."""
     zipped = path.suffix.lower() == ".zip"
     single = path.is_file() and not zipped
     family = path.name[:6].lower()
@@ -87,7 +87,7 @@ def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
 
 
 def _ids(folders: Sequence[tuple[str, ...]], home: str) -> list[str]:
-    """What tells runs apart: folders that all share, above or below, are no part of it."""
+    """Ids of runs from their folders, without leading and trailing folders that all runs share."""
     if len(folders) == 1:
         return [folders[0][-1] if folders[0] else home]
     short = list(folders)
@@ -98,7 +98,7 @@ def _ids(folders: Sequence[tuple[str, ...]], home: str) -> list[str]:
 
 
 def _histories(files: Sequence[Member], budget: Budget, most: int, *, zipped: bool) -> Histories:
-    """Read the binout of a run; where it has no nodes, its nodout."""
+    """Read the binout of a run, or its nodout if the binout has no nodes."""
     shards = sorted(_named(files, "binout"), key=lambda file: file.where)
     text = _named(files, "nodout")
     found = Histories("", (), 0)
@@ -137,7 +137,7 @@ def _record(run_id: str, source: str, run: Histories) -> Record:
     proposed, why = _proposed(nodes)
     per_second, unit, units_told = units_of(proposed, source)
     speed = float(np.median([abs(node.velocity[0]) for node in proposed])) * ACCELERATION_UNITS[unit or "m/s²"]
-    speed *= 1.0 if per_second == 1 else MS  # a velocity is the acceleration's unit times the unit of time
+    speed *= 1.0 if per_second == 1 else MS  # velocity unit = acceleration unit times time unit
     mass = None if unit is None else mass_kg(run.kinetic_energy, proposed)
     aliased = [node.name for node in run.nodes if _is_aliased(node)]
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units_told, why]
@@ -158,7 +158,7 @@ def _record(run_id: str, source: str, run: Histories) -> Record:
 
 
 def _proposed(nodes: Sequence[History]) -> tuple[list[History], str]:
-    """Choose the nodes to be averaged, and say why."""
+    """The nodes to average, and the reason."""
     for words, where in _PLACES:
         named = [n for n in nodes if re.search(words, n.title, re.I) and not _DUMMY.search(n.title)]
         if named:
@@ -187,7 +187,7 @@ def _integral(values: FloatArray, time: FloatArray) -> FloatArray:
 
 
 def _is_aliased(node: History) -> bool:
-    """Tell whether the accelerations, sampled once an output interval, miss what happened to the velocity."""
+    """Whether the accelerations, sampled once per output interval, fail to reproduce the velocity."""
     change = node.velocity - node.velocity[0]
     if not np.isfinite(change).all() or not np.isfinite(node.acceleration).all() or node.time.size < 3:
         return False

@@ -1,4 +1,4 @@
-"""In which units a run is: LS-DYNA knows none, so they are told from how long it lasts and how fast it moves.
+"""Unit system of a run: LS-DYNA records none, so it is inferred from the run's duration and speed.
 
 Crash models are built in mm, s, t; in mm, ms, kg; or in m, s, kg.
 """
@@ -11,12 +11,12 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.readers.lsdyna.histories import History
 from crashfuse.units import MS
 
-_LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # ends of runs in either unit
-_FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # between them could be inch or cm
+_LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # longest duration of a run in either unit
+_FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
 
 
 def units_of(nodes: Sequence[History], source: str) -> tuple[float, str | None, str]:
-    """Tell the units: of time in s, the acceleration's, and a sentence."""
+    """The unit of time in s, the unit of acceleration, and a sentence."""
     end, fastest = float(nodes[0].time[-1]), max(float(np.abs(node.velocity).max()) for node in nodes)
     if not 0 < end <= _LONGEST_MS:
         expected = "a crash in seconds or milliseconds"
@@ -25,7 +25,7 @@ def units_of(nodes: Sequence[History], source: str) -> tuple[float, str | None, 
     lasts = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
     if not seconds:
         return MS, "mm/ms²", f"Units mm and ms: {lasts}."
-    if not fastest > 0:  # at rest or without velocities
+    if not fastest > 0:  # at rest, or no velocities
         return 1.0, None, f"Unit of length unknown: the run ends at {end:.4g} s, and its velocities do not tell."
     if fastest <= _FASTEST_MPS:
         return 1.0, "m/s²", f"SI units: {lasts}."
@@ -35,7 +35,7 @@ def units_of(nodes: Sequence[History], source: str) -> tuple[float, str | None, 
 
 
 def mass_kg(energy: float | None, nodes: Sequence[History]) -> float | None:
-    """Mass that has the kinetic energy at the nodes' speed; a vehicle's is told from t, kg and g by its size."""
+    """The mass that follows from the kinetic energy at the nodes' speed; its size tells whether it is in t, kg or g."""
     speed = float(np.median([abs(node.velocity[0]) for node in nodes]))
     if energy is None or not energy > 0 or not speed > 0:
         return None

@@ -1,1 +1,1 @@
-"""Tables as programs and people export them: what each column is, and the records in them."""
+"""Readers of exported tables: the role of each column, and the records in them."""

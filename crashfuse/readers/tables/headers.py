@@ -1,4 +1,4 @@
-"""What the header of one foreign column says by itself: its role, its unit, its filter, its direction."""
+"""Interpretation of a single foreign column header: role, unit, filter, direction."""
 
 import re
 import unicodedata
@@ -10,7 +10,7 @@ from crashfuse.readers.unit_spelling import UNITS, unit_named
 ColumnRole = Literal[
     "id", "time", "acceleration", "speed", "mass", "front_weight", "rear_weight", "front_share", "factor", "ignored"
 ]
-"""What a column can be."""
+"""The roles of a column."""
 
 _WORDS: dict[ColumnRole, str] = {
     "id": r"id|(test|run) ?(id|nr|no|number|name)?|versuch(s ?(nr|nummer|name))?|lauf|name|nr|no|number|variante|"
@@ -53,9 +53,9 @@ _OTHER_UNIT = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class ColumnUse:
-    """What one column is taken for, and a short reason for people.
+    """The role assigned to one column, and a short reason for display.
 
-    ``unit`` is a name from :data:`crashfuse.readers.unit_spelling.UNITS`; None where none is known or needed.
+    ``unit`` is a name from :data:`crashfuse.readers.unit_spelling.UNITS`; None if unknown or not needed.
     """
 
     column: str
@@ -65,9 +65,9 @@ class ColumnUse:
 
 
 def use_of(column: str, unit_cell: str) -> ColumnUse:
-    """What a column is by its header and the cell below it in a row of units.
+    """The role of a column according to its header and the cell below it in a row of units.
 
-    It is ignored without a reason where nothing is recognised.
+    A column that is not recognised is ignored, without a reason.
     """
     name, unit = _name_and_unit(column, unit_cell)
     plain = place_of(column)
@@ -98,7 +98,7 @@ def use_of(column: str, unit_cell: str) -> ColumnUse:
 
 
 def _acceleration(use: ColumnUse, plain: str, code: re.Match[str] | None, unit_cell: str) -> ColumnUse:
-    """An acceleration, unless it is not the vehicle's along X."""
+    """The use as an acceleration, or as ignored if it is not the vehicle's along X."""
     other = _other_unit(use.column, unit_cell)
     if _OTHER_AXIS.fullmatch(plain) or (code and code.group(2).lower() in "yzr"):
         return ColumnUse(use.column, "ignored", use.unit, "another direction than X")
@@ -110,7 +110,7 @@ def _acceleration(use: ColumnUse, plain: str, code: re.Match[str] | None, unit_c
 
 
 def why_no_acceleration(column: str, unit_cell: str) -> str:
-    """Why a column that nothing is known of cannot be an acceleration; empty if it may be one."""
+    """The reason why an unrecognised column cannot be an acceleration; empty if it may be one."""
     plain, (_, unit) = place_of(column), _name_and_unit(column, unit_cell)
     if _DUMMY.search(plain):
         return "a dummy's, not the vehicle's"
@@ -120,7 +120,7 @@ def why_no_acceleration(column: str, unit_cell: str) -> str:
 
 
 def _other_unit(column: str, unit_cell: str) -> str:
-    """What is named as the unit and is none that is known here."""
+    """The text in the place of the unit, if it is not a known unit."""
     if cell := unit_cell.strip("[](){}- "):
         return cell if unit_named(cell) is None else ""
     for opening, inside in re.findall(r"([\[({])\s*([^\])}]*[^\])}\s])", column):
@@ -143,7 +143,7 @@ def _name_and_unit(column: str, unit_cell: str) -> tuple[str, str | None]:
 
 
 def _plain(name: str) -> str:
-    """Lower case, without accents, words apart."""
+    """The name in lower case without accents, its words separated by spaces."""
     flat = unicodedata.normalize("NFKD", name.replace("ß", "ss")).encode("ascii", "ignore").decode().lower()
     return " ".join(re.sub(r"[^a-z0-9]+", " ", flat).split())
 
@@ -153,12 +153,12 @@ def _is(role: ColumnRole, plain: str) -> bool:
 
 
 def place_of(column: str) -> str:
-    """A header in plain words without unit and filter: where a signal was taken, the same for raw and filtered."""
+    """The sensor location: a header's plain words without unit and filter, equal for raw and filtered signals."""
     return " ".join(_FILTER.sub("", _plain(bare_name(column))).split())
 
 
 def filter_order(column: str) -> float:
-    """Less for the less filtered: raw, nothing said, the higher class before the lower, filtered somehow."""
+    """Sort key, least filtered first: raw, not stated, higher class before lower, filtered without a class."""
     plain, cutoff = _plain(column), cutoff_of(column)
     if cutoff is not None:
         return 2 + 1 / max(cutoff, 1.0)
@@ -168,13 +168,13 @@ def filter_order(column: str) -> float:
 
 
 def cutoff_of(column: str) -> float | None:
-    """−3 dB frequency of the CFC in a header, if there is one (SAE J211-1: 1.667 times the class)."""
+    """The −3 dB frequency of the CFC in a header, if it names one (SAE J211-1: 1.667 times the class)."""
     match = re.search(r"\bcfc ?(\d{1,4})\b", _plain(column))
     return float(match.group(1)) / 0.6 if match else None
 
 
 def names_a_test(title: str) -> bool:
-    """Whether a title above some columns is the name of a test or a run: Test 1, Versuch 7, V2."""
+    """Whether a title above columns is the name of a test or a run: Test 1, Versuch 7, V2."""
     return (
         re.fullmatch(r"(test|run|versuch|lauf|crash|sim(ulation)?|v|t) ?((nr|no|number) )?\w*\d\w*", _plain(title))
         is not None

@@ -1,7 +1,7 @@
-"""Which column of a foreign table is what: proposed from headers and units, overruled by the user.
+"""Column roles of a foreign table: proposed from headers and units, overridden by the user.
 
-:func:`propose` and :meth:`Mapping.overruled` are pure, so that a page can show the mapping as a step of its own; what
-follows from it is read by :mod:`crashfuse.readers.tables.table_reader`.
+:func:`propose` and :meth:`Mapping.overruled` are pure, so that a page can show the mapping as a separate step;
+:mod:`crashfuse.readers.tables.table_reader` applies it.
 """
 
 from collections.abc import Sequence
@@ -27,30 +27,30 @@ QUANTITIES: dict[str, str] = {
     "rear_weight": "mass",
     "front_share": "share",
 }
-"""What the columns that have a unit measure."""
+"""The quantity of each column role that has a unit."""
 _OF_CONDITIONS: tuple[ColumnRole, ...] = ("speed", "mass", "front_weight", "rear_weight")
-_FEWEST = 20  # rows by which a clock is known from a time among conditions
+_FEWEST = 20  # rows needed to take a time beside conditions for that of pulses
 
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """What every column of a sheet is taken for, in their order."""
+    """The roles of all columns of a sheet, in order."""
 
     uses: tuple[ColumnUse, ...]
 
     def of(self, role: ColumnRole) -> tuple[ColumnUse, ...]:
-        """The columns in this role."""
+        """The columns with this role."""
         return tuple(use for use in self.uses if use.role == role)
 
     @property
     def kind(self) -> Literal["pulses", "conditions", "neither"]:
-        """What the sheet holds: pulses if there is a time, else conditions if there is a speed or a weight."""
+        """The content of the sheet: pulses if it has a time, else conditions if it has a speed or a weight."""
         if self.of("time") and self.of("acceleration"):
             return "pulses"
         return "conditions" if any(self.of(role) for role in _OF_CONDITIONS) else "neither"
 
     def overruled(self, column: str, role: ColumnRole, unit: str | None = None) -> "Mapping":
-        """Return the mapping with one column used as the user says; its unit stays where it still makes sense.
+        """Return the mapping with one column assigned by the user; its unit is kept if it still fits.
 
         Raises
         ------
@@ -78,10 +78,10 @@ class Mapping:
 
 
 def propose(sheet: Sheet) -> Mapping:
-    """Propose what each column is, from its header, its unit, and what else the sheet has.
+    """Propose the role of each column from its header, its unit, and the other columns of the sheet.
 
-    Whatever is not recognised is ignored beside a time, and a factor in a table of conditions. Where several columns
-    could be one quantity, all of them are proposed, to be refused when they are read.
+    An unrecognised column is ignored in a table with a time, and a factor in a table of conditions. If several columns
+    could be one quantity, all of them are proposed, and rejected on reading.
     """
     sample = replace(sheet, cells=sheet.cells.head(SAMPLE))
     uses = [use_of(column, unit) for column, unit in zip(sheet.columns, sheet.units, strict=True)]
@@ -96,7 +96,7 @@ def propose(sheet: Sheet) -> Mapping:
 
 
 def _clocks(sheet: Sheet, uses: list[ColumnUse]) -> list[str]:
-    """Columns that are the time of pulses; a clock's time among conditions is none."""
+    """The columns that are the time of pulses; a time of day among conditions is not."""
     named = [use for use in uses if use.role == "time"]
     conditions = any(use.role in _OF_CONDITIONS for use in uses)
     numeric = [use.column for use in named if _numeric(sheet, use.column)]
@@ -110,13 +110,13 @@ def _clocks(sheet: Sheet, uses: list[ColumnUse]) -> list[str]:
 
 
 def _numeric(sheet: Sheet, column: str) -> bool:
-    """Whether most of the cells that are filled are numbers."""
+    """Whether most of the non-empty cells are numbers."""
     filled = sum(map(bool, sheet.text(column)))
     return filled > 0 and 2 * np.isfinite(sheet.parsed(column)).sum() >= filled
 
 
 def _runs(values: FloatArray) -> bool:
-    """Whether numbers increase as time does, but for where the next of several records begins."""
+    """Whether the numbers increase like time, except where the next of several records starts."""
     steps = np.diff(values[np.isfinite(values)])
     return bool(steps.size and np.any(steps > 0) and np.mean(steps >= 0) > 0.9)
 
@@ -129,7 +129,7 @@ def _runs_evenly(values: FloatArray) -> bool:
 
 
 def _beside_time(use: ColumnUse, unit_cell: str) -> ColumnUse:
-    """A column that nothing is known of, where nothing else could be the acceleration."""
+    """The use of an unrecognised column in a sheet where no other column could be the acceleration."""
     if use.role != "ignored" or use.why:
         return use
     why_not = why_no_acceleration(use.column, unit_cell)
@@ -137,14 +137,14 @@ def _beside_time(use: ColumnUse, unit_cell: str) -> ColumnUse:
 
 
 def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUse]:
-    """What columns are in a sheet of pulses."""
+    """The roles of the columns in a sheet of pulses."""
     least_filtered: dict[tuple[str, str], ColumnUse] = {}
     clock_of = _clock_of([use.column for use in uses], times)
     by_filter = sorted((use for use in uses if use.role == "acceleration"), key=lambda use: filter_order(use.column))
     for use in by_filter:
         least_filtered.setdefault((clock_of[use.column], place_of(use.column)), use)
     used = {clock_of[use.column] for use in least_filtered.values()} or {times[0]}
-    used = set(times) if "" in used else used  # whose time it is has to be said
+    used = set(times) if "" in used else used  # the user must say which time applies
     settled = []
     for use in uses:
         role, why = use.role, use.why
@@ -162,7 +162,7 @@ def _of_pulses(uses: Sequence[ColumnUse], times: Sequence[str]) -> list[ColumnUs
 
 
 def _clock_of(columns: Sequence[str], times: Sequence[str]) -> dict[str, str]:
-    """The time of each column: the last one to its left; what stands before the first has none of its own."""
+    """The time column of each column: the nearest to its left; none for columns before the first of several."""
     clocks, clock = {}, times[0] if len(times) == 1 else ""
     for column in columns:
         clock = column if column in times else clock
@@ -171,7 +171,7 @@ def _clock_of(columns: Sequence[str], times: Sequence[str]) -> dict[str, str]:
 
 
 def _of_conditions(uses: Sequence[ColumnUse]) -> list[ColumnUse]:
-    """What columns are in a sheet of conditions."""
+    """The roles of the columns in a sheet of conditions."""
     settled: list[ColumnUse] = []
     for use in uses:
         if use.role in ("time", "acceleration") or (use.role == "ignored" and not use.why):

@@ -1,6 +1,6 @@
-"""A table with its header and its units, and where in a grid of cells these are found.
+"""A table with header and units, and how these are located in a grid of cells.
 
-The data begin where the numbers begin. The row above them is the header, or the row of units with the header above it.
+The data start where the numbers start. The row above them is the header, or a row of units with the header above it.
 """
 
 import re
@@ -17,10 +17,10 @@ from crashfuse.readers.unit_spelling import unit_named
 from crashfuse.signals.pulse import FloatArray
 
 SHEET_LIMITS = Limits(total_bytes=256 << 20, member_bytes=64 << 20, rows=2_000_000)
-"""Sizes beyond which a table is refused."""
+"""Size limits of a table."""
 
 SAMPLE = 400
-"""Rows that are looked at to find out what a table is like."""
+"""Rows examined to detect the layout of a table."""
 
 _MOST_COLUMNS, _LONGEST_HEADER = 2000, 200
 _LONGEST_PREAMBLE = 200
@@ -30,23 +30,23 @@ _NUMBER = {sign: re.compile(rf"[-+]?(\d+({re.escape(sign)}\d*)?|{re.escape(sign)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Sheet:
-    """A table as it was found; its cells are text still.
+    """A table as found in a file; its cells are still text.
 
     Parameters
     ----------
     name : str
-        Of the file, with the sheet's in a workbook of several.
+        Name of the file, and of the sheet if a workbook has several.
     columns, units : tuple of str
-        Headers, made unique, and what stood in a row of units below them ("" where nothing did).
+        Headers, made unique, and the cells of a row of units below them ("" if empty or missing).
     cells : DataFrame of str, shape (n_rows, n_columns)
     first_row : int
-        Row of the file that the data begin in, counted from 1.
+        Row of the file where the data start, counted from 1.
     steps : tuple of str
-        What was found of the file's form.
+        Sentences on the detected file format.
     titles : tuple of str
-        What stood above the headers, "" where nothing did.
+        The cells above the headers, "" if empty or missing.
     part_of : str
-        Name of the table that this one was side by side with others in, unless titles name each as another test.
+        Name of the table that this one was split from, unless titles name each part as a separate test.
     """
 
     name: str
@@ -60,18 +60,18 @@ class Sheet:
     part_of: str = ""
 
     def text(self, column: str) -> list[str]:
-        """Cells of a column, without spaces around them."""
+        """The cells of a column, stripped of surrounding spaces."""
         return [str(cell).strip() for cell in self.cells.iloc[:, self.columns.index(column)]]
 
     def parsed(self, column: str) -> FloatArray:
-        """A column as float64, NaN where a cell is no number."""
+        """A column as float64, NaN where a cell is not a number."""
         cells = self.cells.iloc[:, self.columns.index(column)]
         plain = cells.str.replace(self.decimal, ".", regex=False) if self.decimal != "." else cells
         numbers: FloatArray = pd.to_numeric(plain, errors="coerce").to_numpy(np.float64, copy=True)
         return numbers
 
     def numbers(self, column: str) -> FloatArray:
-        """A column as float64, NaN where a cell is empty; a DataError names a cell that holds no number."""
+        """A column as float64, NaN where a cell is empty; a DataError names a cell that is not a number."""
         numbers = self.parsed(column)
         if np.isfinite(numbers).all():
             return numbers
@@ -88,7 +88,7 @@ class Sheet:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Where in a grid the data begin (from 0), and the headers, units and titles above them."""
+    """The row of a grid where the data start (from 0), and the headers, units and titles above it."""
 
     begin: int
     columns: tuple[str, ...]
@@ -97,14 +97,14 @@ class Header:
 
     @property
     def told(self) -> str:
-        """What was taken for the header, for the user."""
+        """A sentence for the user on the detected header."""
         row_of_units = ", a row of units" if any(self.units) else ""
         names = ", ".join(printable(name, 40) for name in self.columns[:12]) + (" …" if len(self.columns) > 12 else "")
         return f"Data from row {self.begin + 1}{row_of_units}, columns: {names}."
 
 
 def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> Header:
-    """Where the data begin, and what stands above them."""
+    """Locate the first data row of a grid and the headers, units and titles above it."""
     begin = _first_data_row(grid, decimal)
     if begin is None:
         expected, found = f"rows of numbers in the first {_LONGEST_PREAMBLE} rows", "none"
@@ -122,15 +122,15 @@ def header_of(grid: Sequence[Sequence[str]], decimal: str, name: str) -> Header:
 
 
 def sheet_of(name: str, header: Header, cells: pd.DataFrame, decimal: str, *form: str) -> Sheet:
-    """A sheet with this header; the sentences on its form become its first steps."""
+    """A sheet with this header; the sentences in ``form`` become its first steps."""
     steps = (*form, header.told)
     return Sheet(name, header.columns, header.units, cells, decimal, header.begin + 1, steps, header.titles)
 
 
 def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
-    """Where the largest and widest block of numbers begins: half of the cells in its rows at least, else any.
+    """The first row of the largest and widest block of rows with at least half of their cells numbers, else with any.
 
-    Blocks before it are a preamble with numbers, unless a remark or a gap among the data is all that parts them.
+    Blocks before it are a preamble with numbers, unless only a remark or a gap in the data separates them from it.
     """
     for least in (0.5, 1e-9):
         blocks = _blocks(grid, decimal, least)
@@ -142,7 +142,7 @@ def _first_data_row(grid: Sequence[Sequence[str]], decimal: str) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Rows with numbers that follow each other, and in which of their columns most cells are numbers."""
+    """Consecutive rows with numbers; ``numeric`` marks the columns where most cells are numbers."""
 
     begin: int
     end: int
@@ -156,7 +156,7 @@ class _Block:
 
 
 def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_Block]:
-    """Blocks of at least five rows, or of fewer at the end of the grid; empty rows belong to them."""
+    """The blocks of at least five rows, or fewer at the end of the grid; empty rows are part of a block."""
     found: list[_Block] = []
     rows: list[list[bool | None]] = []
     begin = 0
@@ -198,5 +198,5 @@ def _unique(header: Sequence[str]) -> tuple[str, ...]:
 
 
 def is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell is a number under this decimal sign."""
+    """Whether a cell is a number with this decimal sign."""
     return _NUMBER[decimal].fullmatch(cell.strip()) is not None

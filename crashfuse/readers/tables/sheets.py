@@ -1,7 +1,6 @@
-"""Tables as programs and people export them: CSV, TSV or Excel, with whatever delimiter, decimal sign and header.
+"""Exported tables in CSV, TSV or Excel, with any delimiter, decimal sign and header.
 
-Nothing is asked of the file but that it holds a table: the delimiter and the decimal sign are those under which most
-cells are numbers.
+The file only has to hold a table: the delimiter and the decimal sign are those for which the most cells are numbers.
 """
 
 import csv
@@ -32,12 +31,12 @@ _DIALECTS = (
     ("|", "."),
     (" ", "."),
     (" ", ","),
-    (",", ","),  # in quotes
+    (",", ","),  # decimal commas in quoted cells
 )
 
 
 def read_sheets(path: Path, limits: Limits = SHEET_LIMITS) -> tuple[Sheet, ...]:
-    """Read the tables of a text file or of the sheets of a workbook: one each, or one for each time in it."""
+    """Read the tables of a text file or workbook: one per file or sheet, or one per time column in it."""
     if not path.is_file():
         raise DataError(Problem(str(path), "a table", "no such file", "check the path"))
     if path.stat().st_size > limits.member_bytes:
@@ -104,7 +103,7 @@ def _decoded(content: bytes, name: str) -> str:
 
 
 def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
-    """The delimiter and decimal sign under which the most cells, and the largest share of them, are numbers."""
+    """The delimiter and decimal sign for which the most cells, and the largest share of them, are numbers."""
     best, best_score = None, 0.0
     for delimiter, decimal in _DIALECTS:
         rows = [_split(line, delimiter) for line in lines]

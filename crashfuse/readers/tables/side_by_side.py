@@ -1,4 +1,4 @@
-"""Tables side by side in one sheet, each with its own time: parted, so that no acceleration gets another's time."""
+"""Splitting of side-by-side tables in one sheet, so that each acceleration keeps its own time."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,10 +11,10 @@ from crashfuse.readers.tables.sheet import Sheet
 
 
 def parted(sheet: Sheet) -> tuple[Sheet, ...]:
-    """Part a sheet in which several accelerations have times of their own: a sheet for each time.
+    """Split a sheet in which several accelerations have their own times: one sheet per time.
 
-    Each has the columns from its time to the next; columns left of the first are in all of them. A sheet of one
-    time, or with an acceleration left of all times, stays as it is.
+    Each has the columns from its time to the next; columns left of the first time are in all of them. A sheet with one
+    time, or with an acceleration left of all times, is returned unchanged.
     """
     mapping = propose(sheet)
     roles = [use.role for use in mapping.uses]

@@ -1,4 +1,4 @@
-"""Tables with foreign headers, once it is settled which column is what: records and conditions."""
+"""Records and conditions from tables with foreign headers, once the column roles are settled."""
 
 import re
 from collections import Counter
@@ -18,24 +18,24 @@ from crashfuse.signals.pulse import FloatArray
 
 Rows = npt.NDArray[np.signedinteger[Any]]
 _LONGEST_S = 3.0  # beyond it a time without a unit is in ms
-_FEWEST = 10  # numbers of each kind that tell thousands separators from decimal signs
+_FEWEST = 10  # numbers of each kind needed to tell thousands separators from decimal signs
 
 
 def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: bool = False) -> tuple[Record, ...]:
-    """Read the records of a sheet of pulses: one for each id where there is a column of ids.
+    """Read the records of a sheet of pulses: one per id if there is an id column.
 
     Parameters
     ----------
     record_id : str
-        Of a sheet with a single pulse: the file's name, say.
+        Id for a sheet with a single pulse, such as the file name.
     together : bool
-        Take several columns as channels of one record, to be averaged; by default each is a record of its own.
+        Treat several columns as channels of one record, to be averaged; by default each is a separate record.
 
     Raises
     ------
     DataError
-        If there is not one time and one acceleration at least, a cell is no number, or the rows are those of several
-        records without ids.
+        Unless there is one time and at least one acceleration; also if a cell is not a number, or the rows are of
+        several records without ids.
     """
     times, accelerations, ids = mapping.of("time"), mapping.of("acceleration"), mapping.of("id")
     wanted: dict[ColumnRole, bool] = {"time": len(times) == 1, "acceleration": bool(accelerations), "id": len(ids) <= 1}
@@ -67,7 +67,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
 
 
 def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialCondition]:
-    """Read the conditions of a sheet by id, which must neither lack nor repeat."""
+    """Read the conditions of a sheet by id; ids must be present and unique."""
     ids = mapping.of("id")
     if len(ids) != 1:
         raise DataError(_one_column(sheet, "id", ids))
@@ -100,7 +100,7 @@ def apply_conditions(sheet: Sheet, mapping: Mapping) -> dict[str, PartialConditi
 
 
 def told_of(mapping: Mapping) -> tuple[str, ...]:
-    """What the columns of a sheet of conditions are taken for, a sentence each."""
+    """Sentences on the roles of the columns in a sheet of conditions, one each."""
     return tuple(_told(use) for use in mapping.uses if use.role in ("id", *QUANTITIES))
 
 
@@ -110,7 +110,7 @@ def _one_column(sheet: Sheet, role: ColumnRole, found: Sequence[ColumnUse]) -> P
 
 
 def _decimal(sheet: Sheet, column: str) -> FloatArray:
-    """Numbers whose decimal sign is one: ``-441.234`` among ``119`` and never ``-44.1`` means −441 234."""
+    """The numbers of a column; reject thousands separators (``-441.234`` among ``119``, never ``-44.1``: −441 234)."""
     numbers = sheet.numbers(column)
     known = numbers[np.isfinite(numbers)]
     broken = known[known != np.round(known)]
@@ -125,7 +125,7 @@ def _decimal(sheet: Sheet, column: str) -> FloatArray:
 
 
 def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> None:
-    """A time that falls back without ids may be several records one below the other."""
+    """Raise a DataError if time decreases: without ids, the rows may be several records one below the other."""
     back = np.flatnonzero(np.diff(time[rows]) < 0)
     if back.size:
         before, after = (sheet.text(use.column)[row] for row in rows[back[0] : back[0] + 2].tolist())
@@ -163,7 +163,7 @@ def _quantity(sheet: Sheet, mapping: Mapping, role: ColumnRole) -> FloatArray | 
 
 
 def _groups(names: list[str], rows: Rows) -> Iterator[tuple[str, Rows]]:
-    """Rows of each id, in the order of first appearance."""
+    """Yield each id with its rows, in order of first appearance."""
     of: dict[str, list[int]] = {}
     for row in rows.tolist():
         of.setdefault(names[row], []).append(row)
@@ -173,7 +173,7 @@ def _groups(names: list[str], rows: Rows) -> Iterator[tuple[str, Rows]]:
 
 
 def _as_id(name: str) -> str:
-    """Return a name that can name a file."""
+    """Return the name as a valid file name."""
     return re.sub(r"[/\\:\x00-\x1f]", "_", name).strip(" .") or "record"
 
 

@@ -1,4 +1,4 @@
-"""Tables in the workbooks of Excel 2007 and later: one a sheet that holds a table."""
+"""Tables in workbooks of Excel 2007 and later: one per sheet that holds a table."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -21,7 +21,7 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
     except ImportError:
         advice = "install crashfuse[excel], or save the sheet as CSV"
         raise DataError(Problem(path.name, "openpyxl to read workbooks with", "none installed", advice)) from None
-    with path.open("rb") as stream:  # nothing is believed of a zip: its true size is counted before it is parsed
+    with path.open("rb") as stream:  # a workbook is an untrusted zip: its true size is counted before parsing
         budget = Budget(limits, path.stat().st_size)
         for member in zip_members(stream, path.name, limits):
             for _ in member.chunks(budget):
@@ -64,7 +64,7 @@ def _bounded(rows: Iterator[tuple[object, ...]], name: str) -> Iterator[tuple[ob
 
 
 def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Sheet:
-    decimal = "."  # numbers in a workbook have no sign of their own
+    decimal = "."  # numbers in a workbook have no decimal sign of their own
     header = header_of(rows[:SAMPLE], decimal, name)
     width = len(header.columns)
     body = [(row + [""] * width)[:width] for row in rows[header.begin :]]
@@ -75,7 +75,7 @@ def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Shee
 
 
 def _explained(problem: Problem, path: Path, title: str, rows: list[list[str]]) -> Problem:
-    """Why no numbers were found where a person sees some: they are text, or formulas that nobody has calculated."""
+    """The problem, with the reason why visible numbers were not found: text, or formulas never calculated."""
     text = next((cell for row in rows for cell in row if "," in cell and is_number(cell, ",")), None)
     if text is not None:
         advice = "turn them into numbers (in Excel: Data, Text to Columns), or save the sheet as CSV"
