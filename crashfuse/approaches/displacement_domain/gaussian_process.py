@@ -167,7 +167,7 @@ class GaussianProcess:
         _, here = self._loss(self.theta_)
         curvature = [(self._loss(self.theta_ + step * unit)[1] - here) / step for unit in np.eye(here.size)]
         values, vectors = np.linalg.eigh(0.5 * (np.array(curvature) + np.array(curvature).T))
-        values = np.maximum(values, 1e-2 / self._spread.max() ** 2)  # flat at a bound: no narrower than the prior
+        values = np.maximum(values, 1e-2 / self._spread.max() ** 2)  # flat at a bound: little beyond the prior
         return np.asarray(np.sqrt(np.sum(vectors**2 / values, axis=1)))
 
     def _climb(self, start: FloatArray) -> FloatArray:
