@@ -157,7 +157,7 @@ def _eigen(x: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, FloatA
 def _evidence(x: FloatArray, y: FloatArray, length_scales: FloatArray) -> FloatArray:
     """Log marginal likelihood of each mode (rows) at each noise ratio (columns), with the optimal variance.
 
-    In the eigenbasis of the correlation matrix, noise only adds to the eigenvalues: one decomposition does for all.
+    In the eigenbasis of the correlation matrix, noise only adds to the eigenvalues: one decomposition serves all.
     """
     values, vectors = _eigen(x, length_scales)
     variance = values[:, None] + _NOISE
