@@ -38,7 +38,7 @@ class Problem:
     column, row : str, int, optional
         Location in the file; the header is row 1, as in a spreadsheet.
 
-    All texts are shortened and stripped of control characters, so any file content is safe to print.
+    All texts are shortened, with control characters escaped, so any file content is safe to print.
     """
 
     where: str

@@ -105,7 +105,7 @@ class Table4Bias:
         self,
         condition: Condition,
         displacement_m: FloatArray,
-        cae_mps2: FloatArray,  # noqa: ARG002 - every bias model is told
+        cae_mps2: FloatArray,  # noqa: ARG002 - common to all bias models
         speed_share: FloatArray,
         n_draws: int,
         rng: np.random.Generator,
