@@ -1,4 +1,4 @@
-"""The campaign: the CAE runs and the tests of one vehicle, and the fingerprint that names their exact content."""
+"""The campaign: CAE runs and tests of one vehicle, and the fingerprint of their exact content."""
 
 import hashlib
 import math
@@ -14,7 +14,7 @@ from crashfuse.errors import UsageError
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import LB, MPH
 
-_SAME_CONDITION = 1e-4  # relative: a table's rounding, well below any weighing
+_SAME_CONDITION = 1e-4  # relative: rounding in a table, far below weighing accuracy
 _SPEED_STEP_MPS = 2 * MPH
 _AXES = (("speed", MPH, "mph"), ("front weight", LB, "lb"), ("rear weight", LB, "lb"))
 
@@ -28,7 +28,7 @@ class CrashTest:
     pulse : Pulse
         On the study grid.
     recorded_s : float
-        Where its record ends; beyond it the pulse is zero, which nobody measured.
+        End of the record in s; beyond it the pulse is padded with zeros, not measured.
     """
 
     id: str
@@ -69,16 +69,16 @@ class CaeLibrary:
         return digest.hexdigest()
 
     def paired_run(self, condition: Condition) -> int | None:
-        """Index of the run made at this very condition (to 1e-4 of its values), or None."""
+        """Index of the run at exactly this condition (to a relative 1e-4), or None."""
         target = condition.vector
         gap = np.abs(self.vectors - target)
         same = np.flatnonzero((gap <= _SAME_CONDITION * np.abs(target)).all(axis=1))
         return int(same[0]) if same.size else None
 
     def extrapolation(self, condition: Condition) -> tuple[str, ...]:
-        """One sentence for every input that lies outside the range of all other CAE runs; empty when none does.
+        """One sentence for every input that lies outside the range of all other CAE runs; empty if none does.
 
-        A run made at this very condition gives the pulse there, but no support around it, so it does not count.
+        A run at exactly this condition gives the pulse there, but no support around it, so it does not count.
         """
         others = np.delete(self.vectors, [] if (own := self.paired_run(condition)) is None else [own], axis=0)
         if not len(others):
@@ -102,11 +102,11 @@ class Campaign:
     Parameters
     ----------
     notice : str
-        A sentence shown wherever the campaign is ("synthetic", say); empty for none.
+        A sentence shown wherever the campaign is shown (such as "synthetic"); empty for none.
     warnings : tuple of str
-        What the check found that is allowed but worth knowing.
+        Findings of the check that are allowed but worth knowing.
     channel_filter_class : float, optional
-        CFC that records were filtered with when they were read (SAE J211-1); None if they were taken as they are.
+        CFC that records were filtered with on reading (SAE J211-1); None if they were not filtered.
     """
 
     name: str
@@ -118,7 +118,7 @@ class Campaign:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of the CAE runs and the tests: equal content gives the same fingerprint, whatever the files."""
+        """SHA-256 of the CAE runs and the tests: equal content gives the same fingerprint from any files."""
         digest = hashlib.sha256(self.cae.fingerprint.encode())
         for test in self.tests:
             digest.update(f"{test.id}|{test.condition!r}\n".encode())
@@ -152,14 +152,14 @@ class Campaign:
         }
 
     def without(self, test_ids: Sequence[str]) -> "Campaign":
-        """The campaign with these tests held out: what predicts them may see this and nothing else."""
+        """The campaign with these tests held out: the only data available for predicting them."""
         held_out = {self.test(test_id).id for test_id in test_ids}
         return replace(self, tests=tuple(test for test in self.tests if test.id not in held_out))
 
     def evenly_over_speed(self, most: int) -> "Campaign":
         """The campaign with at most ``most`` tests, evenly spaced in the order of speed, slowest and fastest included.
 
-        A campaign that has no more is returned as it is.
+        A campaign with no more tests is returned unchanged.
         """
         if len(self.tests) <= most:
             return self
@@ -170,8 +170,8 @@ class Campaign:
     def speed_group(self, test_id: str) -> tuple[str, ...]:
         """Ids of the tests at about the speed of this one, itself included, in the order of the table.
 
-        Sorted by speed, neighbours less than 2 mph apart are of one group: repeats at one nominal speed are, steps
-        from one nominal speed to the next are not.
+        Sorted by speed, neighbours less than 2 mph apart belong to one group: repeats at one nominal speed do, tests at
+        different nominal speeds do not.
         """
         speed = self.test(test_id).condition.speed_mps
         ordered = sorted(self.tests, key=lambda test: test.condition.speed_mps)

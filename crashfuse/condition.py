@@ -19,7 +19,7 @@ class Condition:
     front_weight_kg, rear_weight_kg : float
         Weights on the two axles in kg.
     factors : tuple of (str, str)
-        Any further columns of the table (powertrain, drive) as name and value.
+        Further columns of the table (powertrain, drive) as pairs of name and value.
     """
 
     speed_mps: float

@@ -1,15 +1,15 @@
-"""The one tree of exceptions: catch :class:`CrashfuseError` and you have caught them all."""
+"""Exceptions of crashfuse, all derived from :class:`CrashfuseError`."""
 
 import unicodedata
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-_LONGEST = 300  # characters of one part of a message; a stranger's cell may have millions
+_LONGEST = 300  # characters of one part of a message; a cell of an unknown file may have millions
 
 
 def printable(text: str, most: int = _LONGEST) -> str:
-    """Return text from a file as one line that a terminal can show: no control characters, not too long."""
+    """Return text from a file as one line that a terminal can show: no control characters, limited length."""
     if len(text) <= most and text.isprintable():
         return text
     shown = "".join(
@@ -25,20 +25,20 @@ class CrashfuseError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong with the data, and what to do about it.
+    """One problem with the data, and how to fix it.
 
     Parameters
     ----------
     where : str
         The file (relative to the campaign folder), upload or signal.
     expected, found : str
-        What the contract asks for and what is there instead.
+        What the data contract requires and what was found instead.
     advice : str
-        What to do, as an instruction.
+        How to fix it, as an instruction.
     column, row : str, int, optional
-        Where in the file; rows count the header as row 1, as a spreadsheet does.
+        Location in the file; the header is row 1, as in a spreadsheet.
 
-    Whatever a file put into one of the texts, they are short and harmless to print.
+    All texts are shortened, with control characters escaped, so any file content is safe to print.
     """
 
     where: str
@@ -64,9 +64,9 @@ class Problem:
 
 
 def shortened(problems: Sequence[Problem], most: int = 20) -> list[Problem]:
-    """Keep the first problems of each kind, and count the rest in one: a list that a person can read.
+    """Keep the first problems of each kind and summarise the rest in one, for a readable list.
 
-    Of one kind are problems with the same advice in the same column of one file, or of the files of one folder.
+    Problems are of one kind if they have the same advice in the same column of one file or of files in one folder.
     """
     kinds: dict[tuple[str, str, str], list[Problem]] = {}
     for problem in problems:
@@ -83,19 +83,19 @@ def shortened(problems: Sequence[Problem], most: int = 20) -> list[Problem]:
 
 
 class DataError(CrashfuseError):
-    """The data are wrong. Holds every problem that was found, not only the first (exit code 1)."""
+    """The data are invalid. Holds all problems found, not only the first (exit code 1)."""
 
     def __init__(self, problems: Problem | Sequence[Problem]) -> None:
         self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
     def __reduce__(self) -> tuple[type["DataError"], tuple[tuple[Problem, ...]]]:
-        return type(self), (self.problems,)  # a worker process hands it back whole
+        return type(self), (self.problems,)  # so that a worker process returns it intact
 
 
 @contextmanager
 def collecting(problems: list[Problem]) -> Iterator[None]:
-    """Append what is wrong with the data to ``problems`` instead of raising it."""
+    """Append the problems of a DataError to ``problems`` instead of raising it."""
     try:
         yield
     except DataError as error:
@@ -103,12 +103,12 @@ def collecting(problems: list[Problem]) -> Iterator[None]:
 
 
 class UsageError(CrashfuseError):
-    """What was asked for does not exist or makes no sense (exit code 2)."""
+    """The request refers to something that does not exist, or is invalid (exit code 2)."""
 
 
 class NotFittedError(CrashfuseError):
-    """A prediction was asked of an approach that has not been fitted."""
+    """An approach was used before it was fitted."""
 
 
 class Cancelled(CrashfuseError):
-    """The user stopped the computation; nothing was lost, finished parts stay in the cache."""
+    """The user stopped the computation; finished parts remain in the cache."""

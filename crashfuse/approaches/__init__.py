@@ -1,1 +1,1 @@
-"""The ways to predict a pulse, behind one contract: :class:`crashfuse.approaches.base.Approach`."""
+"""The prediction approaches, all behind one interface: :class:`crashfuse.approaches.base.Approach`."""

@@ -1,4 +1,4 @@
-"""What an approach is: it says what it is called and how it is drawn, fits a campaign and predicts at a condition."""
+"""The interface of an approach: its names and plot style, fitting to a campaign, prediction at a condition."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -18,16 +18,16 @@ from crashfuse.signals.pulse import GRID_S, FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The pulse that an approach expects at a condition.
+    """The pulse that an approach predicts at a condition.
 
     Parameters
     ----------
     accel_mps2 : ndarray, shape (1250,)
         The central prediction on :data:`crashfuse.signals.pulse.GRID_S`, m/s².
     draws_mps2 : ndarray, shape (n_draws, 1250), optional
-        Equally likely whole pulses; None where the approach has no band.
+        Equally likely whole pulses; None if the approach has no band.
     notes : tuple of str
-        What the reader must know: extrapolation, where the CAE pulse came from, a fit that had to be retried.
+        Remarks for the reader: extrapolation, the source of the CAE pulse, a fit that had to be retried.
     """
 
     condition: Condition
@@ -51,9 +51,9 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class FittedState:
-    """What a fit found, with no code in it: plain JSON values, and arrays by name.
+    """Result of a fit as pure data, without code: plain JSON values, and arrays by name.
 
-    With the data that was fitted to it is enough to predict again to the same bits.
+    Together with the data that was fitted, it reproduces every prediction bit for bit.
     """
 
     values: Mapping[str, Any]
@@ -61,47 +61,47 @@ class FittedState:
 
     @classmethod
     def of(cls, values: Mapping[str, Any], arrays: Entry, **parts: "FittedState") -> "FittedState":
-        """Join values and arrays with the states of a model's parts."""
+        """Combine values and arrays with the states of a model's parts."""
         nested = {f"{part}/{name}": array for part, own in parts.items() for name, array in own.arrays.items()}
         return cls({**values, **{part: own.values for part, own in parts.items()}}, {**arrays, **nested})
 
     def part(self, name: str) -> "FittedState":
-        """The state of the part of this name."""
+        """The state of the part with this name."""
         start = f"{name}/"
         own = {key.removeprefix(start): array for key, array in self.arrays.items() if key.startswith(start)}
         return FittedState(self.values[name], own)
 
 
 MOST_TESTS = 30
-"""From how many tests the exact posteriors learn: their cost grows with the cube of the number."""
+"""Most tests that the exact posteriors are fitted to: their cost grows with the cube of the number."""
 
 
 class Approach(ABC):
-    """One way to predict a pulse, and all that the rest of the program has to know about it.
+    """One way to predict a pulse, with everything that the rest of the program needs to know about it.
 
-    A new approach is a subclass in a module of its own, entered in :mod:`crashfuse.approaches.registry`. FittedState
+    A new approach is a subclass in its own module, listed in :mod:`crashfuse.approaches.registry`. Fitted
     attributes end in an underscore; hyperparameters are a frozen config.
 
     Attributes
     ----------
     name : str
-        The name in every file and call.
+        The name in files and calls.
     label : str
         The name in figures and tables.
     in_words : str
         The name in a sentence, with its article.
     description : str
-        What it does, in a sentence that follows its label and a colon.
+        What it does, as a sentence to follow its label and a colon.
     colour, dark_colour : str
-        ``#RRGGBB`` of its curves on a white page and on a dark one; no ``dark_colour`` where one reads on both.
+        ``#RRGGBB`` of its curves on a white and on a dark page; no ``dark_colour`` if one colour is legible on both.
     dash : str
-        Plotly's dash of its curves; solid is for what has learned from tests.
+        Plotly dash style of its curves; solid is reserved for approaches that learn from tests.
     preference : int
-        Of approaches that tests cannot tell apart, the one with the lowest number is recommended.
+        Among approaches that the tests cannot separate, the lowest number is recommended.
     learns_from_tests : bool
-        Whether :meth:`fit` looks at tests at all.
+        Whether :meth:`fit` uses tests.
     made_of : tuple of Approach classes
-        The approaches that it mixes, if any; the first of a prediction's notes then says how.
+        The approaches that it mixes, if any; the first note of a prediction then states the weights.
     """
 
     name: ClassVar[str]
@@ -119,11 +119,11 @@ class Approach(ABC):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:  # noqa: ARG003 - most others need it
-        """An unfitted approach with these settings; those that do not concern it are passed over."""
+        """Create an unfitted approach from these settings, ignoring any that do not apply to it."""
         return cls()
 
     def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:  # noqa: B027 - there may be nothing
-        """Do what depends on the CAE runs alone and keep it in the cache: all fits to this campaign share it.
+        """Compute and cache everything that depends on the CAE runs alone; all fits to this campaign share it.
 
         Raises
         ------
@@ -133,7 +133,7 @@ class Approach(ABC):
 
     @abstractmethod
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Learn from the campaign as it is handed over: held-out tests have been taken out of it already.
+        """Fit to the whole campaign as given; the caller has already removed held-out tests.
 
         Raises
         ------
@@ -155,29 +155,29 @@ class Approach(ABC):
 
     @property
     def parts(self) -> tuple["Approach", ...]:
-        """The fitted approaches that it mixes, one of each class in ``made_of``.
+        """The fitted approaches that this one mixes, one of each class in ``made_of``.
 
         Raises
         ------
         NotFittedError
-            If there are some, and they are asked for before :meth:`fit`.
+            If it mixes any and is called before :meth:`fit`.
         """
         return ()
 
     def predict_from(self, condition: Condition, parts: Sequence[Prediction]) -> Prediction:  # noqa: ARG002 - see above
-        """As :meth:`predict`, where what its :attr:`parts` predict there is known already."""
+        """Predict as :meth:`predict` does, given the predictions of its :attr:`parts` at this condition."""
         return self.predict(condition)
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:  # noqa: ARG002 - others need it
-        """What it expects of each test of the campaign that it was fitted to, as if that test had not been run.
+        """Prediction for each test of the fitted campaign, as if that test had not been run.
 
-        Pulses in m/s², shape (1250,), by the test's id; empty where it is not known, as under the paper's preset.
+        Pulses in m/s², shape (1250,), by test id; empty where not available, as under the paper's preset.
         """
         return {}
 
     @abstractmethod
     def learned(self) -> FittedState:
-        """What :meth:`fit` found.
+        """The fitted state, the result of :meth:`fit`.
 
         Raises
         ------
@@ -187,37 +187,37 @@ class Approach(ABC):
 
     @abstractmethod
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
-        """Take up what an approach with these hyperparameters learned from this campaign, instead of :meth:`fit`.
+        """Restore the state that an approach with these hyperparameters learned from this campaign, without a fit.
 
         Raises
         ------
         KeyError, ValueError, RuntimeError
-            If that is no such thing.
+            If the state is not of this kind.
         """
 
     def _thinned(self, campaign: Campaign) -> Campaign:
-        """The tests that are learned from, evenly over speed; the notes of predictions tell if these are not all."""
+        """The campaign thinned evenly over speed to at most MOST_TESTS; prediction notes say if it was thinned."""
         n = len(campaign.tests)
         self._thinning = (f"Of {n} tests {MOST_TESTS} were learned from, evenly over speed.",) * (n > MOST_TESTS)
         return campaign.evenly_over_speed(MOST_TESTS)
 
     def _require(self, learned: str) -> None:
-        """Raise unless ``fit`` has set this attribute."""
+        """Raise NotFittedError unless ``fit`` has set this attribute."""
         if not hasattr(self, learned):
             raise NotFittedError(f"The approach {self.name} has not been fitted; call fit(campaign) first.")
 
     @property
     def device(self) -> str:
-        """Kind of device that it trains on, ``cpu`` or ``cuda``, if that decides the last bits; else empty.
+        """Device it trains on, ``cpu`` or ``cuda``, if that affects the last bits of the result; else empty.
 
         Raises
         ------
         UsageError
-            If the device that was asked for is not there.
+            If the requested device is not available.
         """
         return ""
 
     @property
     def state(self) -> dict[str, object]:
-        """What the fit found, as plain JSON values, for study.json and the pages."""
+        """Fit results as plain JSON values, for study.json and the pages."""
         return {}

@@ -1,4 +1,4 @@
-"""The uncorrected CAE pulse: the baseline that every correction has to beat."""
+"""The uncorrected CAE pulse, the baseline that every correction has to beat."""
 
 from typing import Self
 
@@ -13,12 +13,12 @@ from crashfuse.signals.pulse import FloatArray
 
 
 class Cae(Approach):
-    """The CAE model as it is: the paired run if there is one, else the emulator.
+    """The uncorrected CAE model: the paired run if there is one, else the emulator.
 
     Parameters
     ----------
     cache : Cache, optional
-        Where the trained emulator is kept.
+        Storage for the trained emulator.
     """
 
     name = "cae"
@@ -37,7 +37,7 @@ class Cae(Approach):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
-        """The raw CAE model needs the cache alone."""
+        """Create it with the cache, the only setting it needs."""
         return cls(cache=settings.cache)
 
     def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
@@ -45,25 +45,25 @@ class Cae(Approach):
         self.fit(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Train the emulator on the campaign's CAE runs; tests are not looked at."""
+        """Train the emulator on the campaign's CAE runs; tests are not used."""
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         return self
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
-        """The CAE pulse at every test: it never learns from one."""
+        """The CAE pulse at every test, since no test is learned from."""
         self._require("model_")
         return {test.id: self.model_.pulse(test.condition).accel_mps2 for test in campaign.tests}
 
     def learned(self) -> FittedState:
-        """Nothing but the emulator, which is trained in a second."""
+        """An empty state: the emulator is not stored, as it trains in a second."""
         self._require("model_")
         return FittedState({}, {})
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:  # noqa: ARG002 - there is nothing in it
-        """As :meth:`fit`."""
+        """Fit again, as :meth:`fit` does."""
         return self.fit(campaign)
 
     def predict(self, condition: Condition) -> Prediction:
-        """Give the CAE pulse at a condition, and say where it comes from."""
+        """Predict the CAE pulse at a condition, with notes on its source."""
         self._require("model_")
         return Prediction(condition, self.model_.pulse(condition).accel_mps2, notes=self.model_.notes(condition))

@@ -1,4 +1,4 @@
-"""Calibration of bands: how much of left-out tests lies inside, and how far a band has to be widened for it."""
+"""Calibration of bands: coverage of left-out tests, and the widening that a band needs to reach it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
@@ -11,21 +11,21 @@ from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 
 LEVEL = 0.95
 LEVELS: FloatArray = np.linspace(0.05, 0.95, 19)
-"""Levels at which the coverage of bands is compared with what they promise."""
+"""Nominal levels at which the coverage of bands is checked."""
 
 WIDENINGS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
 
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """How much of one left-out test lies inside the 95 % band of its prediction.
+    """Coverage of one left-out test by the 95 % band of its prediction.
 
     Attributes
     ----------
     accel, velocity : float
         Shares of the time up to zero velocity at which the measured a(t) and v(t) lie inside.
     rebound : float
-        Share of the time after zero velocity at which a(t) does; NaN for a test that does not stop within the record.
+        Share of the time after zero velocity at which a(t) lies inside; NaN if the vehicle does not stop in the record.
     crush, peak : bool
         Whether the measured maximum dynamic crush and peak deceleration lie inside their intervals.
     """
@@ -69,16 +69,16 @@ def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """A band checked on tests that were left out one by one, and how much it was widened for it.
+    """Check of a band on tests left out one by one, and the widening that resulted.
 
     Attributes
     ----------
     widening : float
-        Factor on every draw's deviation; 1 where the band held as it was.
+        Factor on every draw's deviation; 1 if the band held without widening.
     tests : tuple of Coverage
         One for each left-out test, with the widened band.
     late_widening : float, optional
-        The factor after the time of zero velocity, if it differs.
+        Factor after the time of zero velocity, if different.
     """
 
     widening: float
@@ -87,12 +87,12 @@ class Calibration:
 
     @property
     def holds(self) -> bool:
-        """Whether curves lie inside for 95 % of the time on average, and crush and peak for all tests but one in 20.
+        """Whether curves lie inside 95 % of the time on average, and crush and peak in all tests but one in 20.
 
-        That one is rounded up: ten tests cannot tell nine in ten from nineteen in twenty.
+        The number of exceptions is rounded up: ten tests cannot distinguish nine in ten from nineteen in twenty.
         """
         n = len(self.tests)
-        enough = n - int(np.ceil(round((1 - LEVEL) * n, 9)))  # of 20 one, though 20 × 0.05 is a little more than 1
+        enough = n - int(np.ceil(round((1 - LEVEL) * n, 9)))  # one of 20, although 20 × 0.05 is slightly above 1
         curves = [self.share(name) for name in ("accel", "velocity", "rebound")]
         return self.count("crush") >= enough and self.count("peak") >= enough and all(not c < LEVEL for c in curves)
 
@@ -101,14 +101,14 @@ class Calibration:
         return sum(getattr(test, name) for test in self.tests)
 
     def share(self, name: str) -> float:
-        """Mean share of ``accel``, ``velocity`` or ``rebound`` over the tests that have one."""
+        """Mean share of ``accel``, ``velocity`` or ``rebound`` over the tests that have a value."""
         values = np.array([getattr(test, name) for test in self.tests])
         known = values[~np.isnan(values)]
         return float(known.mean()) if known.size else float("nan")
 
     @property
     def counts(self) -> dict[str, object]:
-        """Shares of time and numbers of tests inside, as plain JSON values."""
+        """Shares of time and numbers of tests inside the band, as plain JSON values."""
         shares = {name: self.share(name) for name in ("accel", "velocity", "rebound")}
         return {
             "left_out_tests": len(self.tests),
@@ -119,27 +119,27 @@ class Calibration:
 
     @property
     def inside(self) -> FloatArray:
-        """The coverages as rows of numbers, shape (n_tests, 5)."""
+        """The coverages as an array, one row for each test, shape (n_tests, 5)."""
         return np.array([astuple(test) for test in self.tests], dtype=np.float64).reshape(-1, 5)
 
     @classmethod
     def of(cls, widening: float, inside: FloatArray, late_widening: float | None = None) -> Self:
-        """The calibration with these rows of :attr:`inside`."""
+        """Create the calibration from rows as :attr:`inside` returns them."""
         tests = tuple(Coverage(a, v, after, bool(crush), bool(peak)) for a, v, after, crush, peak in inside.tolist())
         return cls(widening, tests, late_widening)
 
     @property
     def state(self) -> dict[str, object]:
-        """The counts, and the widening that led to them."""
+        """The counts and the widening, as plain JSON values."""
         late = {} if self.late_widening is None else {"late_widening": self.late_widening}
         return {"widening": self.widening, **late, **self.counts}
 
 
 def calibrate(check: Callable[[float], Sequence[Coverage]], widenings: Sequence[float] = WIDENINGS) -> Calibration:
-    """Widen a band as little as is needed for it to hold on left-out tests; as far as is tried if it never does.
+    """Find the smallest widening with which a band holds on left-out tests; the largest one if none suffices.
 
-    ``check`` takes a factor on every draw's deviation, and gives the coverage of each left-out test with it; the
-    widenings are those to try, ascending.
+    ``check`` takes a factor on every draw's deviation and returns the resulting coverage of each left-out test;
+    ``widenings`` are the factors to try, in ascending order.
     """
     for widening in widenings:
         calibration = Calibration(widening, tuple(check(widening)))

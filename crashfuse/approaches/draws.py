@@ -1,4 +1,4 @@
-"""Draws from a joint distribution of many values: whole functions, not point by point."""
+"""Draws from joint distributions: whole functions rather than independent points."""
 
 import numpy as np
 

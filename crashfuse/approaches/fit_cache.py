@@ -1,4 +1,4 @@
-"""What was learned from some data with some settings is kept in the cache, and never learned again."""
+"""Cache of fits: the same approach, settings and data are never fitted twice."""
 
 import json
 import time
@@ -16,14 +16,14 @@ from crashfuse.execution.progress import SILENT, Watch
 
 A = TypeVar("A", bound=Approach)
 
-_KIND = "fits"  # of entries in the cache
-_TEXT = "text"  # the array there that holds all that is not an array
+_KIND = "fits"  # kind of cache entry
+_TEXT = "text"  # name of the array that holds everything else as JSON
 
 
 def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = SILENT) -> tuple[A, float]:
-    """Fit an approach, or take from the cache what one like it learned from this campaign.
+    """Fit an approach, or restore it from the cache if the same fit was made before.
 
-    Returns it, with the seconds that the learning took, then or now.
+    Returns the fitted approach and the duration of the original fit in s.
     """
 
     def learn() -> tuple[float, Mapping[str, npt.ArrayLike]]:
@@ -45,7 +45,7 @@ def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = 
 
 
 def is_cached(approach: Approach, campaign: Campaign, cache: Cache) -> bool:
-    """Whether :func:`fitted` would find in the cache what was learned from this campaign."""
+    """Whether :func:`fitted` would find this fit in the cache."""
     return cache.is_cached(_KIND, _key(approach, campaign))
 
 
@@ -54,7 +54,7 @@ def _key(approach: Approach, campaign: Campaign) -> dict[str, object]:
 
 
 def settings(approach: Approach) -> dict[str, object]:
-    """All that decides an approach's numbers, beside the data."""
+    """Everything besides the data that determines an approach's numbers."""
     return {
         "code": code_digest(type(approach).__module__),
         "approach": approach.name,

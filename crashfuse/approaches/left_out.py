@@ -1,4 +1,4 @@
-"""What an approach predicts for each test that it learned from, as if that test had not been run."""
+"""Leave-one-out predictions: each test predicted as if it had not been run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,20 +10,20 @@ from crashfuse.approaches.base import FittedState
 from crashfuse.campaign import Campaign
 from crashfuse.signals.pulse import GRID_S, FloatArray
 
-STRIDE = 10  # samples of the study grid: a CFC 60 pulse holds no more
+STRIDE = 10  # samples of the study grid: a CFC 60 pulse contains no finer detail
 _DRAWS = 100
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LeftOut:
-    """Pulses predicted for tests from all others, thinned out: enough to judge a mix by.
+    """Pulses predicted for each test from all others, thinned out but enough to judge a mixture by.
 
     Attributes
     ----------
     numbers : ndarray of int, shape (n,)
-        Which of the campaign's tests these are.
+        Indices of these tests in the campaign.
     mean_mps2 : ndarray, shape (n, n_times)
-        On every tenth sample of the study grid.
+        Expected pulses on every tenth sample of the study grid.
     draws_mps2 : ndarray of float32, shape (n, n_draws, n_times)
     """
 
@@ -33,7 +33,7 @@ class LeftOut:
 
     @classmethod
     def of(cls, pulses_mps2: Mapping[int, FloatArray]) -> "LeftOut":
-        """Thin out pulses by the number of their test: the expected one in row 0, then draws, shape (1 + m, 1250)."""
+        """Thin out pulses, given by test number: row 0 is the expected pulse, then draws, shape (1 + m, 1250)."""
         some = [pulses[: 1 + _DRAWS, ::STRIDE] for pulses in pulses_mps2.values()]
         return cls(
             np.array(list(pulses_mps2), dtype=np.int64),
@@ -42,22 +42,22 @@ class LeftOut:
         )
 
     def expected(self, campaign: Campaign) -> dict[str, FloatArray]:
-        """The expected pulses on the study grid in m/s², by the test's id."""
+        """The expected pulses on the study grid in m/s², by test id."""
         return {
             campaign.tests[number].id: in_full(mean) for number, mean in zip(self.numbers, self.mean_mps2, strict=True)
         }
 
     def learned(self) -> FittedState:
-        """All of it."""
+        """These predictions as a state to store."""
         return FittedState({}, {"numbers": self.numbers, "mean": self.mean_mps2, "draws": self.draws_mps2})
 
     @classmethod
     def restored(cls, learned: FittedState) -> "LeftOut":
-        """Restored from what :meth:`learned` gave."""
+        """Restore from the state that :meth:`learned` returned."""
         return cls(learned.arrays["numbers"], learned.arrays["mean"], learned.arrays["draws"])
 
 
 def in_full(thinned_mps2: FloatArray) -> FloatArray:
-    """Back from every tenth sample to the study grid, shape (..., 1250), by a cubic spline."""
+    """Interpolate every tenth sample back to the study grid by a cubic spline, shape (..., 1250)."""
     full: FloatArray = CubicSpline(GRID_S[::STRIDE], thinned_mps2, axis=-1)(GRID_S)
     return full

@@ -1,4 +1,4 @@
-"""All approaches by name. A new one is a module of its own, and an entry here: all else it says itself."""
+"""All approaches by name. A new one needs its own module and an entry here; its class defines the rest."""
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.cae import Cae
@@ -20,17 +20,17 @@ _ALL: tuple[type[Approach], ...] = (
 CLASSES: dict[str, type[Approach]] = {approach.name: approach for approach in _ALL}
 
 APPROACHES: tuple[str, ...] = tuple(CLASSES)
-"""Names of all approaches in the order of tables and figures: the uncorrected CAE first, what mixes others last."""
+"""Names of all approaches in the order of tables and figures: uncorrected CAE first, mixtures last."""
 
 LABELS: dict[str, str] = {name: approach.label for name, approach in CLASSES.items()}
-"""What figures and tables call them."""
+"""Labels of the approaches in figures and tables."""
 
 BASELINE: str = Cae.name
-"""What every correction has to beat."""
+"""Name of the baseline that every correction has to beat."""
 
 
 def create(name: str, settings: Settings) -> Approach:
-    """An unfitted approach.
+    """Create an unfitted approach.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def create(name: str, settings: Settings) -> Approach:
     Raises
     ------
     UsageError
-        If there is no approach of that name.
+        If there is no approach with that name.
     """
     if name not in CLASSES:
         raise UsageError(f"There is no approach {name!r}; choose from {', '.join(APPROACHES)}.")

@@ -1,4 +1,4 @@
-"""What a user chooses about every approach: preset, seed, device, cache."""
+"""Settings that all approaches share: preset, seed, device, cache."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -15,21 +15,21 @@ DEVICES: tuple[Device, ...] = get_args(Device)
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What any approach is made from; each takes what concerns it.
+    """Settings that approaches are created from; each uses those that apply to it.
 
     Parameters
     ----------
     preset : {"fast", "paper"}
-        ``paper`` takes the settings of Tables 2 and 4, ``fast`` ours. ``fused`` is made of the fast forms either way.
+        ``paper`` uses the settings of Tables 2 and 4, ``fast`` ours. ``fused`` uses the fast forms either way.
     device : {"auto", "cpu", "cuda"}
-        Where networks are trained; ``auto`` takes CUDA if there is any. All else runs on the CPU.
+        Device for training networks; ``auto`` uses CUDA if available. Everything else runs on the CPU.
     cache : Cache, optional
-        Where what does not depend on the tests (LF training, emulator) is kept.
+        Storage for results that do not depend on the tests (LF training, emulator).
 
     Raises
     ------
     UsageError
-        If there is no preset or device of that name.
+        If there is no preset or device with that name.
     """
 
     preset: Preset = "fast"

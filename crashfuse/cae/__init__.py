@@ -1,1 +1,1 @@
-"""The CAE model at any condition: its runs, and an emulator between them."""
+"""The CAE model at any condition: its runs, and an emulator that interpolates between them."""

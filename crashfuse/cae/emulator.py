@@ -1,9 +1,9 @@
-"""What the CAE model would give at a condition where no run was made: an emulator trained on all runs.
+"""Emulator of the CAE model for conditions without a run, trained on all runs.
 
-The pulses, divided by their speeds so that slow crashes count as much as fast ones, are decomposed into principal modes
+The pulses, divided by impact speed so that slow crashes count as much as fast ones, are decomposed into principal modes
 in time. The score of each mode is a Gaussian process over (v0, front weight, rear weight): the modes share one
-Matérn-5/2 correlation, and each has its own variance and its own noise, so that a mode that does not vary smoothly with
-the condition is averaged, not interpolated.
+Matérn-5/2 correlation, and each has its own variance and noise, so that a mode that does not vary smoothly with the
+condition is averaged, not interpolated.
 """
 
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ from crashfuse.execution.cache import Entry
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 
-_NOISE = np.geomspace(1e-6, 2.0, 30)  # a mode's noise variance over its signal variance: the values tried
+_NOISE = np.geomspace(1e-6, 2.0, 30)  # candidate ratios of a mode's noise variance to its signal variance
 _LOG_NOISE_PRIOR = -0.5 * (np.log(_NOISE / 1e-3) / 3.0) ** 2
-_LOG_LENGTH_PRIOR = np.log([0.5, 3.0, 3.0])  # speed decides more than weight
-_LEAST_MPS = 0.5  # slower runs count as if they had this speed: there is nothing left of their pulses
-_LIKE = 30  # runs whose errors stand for that at a condition near them
+_LOG_LENGTH_PRIOR = np.log([0.5, 3.0, 3.0])  # speed matters more than weight
+_LEAST_MPS = 0.5  # slower runs are divided by this speed, as their pulses are almost zero
+_LIKE = 30  # number of nearby runs whose errors represent the error at a condition
 _LEARNED = (
     *("centre_", "length_scales_", "inputs_", "mean_", "modes_", "noise_", "residuals_", "speed_range_", "spread_"),
     "weights_",
@@ -34,14 +34,14 @@ _LEARNED = (
 
 @dataclass(frozen=True, slots=True)
 class EmulatorConfig:
-    """How the emulator is trained.
+    """Training settings of the emulator.
 
     Parameters
     ----------
     modes : int
         Most principal modes to keep.
     max_runs : int
-        Most runs to learn from: the exact process takes time with their cube. More are thinned out evenly.
+        Most runs to learn from, as time grows with the cube of their number; larger libraries are thinned evenly.
     max_length_runs : int
         Most runs to find the length scales from.
     """
@@ -52,23 +52,23 @@ class EmulatorConfig:
 
 
 class Emulator:
-    """Pulses over conditions, learned from the runs of a library.
+    """Emulator of pulses over conditions, learned from the runs of a library.
 
     Attributes
     ----------
     length_scales_ : ndarray, shape (3,)
-        Of v0, front and rear weight, in standard deviations of the library.
+        Length scales of v0, front and rear weight, in standard deviations of the library.
     noise_ : ndarray, shape (n_modes,)
         Noise variance of each mode over its signal variance.
     residuals_ : ndarray, shape (n_runs, n_modes)
-        Leave-one-out residual of each run, with length scales and noise kept.
+        Leave-one-out residual of each run, at fixed length scales and noise.
     """
 
     def __init__(self, config: EmulatorConfig = EmulatorConfig()) -> None:
         self.config = config
 
     def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
-        """Learn from all runs of the library.
+        """Train on all runs of the library.
 
         Raises
         ------
@@ -111,15 +111,15 @@ class Emulator:
         values, vectors = _eigen(self.inputs_, self.length_scales_)
         inverse = 1 / (values[:, None] + self.noise_)
         weights = vectors @ ((vectors.T @ scores) * inverse)
-        self.weights_ = weights * scale  # of the run's correlations, shape (n_runs, n_modes)
-        self.residuals_ = (weights / (vectors**2 @ inverse)) * scale  # of each run, had it not been learned
+        self.weights_ = weights * scale  # weights of the correlations with each run, shape (n_runs, n_modes)
+        self.residuals_ = (weights / (vectors**2 @ inverse)) * scale  # of each run, leaving it out
         self.modes_ = modes[:keep]
 
     def predict(self, condition: Condition) -> FloatArray:
-        """Predict the CAE pulse at a condition.
+        """Predict the CAE pulse at a condition, in m/s², shape (1250,).
 
-        Beyond the library the pulse at its border is taken: a Gaussian process falls back to its mean out there.
-        Beyond its speeds that pulse is scaled with the speed, as the change of velocity is. In m/s², shape (1250,).
+        Outside the library the pulse at its boundary is used, as a Gaussian process falls back to its mean there.
+        Outside its speeds that pulse is scaled with the speed, like the change of velocity.
         """
         x = (condition.vector[None] - self.centre_) / self.spread_
         x = np.clip(x, self.inputs_.min(axis=0), self.inputs_.max(axis=0))
@@ -128,7 +128,7 @@ class Emulator:
         return np.asarray(pulse[0] * max(condition.speed_mps, _LEAST_MPS))
 
     def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
-        """Draw errors of :meth:`predict` at a condition: leave-one-out residuals of similar runs, of either sign.
+        """Draw errors of :meth:`predict` at a condition: leave-one-out residuals of similar runs, with either sign.
 
         Whole curves in m/s², shape (n, 1250).
         """
@@ -155,9 +155,9 @@ def _eigen(x: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def _evidence(x: FloatArray, y: FloatArray, length_scales: FloatArray) -> FloatArray:
-    """Log marginal likelihood of each mode (rows) at each noise ratio (columns), its variance at the optimum.
+    """Log marginal likelihood of each mode (rows) at each noise ratio (columns), with the optimal variance.
 
-    In the eigenvectors of the correlation matrix noise only adds to the eigenvalues: all ratios cost one decomposition.
+    In the eigenbasis of the correlation matrix, noise only adds to the eigenvalues: one decomposition serves all.
     """
     values, vectors = _eigen(x, length_scales)
     variance = values[:, None] + _NOISE

@@ -1,4 +1,4 @@
-"""The CAE model at any condition, over time and over displacement: the run made there, else the emulator."""
+"""The CAE model at any condition, over time and over displacement: the run at that condition, else the emulator."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,13 +15,13 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import FloatArray
 
-_FASTER = 1.1  # from one crash to the next faster one that continues its loading curve
-_JOIN_M = 0.03  # displacement over which a step between the two fades
+_FASTER = 1.1  # speed ratio of successive crashes that continue a loading curve
+_JOIN_M = 0.03  # displacement over which the step between two of them fades
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CaePulse:
-    """A pulse of the CAE model, and where it comes from: ``run C0001`` or ``emulator``."""
+    """A pulse of the CAE model and its source: ``run C0001`` or ``emulator``."""
 
     accel_mps2: FloatArray
     source: str
@@ -34,9 +34,9 @@ class LoadingCurve:
     Parameters
     ----------
     own : LoadingPhase
-        Of the CAE pulse at this condition.
+        Loading phase of the CAE pulse at this condition.
     faster : sequence of LoadingPhase
-        Of successively faster crashes at these weights: they continue the curve where a vehicle crushes further.
+        Loading phases of successively faster crashes at these weights, which continue the curve at larger crush.
     """
 
     own: LoadingPhase
@@ -45,8 +45,8 @@ class LoadingCurve:
     def accel_at(self, displacement_m: FloatArray, end_share: float = 0.0) -> FloatArray:
         """Acceleration at displacements, in m/s².
 
-        Each pulse is followed until its vehicle has slowed to ``end_share`` of its impact speed (0: until it stops).
-        From there on the next faster one is, joined without a jump, and after the last the curve is level.
+        Each pulse is used until its vehicle has slowed to ``end_share`` of its impact speed (0: until it stops). The
+        next faster one then continues it without a jump; after the last one the curve is constant.
         """
         reached = self.own.displacement_at_speed(end_share)
         level = float(self.own.accel_at(np.array(reached)))
@@ -63,11 +63,11 @@ class LoadingCurve:
         return curve
 
     def stopping_accel(self, speed_share: FloatArray, end_share: float) -> FloatArray:
-        """Additional acceleration of the CAE vehicle while it comes to a stop, over shares v/v0 of its impact speed.
+        """Additional acceleration of the CAE vehicle while it stops, in m/s², over shares v/v0 of its impact speed.
 
-        Force falls or rises there with the rate of crushing, over hardly any displacement; a vehicle that crushes
-        further or less stops elsewhere, but it stops. Added to ``accel_at(s, end_share)`` this gives the CAE pulse. In
-        m/s², and zero above the share of the impact speed at which stopping begins.
+        Force changes there with the crush rate, over hardly any displacement, so it depends on velocity: a vehicle that
+        crushes further or less stops at another displacement. Added to ``accel_at(s, end_share)`` this gives the CAE
+        pulse. It is zero above the share of the impact speed at which stopping begins.
         """
         own = self.own
         extra = own.accel_mps2 - self.accel_at(own.displacement_m, end_share)
@@ -82,14 +82,14 @@ class CaeModel:
     Parameters
     ----------
     cache : Cache, optional
-        Where the trained emulator is kept, by the fingerprint of the library.
+        Storage for the trained emulator, by fingerprint of the library.
     """
 
     def __init__(self, *, cache: Cache | None = None) -> None:
         self.cache = cache
 
     def fit(self, cae: CaeLibrary, watch: Watch = SILENT) -> Self:
-        """Train the emulator, or take it from the cache."""
+        """Train the emulator, or load it from the cache."""
         self.cae_, self.emulator_ = cae, (emulator := Emulator())
         if self.cache is None:
             emulator.fit(cae, watch)
@@ -101,14 +101,14 @@ class CaeModel:
         return self
 
     def pulse(self, condition: Condition) -> CaePulse:
-        """Give the pulse of the run made at this very condition, else the emulator's."""
+        """The pulse of the run at exactly this condition, else that of the emulator."""
         run = self.cae_.paired_run(condition)
         if run is None:
             return CaePulse(self.emulator_.predict(condition), "emulator")
         return CaePulse(self.cae_.accel_mps2[run].astype(np.float64), f"run {self.cae_.ids[run]}")
 
     def loading_curve(self, condition: Condition) -> LoadingCurve:
-        """Give the CAE model over displacement, with what the emulator says up to the library's fastest run."""
+        """The CAE model over displacement, continued by the emulator up to the speed of the library's fastest run."""
         own = loading_phase(self.pulse(condition).accel_mps2, condition.speed_mps)
         top = self.emulator_.speed_range_[1]
         speed, faster = condition.speed_mps, []
@@ -118,13 +118,13 @@ class CaeModel:
         return LoadingCurve(own, tuple(faster))
 
     def errors(self, condition: Condition, n: int, rng: np.random.Generator) -> FloatArray:
-        """Draw errors of :meth:`pulse`, shape (n, 1250); zero where a run was made."""
+        """Draw errors of :meth:`pulse`, shape (n, 1250); zero if there is a run."""
         if self.cae_.paired_run(condition) is not None:
             return np.zeros((n, self.cae_.accel_mps2.shape[1]))
         return self.emulator_.errors(condition, n, rng)
 
     def notes(self, condition: Condition) -> tuple[str, ...]:
-        """Say where the pulse at a condition comes from, and which inputs lie outside the library."""
+        """Notes on the source of the pulse at a condition, and on inputs outside the library's range."""
         source = self.pulse(condition).source
         origin = "CAE pulse: from the emulator." if source == "emulator" else f"CAE pulse: paired {source}."
         return (origin, *self.cae_.extrapolation(condition))

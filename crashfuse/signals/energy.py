@@ -1,4 +1,4 @@
-"""Energy that the vehicle absorbs over crush."""
+"""Energy absorbed by the vehicle over crush."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ _POINTS = 201
 
 @dataclass(frozen=True, eq=False, slots=True)
 class EnergyCurve:
-    """Energy absorbed over crush; times the vehicle's mass in kg it is in J.
+    """Energy absorbed over crush in J/kg; multiply by the vehicle's mass in kg for J.
 
     Attributes
     ----------
@@ -49,8 +49,8 @@ def energy_crush(accel_mps2: FloatArray, speed_mps: float, *, draws_mps2: FloatA
 
     Notes
     -----
-    A draw that has stopped before some crush counts there with v0²/2. One whose record ends before it counts with what
-    it has absorbed so far in the lower end of the band, and with v0²/2 in the upper.
+    A draw that stops before some crush counts there as v0²/2. One whose record ends before it counts as the energy
+    absorbed so far in the lower end of the band, and as v0²/2 in the upper.
     """
     phase = loading_phase(accel_mps2, speed_mps)
     crush = np.linspace(0.0, phase.crush_m, _POINTS)

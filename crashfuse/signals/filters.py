@@ -1,4 +1,4 @@
-"""Filters of a channel filter class (CFC, SAE J211-1)."""
+"""Channel filter class (CFC) filters, SAE J211-1."""
 
 import math
 
@@ -8,14 +8,14 @@ from scipy.signal import filtfilt
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.signals.pulse import FloatArray
 
-_CORNER = 2.0775  # corner frequency of one pass in Hz, a unit of class (SAE J211-1, Appendix C)
+_CORNER = 2.0775  # corner frequency of one pass in Hz per unit of class (SAE J211-1, Appendix C)
 _PADDING_S = 0.01
 
 
 def cfc_filter(accel: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
     """Filter to a channel filter class (CFC): a 2-pole Butterworth low pass, forward and backward (SAE J211-1).
 
-    Filter the whole record before cutting it to the crash: the cut would become a jump.
+    Filter the whole record before cutting it to the crash: a cut would act as a jump.
 
     Parameters
     ----------
@@ -36,14 +36,14 @@ def cfc_filter(accel: FloatArray, *, cfc: float, dt_s: float) -> FloatArray:
     UsageError
         If the class is not positive.
     DataError
-        If a value is not finite, there are fewer than 10 samples a second per unit of class, or the record is no
+        If a value is not finite, there are fewer than 10 samples per second per unit of class, or the record is no
         longer than 10 ms.
 
     Notes
     -----
     ISO 6487 writes 2.0833 instead of 2.0775, a corner 0.3 % higher: on a full-frontal barrier test the outputs differ
     by up to 0.05 g at CFC 60 (peak 45 g) and 0.3 g at CFC 1000 (peak 127 g). Before filtering, 10 ms are reflected
-    through each end point, and each pass begins settled; other choices change only the record's ends, by more than
+    through each end point, and each pass starts settled; other choices change only the record's ends, by more than
     1e-6 g for 25 ms at CFC 60 and for less at higher classes.
     """
     accel = np.asarray(accel, dtype=np.float64)

@@ -16,7 +16,7 @@ class LoadingPhase:
     Attributes
     ----------
     time_s, displacement_m, velocity_mps, accel_mps2 : ndarray, shape (n,)
-        The last sample is the time of zero velocity, or the end of the record where the vehicle never stops.
+        The last sample is the time of zero velocity, or the end of the record if the vehicle never stops.
     t0_s : float
         Time of zero velocity (t0 in the paper, TTZV in crash laboratories); NaN where the vehicle does not stop within
         the record.
@@ -44,7 +44,7 @@ class LoadingPhase:
         return float(self.time_s[-1])
 
     def accel_at(self, displacement_m: FloatArray) -> FloatArray:
-        """Acceleration at displacements (f_int of Eqs. 16 and 19); beyond the crush its last value."""
+        """Acceleration at displacements (f_int of Eqs. 16 and 19); constant beyond the crush."""
         return np.interp(displacement_m, self.displacement_m, self.accel_mps2)
 
     def displacement_at_speed(self, share: float) -> float:
@@ -59,7 +59,7 @@ def loading_phase(accel_mps2: FloatArray, speed_mps: float) -> LoadingPhase:
     motion = kinematics(accel, speed_mps, DT_S)
     t0 = float(motion.t0_s)
     time = np.arange(accel.size) * DT_S
-    n = accel.size if np.isnan(t0) else int(np.searchsorted(time, t0))  # samples before t0, where v > 0
+    n = accel.size if np.isnan(t0) else int(np.searchsorted(time, t0))  # number of samples before t0, where v > 0
     phase = np.array([time[:n], motion.displacement_m[:n], motion.velocity_mps[:n], accel[:n]])
     if not np.isnan(t0):
         rest = t0 - time[n - 1]

@@ -1,6 +1,6 @@
-"""Metrics of a crash pulse: positive numbers in the units of their tables, with intervals.
+"""Metrics of a crash pulse: positive numbers in display units, with intervals.
 
-A metric is one small function of a :class:`~crashfuse.signals.pulse.Kinematics`, in SI, and one line of ``_READINGS``.
+Each metric is a small function of a :class:`~crashfuse.signals.pulse.Kinematics`, in SI, and a line of ``_READINGS``.
 """
 
 import math
@@ -16,20 +16,20 @@ from crashfuse.signals.occupant import occupant_load_criterion, vehicle_pulse_in
 from crashfuse.signals.pulse import DT_S, FloatArray, Kinematics, kinematics
 from crashfuse.units import KPH, MS, G
 
-TAIL = 0.025  # on either side of the central 95 %
+TAIL = 0.025  # share on either side of the central 95 %
 _WINDOW_S = 0.025  # of SM25
 
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """One number of a pulse.
+    """One metric of a pulse.
 
     Parameters
     ----------
     value : float or None
-        None if the record is too short for the metric; :func:`missing_metrics` says what it lacks.
+        None if the record is too short for the metric; :func:`missing_metrics` states the reason.
     lower, upper : float or None
-        The central 95 % interval; None where there are no draws, or where too many of them are too short for that end.
+        Central 95 % interval; None without draws, or if too many of them are too short to determine that end.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Metric:
 
     @property
     def text(self) -> str:
-        """Value and interval for people: ``25.3 [24.1, 26.0]``."""
+        """Value and interval as displayed: ``25.3 [24.1, 26.0]``."""
         value = "–" if self.value is None else f"{self.value:.1f}"
         if self.lower is None and self.upper is None:
             return value
@@ -65,7 +65,7 @@ def _delta_v(motion: Kinematics) -> FloatArray:
 
 
 def _t0(motion: Kinematics) -> FloatArray:
-    """Time of zero velocity; infinite, that is beyond the record, if there is none."""
+    """Time of zero velocity; infinite, meaning beyond the record, if there is none."""
     return np.where(np.isnan(motion.t0_s), np.inf, motion.t0_s)
 
 
@@ -75,7 +75,7 @@ def _max_crush(motion: Kinematics) -> FloatArray:
 
 
 def _mean(motion: Kinematics) -> FloatArray:
-    """Mean deceleration from contact to zero velocity, v0/t0; the later the vehicle stops, the smaller."""
+    """Mean deceleration from contact to zero velocity, v0/t0: the later the stop, the smaller."""
     return np.where(np.isnan(motion.t0_s), -np.inf, motion.velocity_mps[..., 0] / motion.t0_s)
 
 
@@ -93,18 +93,18 @@ def _sm25(motion: Kinematics) -> FloatArray:
 
 
 def _olc(motion: Kinematics) -> FloatArray:
-    """Occupant load criterion; one that takes longer than the record counts as smaller."""
+    """Occupant load criterion; counts as smaller if it takes longer than the record."""
     olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s)
     return np.where(np.isnan(olc), -np.inf, olc)
 
 
 def _vpi(motion: Kinematics) -> FloatArray:
-    """Vehicle pulse index; NaN, neither smaller nor larger, where its peak is to come."""
+    """Vehicle pulse index; NaN, neither smaller nor larger, if its peak is yet to come."""
     return vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, motion.dt_s)
 
 
 class _Reading(NamedTuple):
-    """How a metric is read and shown; ``needs`` is what has to happen within the record."""
+    """How a metric is computed and displayed; ``needs`` is what must happen within the record."""
 
     label: str
     function: Callable[[Kinematics], FloatArray]
@@ -127,7 +127,7 @@ _READINGS: Mapping[str, _Reading] = {
 }
 
 METRIC_LABELS = {name: reading.label for name, reading in _READINGS.items()}
-"""What tables call the metrics."""
+"""Labels of the metrics in tables."""
 
 
 def pulse_metrics(
@@ -158,14 +158,14 @@ def pulse_metrics(
     (v(t) − v(t + 25 ms))/25 ms; olc the occupant load criterion (65 mm of free flight, 235 mm of restraint) and vpi the
     vehicle pulse index (ISO/TR 12353-3), with formulas in :mod:`crashfuse.signals.occupant`.
 
-    The value is that of the pulse itself, so it can be checked against its curve. The interval is that of the draws,
-    and a single curve through their middle is smoother than any of them: its peak may lie below the interval.
+    The value is that of the pulse itself, so it can be checked against its curve. The interval is that of the draws.
+    The pulse, a mean curve, is smoother than any draw, so its peak may lie below the interval.
 
-    Where the record ends too early there is no number (None). A draw that ends too early is not left out, which would
-    feign certainty. One that does not stop counts as larger than any that does in t0 and max_crush, as smaller in mean.
-    One whose occupant is still on the way counts as smaller in olc, for it takes longer to lose about as much speed.
-    One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None as
-    soon as more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
+    If the record ends too early the value is None. A draw that ends too early is not left out, as that would overstate
+    certainty. One that does not stop counts as larger than any that does in t0 and max_crush, and as smaller in mean.
+    One whose occupant is still moving forward counts as smaller in olc, as the same loss of speed takes longer.
+    One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
+    more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """
     pulse = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
     draws = None if draws_mps2 is None else kinematics(np.asarray(draws_mps2, dtype=np.float64), speed_mps, dt_s)
@@ -178,7 +178,7 @@ def pulse_metrics(
 
 
 def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
-    """Say which metrics and interval ends of a pulse are missing and why, a sentence each reason; empty for none."""
+    """Sentences on which metrics and interval ends of a pulse are missing, one per reason; empty if none is."""
     drawn = any(metric.lower is not None for metric in metrics)
     values, ends = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
     for metric in metrics:
@@ -198,7 +198,7 @@ def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
 
 
 def missing_sentences(metrics: Iterable[tuple[str, Sequence[Metric]]]) -> list[str]:
-    """What :func:`missing_metrics` says of named pulses, each sentence once with the names that it is true of."""
+    """Sentences of :func:`missing_metrics` for named pulses, each once with the names that it applies to."""
     said: dict[str, list[str]] = {}
     for name, own in metrics:
         for sentence in missing_metrics(own):
@@ -207,7 +207,7 @@ def missing_sentences(metrics: Iterable[tuple[str, Sequence[Metric]]]) -> list[s
 
 
 def _interval(values: FloatArray) -> tuple[float | None, float | None]:
-    """Ends of the central 95 %; what is NaN counts as beyond either."""
+    """Ends of the central 95 %; NaN counts as beyond either end."""
     last = values.size - 1
     lowest, highest = (np.sort(np.where(np.isnan(values), beyond, values)) for beyond in (-np.inf, np.inf))
     return _finite(lowest[math.floor(TAIL * last)]), _finite(highest[math.ceil((1 - TAIL) * last)])

@@ -1,7 +1,7 @@
-"""Occupant criteria of a crash pulse: two models with one degree of freedom that need no data of the restraints.
+"""Occupant criteria of a crash pulse: two models with one degree of freedom that need no restraint data.
 
-Both see the vehicle from contact on. The occupant keeps the impact speed v0 until the restraint takes hold; how far it
-has then moved within the vehicle is the difference of the two displacements.
+Both see the vehicle from contact on. The occupant keeps the impact speed v0 until the restraint takes hold; its
+motion relative to the vehicle is the difference of the two displacements.
 """
 
 import numpy as np
@@ -10,12 +10,12 @@ from crashfuse.signals.pulse import FloatArray
 
 FREE_FLIGHT_M = 0.065
 RESTRAINT_M = 0.235
-"""The OLC's free flight, and the way over which it restrains the occupant."""
+"""Free flight and restraint distance of the OLC."""
 
 SLACK_M = 0.03
 STIFFNESS_NPM = 2500.0
 MASS_KG = 1.0
-"""The VPI's slack, spring and mass."""
+"""Slack, spring stiffness and mass of the VPI."""
 
 
 def occupant_load_criterion(velocity_mps: FloatArray, displacement_m: FloatArray, dt_s: float) -> FloatArray:
@@ -24,14 +24,14 @@ def occupant_load_criterion(velocity_mps: FloatArray, displacement_m: FloatArray
     With the vehicle's v and s, the free flight ends at t1 and the restraint at t2, the first times at which
 
     - v0·t1 − s(t1) = 65 mm,
-    - (v0 + v(t2))/2·(t2 − t1) − (s(t2) − s(t1)) = 235 mm, for the occupant slows evenly from v0 to v(t2),
+    - (v0 + v(t2))/2·(t2 − t1) − (s(t2) − s(t1)) = 235 mm, as the occupant slows evenly from v0 to v(t2),
 
     and OLC = (v0 − v(t2))/(t2 − t1). A vehicle that brakes at a constant rate a has OLC = a·300/235.
 
     Parameters
     ----------
     velocity_mps, displacement_m : ndarray, shape (..., n)
-        Of the vehicle, the first sample at contact.
+        Motion of the vehicle, the first sample at contact.
     dt_s : float
         Time step in s.
 
@@ -61,8 +61,8 @@ def vehicle_pulse_index(velocity_mps: FloatArray, displacement_m: FloatArray, dt
     It is integrated by y(t + Δt) = 2 y(t) − y(t − Δt) + Δt²·y''(t), all draws at once. A vehicle that brakes at a
     constant rate a has VPI = a (1 + √(1 + 2·slack·k/(m·a))).
 
-    Takes what :func:`occupant_load_criterion` does, and gives m/s², positive; NaN where the spring is longest when the
-    record ends, or never taut: the peak is to come.
+    Parameters as for :func:`occupant_load_criterion`. Returns m/s², positive; NaN where the spring is longest at the
+    end of the record or never taut, as the peak is yet to come.
     """
     vehicle = np.ascontiguousarray(np.moveaxis(displacement_m, -1, 0))
     stretch = np.zeros_like(vehicle)
@@ -77,7 +77,7 @@ def vehicle_pulse_index(velocity_mps: FloatArray, displacement_m: FloatArray, dt
 
 
 def _first_reached(values: FloatArray, level: float) -> FloatArray:
-    """Where along the last axis a level is first reached, in samples and fractions; NaN where it is not."""
+    """Fractional sample along the last axis at which a level is first reached; NaN if it is not."""
     reached = values >= level
     after = np.maximum(reached.argmax(axis=-1), 1)[..., None]
     high, low = np.take_along_axis(values, after, axis=-1), np.take_along_axis(values, after - 1, axis=-1)

@@ -1,4 +1,4 @@
-"""The crash pulse, and the kinematics between acceleration, velocity and displacement.
+"""The crash pulse and its kinematics: acceleration, velocity and displacement.
 
 Signs follow SAE J1733: braking is negative, so velocity is ``v0`` plus the integral of the acceleration.
 """
@@ -33,7 +33,7 @@ class Pulse:
     Raises
     ------
     DataError
-        If the two differ in length, hold fewer than two samples or a NaN, or time is not even.
+        If the two differ in length, have fewer than two samples or a NaN, or time steps are not even.
     """
 
     time_s: FloatArray
@@ -56,7 +56,7 @@ class Pulse:
         return float((self.time_s[-1] - self.time_s[0]) / (self.time_s.size - 1))
 
     def resampled(self, time_s: FloatArray) -> "Pulse":
-        """The pulse on another time grid, by linear interpolation; no acceleration before and after the record."""
+        """The pulse on another time grid, by linear interpolation; zero before and after the record."""
         return Pulse(time_s, np.interp(time_s, self.time_s, self.accel_mps2, left=0.0, right=0.0))
 
     def kinematics(self, speed_mps: float) -> "Kinematics":
@@ -65,7 +65,7 @@ class Pulse:
 
 
 def _trouble(time: FloatArray, accel: FloatArray) -> str | None:
-    """Say what makes the two arrays unfit for a pulse, if anything."""
+    """Describe what makes the two arrays invalid as a pulse, if anything."""
     if time.ndim != 1 or time.shape != accel.shape or time.size < 2:
         return f"time of shape {time.shape} and acceleration of shape {accel.shape}"
     if not (np.isfinite(time).all() and np.isfinite(accel).all()):
@@ -78,7 +78,7 @@ def _trouble(time: FloatArray, accel: FloatArray) -> str | None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Kinematics:
-    """Acceleration and what follows from it and the impact speed; leading axes (draws) are kept.
+    """Acceleration, and the motion that follows from it and the impact speed; leading axes are draws.
 
     Attributes
     ----------

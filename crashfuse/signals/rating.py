@@ -1,4 +1,4 @@
-"""How well one pulse matches another: the objective rating metric of ISO/TS 18571.
+"""Rating of the match between two pulses: the objective rating metric of ISO/TS 18571.
 
 Four scores from 0 to 1, each on two curves sampled at 10 kHz, the reference T (the test) and the comparison C:
 
@@ -11,7 +11,7 @@ magnitude
 slope
     how close their derivatives are once shifted.
 
-The overall rating is 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. Nothing is rounded on the way.
+The overall rating is 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. No intermediate result is rounded.
 """
 
 import math
@@ -35,9 +35,9 @@ from crashfuse.signals.rating_scores import (
 RATING_DT_S = 1e-4
 SHORTEST_WINDOW_S = 0.01
 GRADES = ((0.94, "Excellent"), (0.80, "Good"), (0.58, "Fair"))
-"""Each grade with the overall rating that has to be exceeded to earn it; all else is Poor."""
+"""Grades with the overall rating that each must exceed; anything lower is Poor."""
 
-_LARGEST = 1e100  # squares of more may overflow; a diverged simulation gets there
+_LARGEST = 1e100  # squares of larger values may overflow; a diverged simulation gets there
 _BAND_BYTES = 64 * 2**20  # memory for the warping of one block of curves
 
 
@@ -54,7 +54,7 @@ class Rating:
 
 
 def grade(overall: float) -> str:
-    """Name an overall rating: Excellent > 0.94, Good > 0.80, Fair > 0.58, else Poor."""
+    """Grade of an overall rating: Excellent > 0.94, Good > 0.80, Fair > 0.58, else Poor."""
     return next((name for limit, name in GRADES if overall > limit), "Poor")
 
 
@@ -66,7 +66,7 @@ def rate_iso18571(reference: FloatArray, comparison: FloatArray, *, dt_s: float)
     reference, comparison : ndarray, shape (n,)
         The two curves in the same unit, already cut to the rated window [0, n dt_s).
     dt_s : float
-        Time step in s. Curves with another step than 0.1 ms are interpolated linearly to it.
+        Time step in s. Curves with a step other than 0.1 ms are interpolated linearly to 0.1 ms.
 
     Raises
     ------
@@ -75,9 +75,9 @@ def rate_iso18571(reference: FloatArray, comparison: FloatArray, *, dt_s: float)
 
     Notes
     -----
-    A flat comparison correlates with nothing, so no shift is better than none: phase is 1, and the other scores tell
-    what is wrong. Where several shifts correlate equally well the smallest wins, left before right; "equally" means
-    to the last bit of NumPy's ``corrcoef``, as in other public implementations.
+    A flat comparison has no correlation, so no shift is better than none: phase is 1, and the other scores show the
+    mismatch. If several shifts correlate equally well the smallest wins, left before right; "equally" means to
+    the last bit of NumPy's ``corrcoef``, as in other public implementations.
     """
     return rate_many(reference, np.asarray(comparison)[None], dt_s=dt_s)[0]
 
@@ -94,9 +94,9 @@ def rate_many(reference: FloatArray, comparisons: FloatArray, *, dt_s: float) ->
 
 
 def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float]) -> dict[float, Rating]:
-    """Rate two pulses over the windows [0, w), whatever their own time grids.
+    """Rate two pulses, on any time grids, over the windows [0, w).
 
-    The ratings are in the order of the windows, by their ends in ms.
+    Returns the ratings by w in ms, in the order of the windows.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float
         curves = []
         for name, pulse in (("reference", reference), ("comparison", comparison)):
             begin, end = pulse.time_s[0], pulse.time_s[-1] + pulse.dt_s
-            if not (begin <= 1e-9 and window_ms / 1e3 - 1e-9 <= end):  # so written, NaN is refused too
+            if not (begin <= 1e-9 and window_ms / 1e3 - 1e-9 <= end):  # written so that NaN is rejected too
                 found, advice = f"{begin * 1e3:g}–{end * 1e3:g} ms", "choose a window inside the record"
                 raise DataError(Problem(name, f"a record over 0–{window_ms:g} ms", found, advice))
             time_s = np.arange(max(round(window_ms / 1e3 / RATING_DT_S), 0)) * RATING_DT_S

@@ -1,4 +1,4 @@
-"""The scores behind the rating of ISO/TS 18571, of many comparison curves against one reference, all at 10 kHz."""
+"""The scores of ISO/TS 18571 for many comparison curves against one reference, all at 10 kHz."""
 
 import math
 
@@ -12,7 +12,7 @@ INNER_CORRIDOR, OUTER_CORRIDOR = 0.05, 0.5
 """Half widths of the corridors, as shares of the largest |T|."""
 
 MAX_SHIFT = 0.2
-"""Largest shift that is tried, as a share of the samples."""
+"""Largest shift tried, as a share of the samples."""
 
 WARP_BAND = 0.1
 """Half width of the band of the time warping, as a share of the overlap."""
@@ -21,7 +21,7 @@ _MAGNITUDE_LIMIT, _SLOPE_LIMIT = 0.5, 2.0  # relative errors from which the scor
 
 
 def corridor_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
-    """1 inside the inner corridor, 0 outside the outer one, a parabola between; the mean over time."""
+    """Mean over time of 1 inside the inner corridor, 0 outside the outer one, and a parabola in between."""
     norm = np.abs(reference).max()
     inner, outer = INNER_CORRIDOR * norm, OUTER_CORRIDOR * norm
     distance = np.abs(comparisons - reference)
@@ -40,7 +40,7 @@ def best_shifts(reference: FloatArray, comparisons: FloatArray) -> npt.NDArray[n
     """Find each curve's shift of best correlation, the first of equals in the order 0, 1, −1, 2, −2 and so on.
 
     All correlations come from one Fourier transform, with a bound of their rounding errors; the few shifts that these
-    errors leave undecided are computed again, one by one, as the standard writes it. Shape (n_curves,).
+    errors leave undecided are recomputed one by one by the formula of the standard. Shape (n_curves,).
     """
     largest = math.floor(MAX_SHIFT * reference.size)
     shifts = np.array([0, *(side * m for m in range(1, largest + 1) for side in (1, -1))])
@@ -58,7 +58,7 @@ def best_shifts(reference: FloatArray, comparisons: FloatArray) -> npt.NDArray[n
 def _correlations(
     reference: FloatArray, comparisons: FloatArray, shifts: npt.NDArray[np.int_]
 ) -> tuple[FloatArray, FloatArray]:
-    """Pearson's correlation on every overlap, and a bound of its rounding error, both shape (n_curves, n_shifts)."""
+    """Pearson correlation on every overlap, and a bound on its rounding error, both shape (n_curves, n_shifts)."""
     n = reference.size
     t = reference - reference.mean()
     c = comparisons - comparisons.mean(axis=1, keepdims=True)
@@ -94,7 +94,7 @@ def _correlation(t: FloatArray, c: FloatArray) -> float:
 
 
 def magnitude_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
-    """Relative difference along the path of dynamic time warping, as a score, shape (n_curves,)."""
+    """Score of the relative difference along the dynamic time warping path, shape (n_curves,)."""
     error = np.empty(len(comparisons))
     for curve, (i, j) in enumerate(warping_paths(comparisons, reference, band=WARP_BAND)):
         comparison = comparisons[curve]
@@ -103,7 +103,7 @@ def magnitude_score(reference: FloatArray, comparisons: FloatArray) -> FloatArra
 
 
 def slope_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
-    """Relative difference of the smoothed derivatives, as a score, shape (n_curves,)."""
+    """Score of the relative difference of the smoothed derivatives, shape (n_curves,)."""
     t, c = _smooth_slope(reference), _smooth_slope(comparisons)
     difference, norm = np.abs(c - t).sum(axis=-1), np.abs(t).sum()
     error = difference / norm if norm > 0 else np.where(difference > 0, np.inf, 0.0)
@@ -111,7 +111,7 @@ def slope_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
 
 
 def _smooth_slope(curves: FloatArray) -> FloatArray:
-    """Central differences a sample, then the mean of 9 points; near the ends of as many as fit: 1, 3, 5, 7."""
+    """Central differences per sample, then a mean of 9 points; near the ends, of as many as fit: 1, 3, 5, 7."""
     middle = np.arange(curves.shape[-1])
     reach = np.minimum(np.minimum(middle, middle[::-1]), 4)
     smooth: FloatArray = _sums(np.gradient(curves, axis=-1), middle - reach, middle + reach + 1) / (2 * reach + 1)

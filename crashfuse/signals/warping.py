@@ -14,10 +14,10 @@ Path = tuple[npt.NDArray[np.int_], npt.NDArray[np.int_]]
 
 
 def warping_paths(comparisons: FloatArray, reference: FloatArray, *, band: float) -> Iterator[Path]:
-    """Warp each curve, shape (n_curves, L), onto the reference: the path of the least sum of squared differences.
+    """Warp each curve, shape (n_curves, L), onto the reference along the path of least squared differences.
 
-    The path stays within |i − j| ≤ ceil(band · L) − 1. Steps are (1, 0), (0, 1) and (1, 1) of equal weight, the first
-    of equals in this order.
+    The path stays within |i − j| ≤ ceil(band · L) − 1. Steps are (1, 0), (0, 1) and (1, 1) of equal weight; ties
+    are broken in this order.
     """
     costs = _costs(reference, comparisons, band)
     for curve in range(len(comparisons)):
@@ -27,7 +27,7 @@ def warping_paths(comparisons: FloatArray, reference: FloatArray, *, band: float
 def _costs(reference: FloatArray, comparisons: FloatArray, band: float) -> FloatArray:
     """Least sum of squared differences from (0, 0) to each cell (i, j) of the band |i − j| ≤ r, i counting C, j T.
 
-    The cells of one anti-diagonal depend on the two before it only, so each is one step for all cells and curves.
+    The cells of one anti-diagonal depend only on the two before it, so each is one step for all cells and curves.
     Row i + j + 1 holds a diagonal, column k of it the cell i − j = 2 (k − h), one less where i + j is odd; what lies
     outside the band or the curves is infinite, and so is row 0. Shape (2 L, 2 h + 2, n_curves).
     """
@@ -48,10 +48,10 @@ def _costs(reference: FloatArray, comparisons: FloatArray, band: float) -> Float
     if r % 2:
         even[:, [0, -2]] = np.inf
 
-    odd, even = odd.reshape(length, -1), even.reshape(length, -1)  # views: a column further is n_curves further
+    odd, even = odd.reshape(length, -1), even.reshape(length, -1)  # views: the next column is n_curves further on
     head, tail = slice(None, -n_curves), slice(n_curves, None)
     least = np.empty_like(odd[0, tail])
-    minimum, add = np.minimum, np.add  # what counts here is the overhead of each call
+    minimum, add = np.minimum, np.add  # the overhead of each call dominates here
     for before, even_head, even_tail, odd_head, odd_tail, next_even in zip(
         odd[:-1, tail], even[:-1, head], even[:-1, tail], odd[1:, head], odd[1:, tail], even[1:, head], strict=True
     ):
@@ -65,7 +65,7 @@ def _costs(reference: FloatArray, comparisons: FloatArray, band: float) -> Float
 
 
 def _path(cost: FloatArray, curve: int) -> Path:
-    """Trace the cheapest path back from the last cell; of equals (i−1, j) comes first, then (i, j−1), (i−1, j−1)."""
+    """Trace the cheapest path back from the last cell; ties go to (i−1, j), then (i, j−1), then (i−1, j−1)."""
     n_rows, width, n_curves = cost.shape
     row = width * n_curves
     flat: Any = memoryview(cost.reshape(-1))  # type: ignore[arg-type]

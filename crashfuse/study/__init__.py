@@ -1,1 +1,1 @@
-"""What can be asked of a campaign: studies with tests left out, predictions, sweeps, recommendations, next tests."""
+"""Analyses of a campaign: studies with tests left out, predictions, sweeps, recommendations, next tests."""

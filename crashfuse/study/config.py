@@ -1,4 +1,4 @@
-"""What a study computes: approaches, preset, seed, windows, and what is left out together."""
+"""Configuration of a study: approaches, preset, seed, windows, and which tests are left out together."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -15,18 +15,18 @@ LeaveOut = Literal["test", "speed group", "both"]
 
 @dataclass(frozen=True, slots=True)
 class StudyConfig:
-    """What a study computes.
+    """Configuration of a study.
 
     Parameters
     ----------
     preset : {"fast", "paper"}
     windows_ms : tuple of float
-        The rating is taken over [0, w) for each w, in ms.
+        Ratings are computed over [0, w) for each w, in ms.
     leave_out : {"test", "speed group", "both"}
-        Whether each test is left out alone, or with all tests at about its speed: then nothing like it remains to be
-        remembered, and what is rated is the step to a new speed. Both gives one study beside the other.
+        Leave each test out alone, or with all tests at about its speed: then no similar test remains, and the rating
+        measures extrapolation to a new speed. "both" runs both studies.
     device : {"auto", "cpu", "cuda"}
-        Where networks are trained: numbers of different kinds of device differ in their last digits.
+        Device for training networks; results of different devices differ in their last digits.
     """
 
     approaches: tuple[str, ...] = APPROACHES
@@ -37,12 +37,12 @@ class StudyConfig:
     device: Device = "auto"
 
     def training_campaign(self, campaign: Campaign, test_id: str) -> Campaign:
-        """What may be learned from when this test is to be predicted."""
+        """The campaign that may be learned from to predict this test."""
         return campaign.without(campaign.speed_group(test_id) if self.leave_out == "speed group" else [test_id])
 
     @property
     def split_configs(self) -> tuple["StudyConfig", ...]:
-        """One config for each way to leave tests out."""
+        """One config for each way of leaving tests out."""
         ways: tuple[LeaveOut, ...] = ("test", "speed group") if self.leave_out == "both" else (self.leave_out,)
         return tuple(replace(self, leave_out=way) for way in ways)
 
@@ -52,5 +52,5 @@ class StudyConfig:
             _ = self.create(name).device
 
     def create(self, approach: str, cache: Cache | None = None) -> Approach:
-        """The approach of this name with these settings, unfitted."""
+        """Create the unfitted approach with this name and these settings."""
         return create(approach, settings=Settings(self.preset, self.seed, self.device, cache))

@@ -1,4 +1,4 @@
-"""What an approach expects at a condition, once it has learned from a campaign; both are cached."""
+"""Fits of approaches to a campaign and their predictions at a condition, both cached."""
 
 import json
 import time
@@ -24,22 +24,22 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
-"""The limits of what is predicted; no barrier test comes near."""
+"""Upper limits of the conditions predicted, far beyond any barrier test."""
 
-_KIND = "predictions"  # of entries in the cache
-_LEFT_OUT = "left out "  # before the id of a test, in the names of arrays there
+_KIND = "predictions"  # kind of cache entry
+_LEFT_OUT = "left out "  # prefix of a test id in the names of arrays there
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """An approach's prediction at one condition, with what its fit found and how long both took.
+    """An approach's prediction at one condition, with its fit results and the duration of both.
 
     Attributes
     ----------
     state : dict
-        What the fit found, as plain JSON values.
+        Fit results as plain JSON values.
     left_out_mps2 : mapping of str to ndarray, shape (1250,)
-        What it expects of each test that it learned from, as if that test had not been run; empty where unknown.
+        Prediction for each test that it learned from, as if that test had not been run; empty if unknown.
     """
 
     approach: str
@@ -50,14 +50,14 @@ class Estimate:
 
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
-        """Pulse metrics of the prediction, with intervals where it has draws."""
+        """Pulse metrics of the prediction, with intervals if it has draws."""
         p = self.prediction
         return pulse_metrics(p.accel_mps2, p.condition.speed_mps, dt_s=DT_S, draws_mps2=p.draws_mps2)
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """An approach that has learned from a campaign, in so many seconds, and answers any condition.
+    """An approach fitted to a campaign, with the duration of the fit; it predicts at any condition.
 
     ``left_out_mps2`` is as in :class:`Estimate`.
     """
@@ -77,7 +77,7 @@ class Fit:
         cache: Cache | None = None,
         watch: Watch = SILENT,
     ) -> Self:
-        """Fit an approach on the whole campaign that is handed over, or take from the cache what was learned from it.
+        """Fit an approach to the whole campaign as given, or load that fit from the cache.
 
         Raises
         ------
@@ -92,19 +92,19 @@ class Fit:
 
     @cached_property
     def state(self) -> dict[str, object]:
-        """What the fit found, as plain JSON values; to find out how well it knows that takes longer than to predict."""
+        """Fit results as plain JSON values; computing the uncertainties takes longer than a prediction."""
         with threadpool_limits(1):  # two contended threads cost many times the work of one
             return self.approach.state
 
     def estimate(self, condition: Condition) -> Estimate:
-        """What the approach expects at a condition: :func:`estimates_at` for one."""
+        """Predict at a condition, as :func:`estimates_at` does for several fits."""
         return estimates_at([self], condition)[0]
 
 
 def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
-    """What several approaches expect at a condition, with numbers as they are stored.
+    """Predictions of several approaches at a condition, with numbers rounded as for storage.
 
-    All are of one campaign: where one mixes what others predict, too, that is computed once.
+    All fits are of one campaign. Predictions that a mixture shares with other approaches are computed once.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def estimate_at(
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> Estimate:
-    """Fit an approach on the whole campaign that is handed over and predict at a condition; cached.
+    """Fit an approach to the whole campaign as given and predict at a condition; cached.
 
     Raises
     ------
@@ -166,19 +166,19 @@ def estimate_at(
 def find_estimate(
     campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
 ) -> Estimate | None:
-    """What was computed with these settings before, from this very campaign without the held-out test, or None."""
+    """The cached estimate for these settings and exactly this campaign (without the held-out test), or None."""
     return cache.find(_KIND, _key(campaign, condition, approach, config), partial(_restored, condition, approach))
 
 
 def is_estimate_cached(
     campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
 ) -> bool:
-    """Whether there is something for :func:`find_estimate` to find; it is not read."""
+    """Whether :func:`find_estimate` would find an estimate, without reading it."""
     return cache.is_cached(_KIND, _key(campaign, condition, approach, config))
 
 
 def store_estimate(estimate: Estimate, campaign: Campaign, config: StudyConfig, cache: Cache) -> None:
-    """Store what was learned from this campaign and predicted, for :func:`find_estimate`."""
+    """Store an estimate from this campaign, for :func:`find_estimate`."""
     cache.put(_KIND, _key(campaign, estimate.prediction.condition, estimate.approach, config), _entry(estimate))
 
 

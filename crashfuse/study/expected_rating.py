@@ -1,4 +1,4 @@
-"""The rating that may be expected of a prediction before there is a test to rate it by."""
+"""Expected rating of a prediction before there is a test to rate it against."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,25 +12,25 @@ from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.units import MPH
 
 _REACH_MPS = 5 * MPH
-_LEAST = 3  # tests, however far away
-_BESIDE_MPS = 1 * MPH  # a test this near is beside the condition
+_LEAST = 3  # minimum number of tests, at any distance
+_BESIDE_MPS = 1 * MPH  # a test this near counts as beside the condition
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedRating:
-    """How tests near a condition were rated, each predicted as if it had not been run.
+    """Ratings of tests near a condition, each predicted as if it had not been run.
 
     Attributes
     ----------
     mean, lowest, highest : float
         Overall ISO/TS 18571 ratings over one window.
     tests : tuple of str
-        Ids of those tests, the nearest in speed first.
+        Ids of those tests, nearest in speed first.
     reach_mps : float
-        How far away in speed the last of them is.
+        Speed difference of the farthest of them.
     farther : bool
-        Whether the condition is farther in speed from all tests than any of these was from the others: then the rating
-        may well be lower.
+        Whether the condition is farther in speed from all tests than any of these was from the others; the rating may
+        then be lower.
     """
 
     mean: float
@@ -43,7 +43,7 @@ class ExpectedRating:
 
     @property
     def sentence(self) -> str:
-        """What may be expected, and from how many tests that is known."""
+        """A sentence on the expected rating, and the number of tests that it rests on."""
         n, within = len(self.tests), f"within {self.reach_mps / MPH:.1f} mph"
         tests, rated = f"{n} left-out test{'s' * (n > 1)}", f"{self.lowest:.2f} to {self.highest:.2f}"
         if self.farther:
@@ -58,16 +58,16 @@ class ExpectedRating:
 def expected_rating(
     left_out_mps2: Mapping[str, FloatArray], campaign: Campaign, condition: Condition, window_ms: float = 60.0
 ) -> ExpectedRating | None:
-    """Rate what an approach expects of tests near a condition, as if none of them had been run.
+    """Rate an approach's predictions of tests near a condition, each as if that test had not been run.
 
-    Taken are all tests within 5 mph of it in speed, at least the three nearest.
+    Uses all tests within 5 mph of it in speed, and at least the three nearest.
 
     Parameters
     ----------
     left_out_mps2 : mapping of str to ndarray, shape (1250,)
-        As in :class:`crashfuse.study.estimate.Estimate`: pulses in m/s² by the test's id. Without any it is None.
+        As in :class:`crashfuse.study.estimate.Estimate`: pulses in m/s² by test id. If empty, the result is None.
     campaign : Campaign
-        What the approach learned from.
+        The campaign that the approach learned from.
     window_ms : float
         The rating is over [0, window_ms).
     """

@@ -1,4 +1,4 @@
-"""One test left out and predicted: the only place where a prediction meets the test that it was made for."""
+"""One test left out and predicted: the only place where a prediction is compared with its test."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ _RATED_DRAWS = 100
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """One held-out test: what each approach predicted for it, and how that rates against what was measured.
+    """One held-out test: the prediction of each approach, and its rating against the measurement.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Fold:
 
     @classmethod
     def of(cls, test: CrashTest, estimates: Sequence[Estimate], windows_ms: Sequence[float]) -> Self:
-        """Rate what was predicted for a test, now that it may be looked at."""
+        """Rate the predictions for a test, whose pulse is first used here."""
         ratings = {
             estimate.approach: rate_windows(test.pulse, Pulse(GRID_S, estimate.prediction.accel_mps2), windows_ms)
             for estimate in estimates
@@ -41,12 +41,12 @@ class Fold:
 
     @property
     def held_out(self) -> str:
-        """Id of the test."""
+        """Id of the held-out test."""
         return self.test.id
 
     @property
     def with_band(self) -> tuple[str, ...]:
-        """Approaches that say how far the test may lie from what they expect."""
+        """Names of the approaches whose predictions have a band."""
         return tuple(each.approach for each in self.estimates if each.prediction.draws_mps2 is not None)
 
     def estimate(self, approach: str) -> Estimate:
@@ -56,10 +56,10 @@ class Fold:
     def rating_draws(self, approach: str, window_ms: float) -> FloatArray:
         """Overall ratings of single pulses drawn from the band of an approach, shape (n_draws,).
 
-        A measured pulse is one such draw if the band is right, so this is what a repeated test might be rated.
+        If the band is right, a measured pulse is one such draw, so these are plausible ratings of a repeated test.
         """
         key = approach, window_ms
-        if key not in self._drawn:  # a hundred ratings: only for who asks, and once
+        if key not in self._drawn:  # a hundred ratings: computed on request, and once
             draws = self.estimate(approach).prediction.draws_mps2
             if draws is None:
                 raise UsageError(f"{approach} has no band to draw pulses from.")
@@ -70,6 +70,6 @@ class Fold:
         return self._drawn[key]
 
     def rating_interval(self, approach: str, window_ms: float) -> tuple[float, float]:
-        """Central 95 % of the ratings of drawn pulses."""
+        """Central 95 % interval of the ratings of drawn pulses."""
         lower, upper = np.quantile(self.rating_draws(approach, window_ms), [0.025, 0.975])
         return float(lower), float(upper)

@@ -1,10 +1,10 @@
 """Next test: where one more test would shrink the displacement domain's band most, over a range of conditions.
 
-The bias is a Gaussian process, whose variance depends on where tests were run and not on what they showed. So what a
-test would take off the band is known before it is run, and the test that takes most off its mean over a range is the
-next one. That is the sequential design of Sacks et al., Statistical Science 4 (1989), or Cohn, Neural Networks
-9 (1996), with the mean of the standard deviation, which is what an engineer sees, for that of the variance, in which a
-few wide spots outweigh all else.
+The bias is a Gaussian process, whose variance depends on where tests were run and not on their results. So the amount
+by which a test would shrink the band is known before it is run, and the next test is the one that shrinks its mean
+over a range most. This is the sequential design of Sacks et al., Statistical Science 4 (1989), or Cohn, Neural Networks
+9 (1996), but with the mean standard deviation, which is what an engineer sees, instead of the mean variance, which a
+few wide spots dominate.
 """
 
 from collections import Counter
@@ -35,7 +35,7 @@ class ConditionRange:
     Parameters
     ----------
     low, high : Condition
-        Lowest and highest speed, front and rear weight; equal values keep one fixed. Both of the same factors.
+        Lowest and highest speed, front and rear weight; equal values keep one fixed. Both have the same factors.
 
     Raises
     ------
@@ -55,7 +55,7 @@ class ConditionRange:
 
     @classmethod
     def of(cls, tests: Sequence[CrashTest]) -> Self:
-        """From the lowest to the highest speed and weights of some tests, for a vehicle of the kind tested most often.
+        """Create the range of speeds and weights of some tests, with the combination of factors tested most often.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class ConditionRange:
         return cls(low, high)
 
     def grid(self, n_speeds: int, n_weights: int = 1) -> tuple[Condition, ...]:
-        """Conditions at evenly spaced speeds and weights, limits included; a single value is the middle one."""
+        """Conditions at evenly spaced speeds and weights, limits included; if just one, the middle value."""
         numbers = (n_speeds, n_weights, n_weights)
         axes = [
             np.unique(np.linspace(low, high, n) if n > 1 else (low + high) / 2)
@@ -80,7 +80,7 @@ class ConditionRange:
         return self._at(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
 
     def spread(self, n: int) -> tuple[Condition, ...]:
-        """Conditions that fill the range evenly: the first points of the Halton sequence, always the same."""
+        """Conditions that fill the range evenly: the first points of the Halton sequence, so always the same."""
         shares = qmc.Halton(d=3, scramble=False).random(n + 1)[1:]  # the first is a corner
         return self._at(self.low.vector + shares * (self.high.vector - self.low.vector))
 
@@ -90,14 +90,14 @@ class ConditionRange:
 
 @dataclass(frozen=True, slots=True)
 class NextTest:
-    """A test that could be run, and what it would do to the band.
+    """A possible next test, and its effect on the band.
 
     Parameters
     ----------
     before_mps2, after_mps2 : float
-        Half the width of the 95 % band of the bias, mean over the range, in m/s²: now, and with this test.
+        Half the width of the 95 % band of the bias in m/s², mean over the range: now, and after this test.
     extrapolation : tuple of str
-        Which of its inputs lie outside the CAE runs' range.
+        Notes on its inputs outside the CAE runs' range.
     """
 
     condition: Condition
@@ -119,33 +119,33 @@ def rank_next_tests(
 ) -> tuple[NextTest, ...]:
     """Rank conditions by how much a test there would shrink the band over a range.
 
-    The band is that of a new test's bias, its own deviation and stop included. It is averaged over conditions spread
-    over the range and, for each of them, over displacement up to the crush of its CAE pulse: as an acceleration at each
-    stage of the crash, however long it takes. A candidate is taken to crush as its CAE pulse does, and to deviate from
-    its like as tests do. Hyperparameters stay those of the tests that were run; Student's t gets narrower too, for one
-    more test tells better how much tests differ. What the band has beyond the bias (rebound, emulator) is left out.
+    The band is that of a new test's bias, including its specific deviation and stop. It is averaged over conditions
+    spread over the range and, for each, over displacement up to the crush of its CAE pulse: all stages of the crash
+    count equally, regardless of duration. A candidate is assumed to crush like its CAE pulse, and to scatter as tests
+    do. Hyperparameters stay those of the tests that were run; Student's t gets narrower too, as one more test shows
+    better how much tests differ. Other contributions to the band (rebound, emulator) are left out.
 
     Parameters
     ----------
     domain : DisplacementDomain
         Fitted to all tests that were run, with the hierarchical bias.
     candidates : sequence of Condition, optional
-        By default 14 speeds at the middle weights: by weight gains hardly differ, and the middle is like most crashes.
-        They may lie outside the range, and outside the CAE runs'.
+        By default 14 speeds at the middle weights: gains hardly depend on weight, and middle weights are most typical.
+        Candidates may lie outside the range, and outside that of the CAE runs.
     planned : sequence of Condition
-        Tests that will be run anyway, as if they had been. With the best one added each time several can be chosen.
+        Tests that will be run anyway, treated as already run. To choose several tests, add the best one each time.
 
     Returns
     -------
     tuple of NextTest
-        The largest gain first.
+        Largest gain first.
 
     Raises
     ------
     NotFittedError
         If the approach has not been fitted.
     UsageError
-        If its bias is that of Table 4, or the range leaves open a factor by which the bias of tests differs.
+        If its bias is that of Table 4, or the range does not specify a factor that the bias depends on.
     """
     candidates = over.grid(14) if candidates is None else candidates
     targets = [domain.expected_points(condition) for condition in over.spread(_N_TARGETS)]
@@ -169,7 +169,7 @@ def rank_next_tests(
 
 
 def next_tests_table(ranked: Sequence[NextTest]) -> pd.DataFrame:
-    """Ranked tests for people, one row each, in mph, lb and g."""
+    """Ranked tests as a readable table, one row each, in mph, lb and g."""
     return pd.DataFrame(
         {
             "rank": number,

@@ -10,12 +10,12 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.signals.pulse import DT_S
 from crashfuse.study.config import StudyConfig
 
-_SLOWEST_S = 1e-3  # step of the slowest record: its last sample stands for that long
+_SLOWEST_S = 1e-3  # longest sampling step of a record, which its last sample covers
 
 
 @dataclass(frozen=True, eq=False)
 class StudyPlan:
-    """Which tests of a campaign to leave out in turn, and how. A plan that exists can be run.
+    """Which tests of a campaign to leave out in turn, and how. Checked on creation, so any plan can be run.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class StudyPlan:
     UsageError
         If a name, a window or the number of tests makes the study impossible.
     DataError
-        If a held-out test does not vary over a window, or its record ends before: it cannot be rated.
+        If a held-out test cannot be rated over a window: it is constant there, or its record is too short.
     """
 
     campaign: Campaign
@@ -55,13 +55,13 @@ class StudyPlan:
 
     @property
     def configs(self) -> tuple[StudyConfig, ...]:
-        """One config for each way to leave tests out; if both ways were asked for, only those that are possible."""
+        """One config for each way of leaving tests out; if both were requested, only the possible ones."""
         ways = self.config.split_configs
         return ways if self._has_speed_groups else ways[:1]
 
     @property
     def _has_speed_groups(self) -> bool:
-        """Whether a speed group can be left out and something remains."""
+        """Whether tests remain when a speed group is left out."""
         campaign = self.campaign
         return len(campaign.speed_group(campaign.test_ids[0])) < len(campaign.tests)
 

@@ -1,7 +1,7 @@
-"""Which approach to trust, for one prediction and for a whole campaign, with reasons that an engineer can check.
+"""Recommendation of an approach, for one prediction or a whole campaign, with reasons that an engineer can check.
 
-What is recommended for a test rests on the other tests alone; only the verdict on a campaign looks at how tests were
-predicted that had been left out. It is reached by a proper score of the whole band (CRPS), and told in ratings.
+A recommendation for one test rests on the other tests alone; only that for a campaign uses the results of left-out
+tests. It is decided by a proper score of the whole band (CRPS), and explained in ratings.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,21 +25,21 @@ from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study
 from crashfuse.units import MPH, G
 
-_CLEARLY = 0.02  # of the rating: closer than that, a handful of tests can't tell two approaches apart
+_CLEARLY = 0.02  # in rating: a handful of tests cannot separate approaches closer than this
 _NEAR_MPS = 3 * MPH
 _GOOD = 0.80
 
 
 @dataclass(frozen=True, slots=True)
 class Recommendation:
-    """What to use, and why.
+    """A recommended approach, with reasons.
 
     Attributes
     ----------
     sentences : tuple of str
-        The recommendation, what it rests on, and what to be careful of.
+        The recommendation, its basis, and cautions.
     expected : ExpectedRating, optional
-        Of that approach, for a single prediction.
+        Expected rating of that approach, for a single prediction.
     """
 
     approach: str
@@ -50,10 +50,10 @@ class Recommendation:
 def recommend_for(
     estimates: Sequence[Estimate], campaign: Campaign, condition: Condition, window_ms: float = 60.0
 ) -> Recommendation:
-    """Recommend an approach for one condition, from how each predicted tests near it that it had not seen.
+    """Recommend an approach for one condition, from how each predicted nearby tests that it had not seen.
 
-    The estimates, one for each approach, are at this condition; the campaign is what they learned from, without the
-    held-out test if this is one. Rated is over [0, window_ms).
+    The estimates, one for each approach, are at this condition; the campaign is the one they learned from, without the
+    test itself if the condition is that of a held-out test. Ratings are over [0, window_ms).
     """
     by_name = {estimate.approach: estimate for estimate in estimates}
     names = _by_preference(by_name)
@@ -62,7 +62,7 @@ def recommend_for(
         for name in names
         if (found := expected_rating(by_name[name].left_out_mps2, campaign, condition, window_ms)) is not None
     }
-    if len(campaign.tests) == 1:  # nor could the weights of a mixture be learned
+    if len(campaign.tests) == 1:  # not enough to learn the weights of a mixture either
         return _by_the_paper([name for name in names if not CLASSES[name].made_of] or names, campaign, condition)
     if len(expected) < len(names) and not any(CLASSES[name].learns_from_tests for name in expected):
         return _by_the_paper(names, campaign, condition)
@@ -81,7 +81,7 @@ def recommend_for(
 
 
 def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
-    """The paper's own advice (Sect. 4.3), where nothing is known of tests that were left out."""
+    """The paper's own advice (Sect. 4.3), for use when no left-out predictions are available."""
     away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
     beside = TimeDomain.name in names and away <= _NEAR_MPS
     chosen = TimeDomain.name if beside else names[0]
@@ -98,10 +98,10 @@ def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition
 def recommend(study: Study) -> Recommendation:
     """Recommend an approach for a campaign, from how each predicted the tests that were left out.
 
-    The lowest mean CRPS decides; approaches that are within one standard error of it, test by test, count as equal,
-    and of those the mixture comes first, then the displacement domain, which the paper prefers (Sect. 4.3).
+    The lowest mean CRPS wins; approaches within one standard error of it, test by test, count as equal, and among
+    these the mixture comes first, then the displacement domain, which the paper prefers (Sect. 4.3).
     """
-    if study not in _recommended:  # files, report and terminal or page all ask
+    if study not in _recommended:  # requested by files, report, and terminal or page
         _recommended[study] = _recommendation(study)
     return _recommended[study]
 
@@ -140,7 +140,7 @@ def _recommendation(study: Study) -> Recommendation:
 
 
 class _Verdict:
-    """Each approach judged by the left-out tests of a study."""
+    """Comparison of the approaches on the left-out tests of a study."""
 
     def __init__(self, study: Study) -> None:
         self.study = study
@@ -149,7 +149,7 @@ class _Verdict:
 
     @cached_property
     def crps_g(self) -> Mapping[str, FloatArray]:
-        """CRPS of each test's prediction by approach, in g, shape (n_tests,)."""
+        """CRPS of each approach's predictions of the tests, in g, shape (n_tests,)."""
         return {name: np.array([self._crps(fold, name) for fold in self.study.folds]) / G for name in self.names}
 
     def _crps(self, fold: Fold, approach: str) -> float:
@@ -161,19 +161,19 @@ class _Verdict:
 
     @cached_property
     def mean_crps_g(self) -> Mapping[str, float]:
-        """Mean CRPS over the tests, in g."""
+        """Mean CRPS of each approach over the tests, in g."""
         return {name: float(values.mean()) for name, values in self.crps_g.items()}
 
     @cached_property
     def equal(self) -> list[str]:
-        """The best approach by CRPS and all that are within a standard error of it."""
+        """The best approach by CRPS and all within a standard error of it."""
         best = self.crps_g[min(self.names, key=lambda name: self.mean_crps_g[name])]
         n = best.size
         excess = {name: values - best for name, values in self.crps_g.items()}
         return [name for name, e in excess.items() if e.mean() <= (e.std(ddof=1) / np.sqrt(n) if n > 1 else 0.0)]
 
     def ratings_of(self, name: str) -> str:
-        """Mean, worst and harm of an approach, in a sentence."""
+        """A sentence on the mean rating, the worst rating and the harm of an approach."""
         overall = {f.held_out: f.ratings[name][self.window_ms].overall for f in self.study.folds}
         mean, worst = float(np.mean(list(overall.values()))), min(overall, key=lambda test: overall[test])
         speed = self.study.campaign.test(worst).condition.speed_mps / MPH

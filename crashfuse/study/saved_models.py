@@ -1,7 +1,7 @@
-"""A fitted approach as a file: arrays as safetensors, all else as JSON in its header, no code.
+"""Files of fitted approaches: arrays as safetensors, the rest as JSON in the header, no code.
 
-A model belongs to the data that it learned from: it names their fingerprint, and is loaded beside them. It predicts to
-the same bits as on the day it was saved, so whoever holds campaign and model can check what was shown.
+A model belongs to the data that it learned from: it contains their fingerprint, and is loaded together with them. Its
+predictions are bit-identical to those when it was saved, so campaign and model suffice to check published results.
 """
 
 import hashlib
@@ -32,12 +32,12 @@ _PACKAGES = ("numpy", "scipy", "scikit-learn", "torch", "safetensors")
 
 
 def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
-    """Write an approach that was fitted to a campaign to a ``.safetensors`` file.
+    """Save an approach that was fitted to a campaign to a ``.safetensors`` file.
 
     Raises
     ------
     NotFittedError
-        If the approach has learned nothing yet.
+        If the approach has not been fitted.
     OSError
         If the file cannot be written.
     """
@@ -45,12 +45,12 @@ def save_model(fit: Fit, campaign: Campaign, path: str | Path) -> None:
 
 
 def model_file(approach: str) -> str:
-    """Name of the file of a model, in every folder of models."""
+    """File name of a model, the same in every folder of models."""
     return f"{approach}.safetensors"
 
 
 def model_bytes(fit: Fit, campaign: Campaign) -> bytes:
-    """What :func:`save_model` writes."""
+    """The file content that :func:`save_model` writes."""
     approach = fit.approach
     learned = approach.learned()
     arrays = {name: np.ascontiguousarray(array) for name, array in learned.arrays.items()}
@@ -73,17 +73,17 @@ def model_bytes(fit: Fit, campaign: Campaign) -> bytes:
 
 
 def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = None) -> Fit:
-    """Read a model back, beside the campaign that it learned from.
+    """Load a model together with the campaign that it learned from.
 
     Parameters
     ----------
     cache : Cache, optional
-        Where the trained emulator of the CAE model is kept.
+        Storage for the trained emulator of the CAE model.
 
     Raises
     ------
     DataError
-        If the file is no model, was cut off or altered, learned from other data, or was made by another version.
+        If the file is not a model, is truncated or altered, learned from other data, or comes from another version.
     """
     path = Path(path)
     record, arrays = _read(path)
@@ -100,7 +100,7 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
 
 
 def _check(path: Path, record: dict[str, Any], campaign: Campaign) -> None:
-    """Refuse what another version made, or what learned from other data."""
+    """Raise if the model comes from another version or learned from other data."""
     if record["crashfuse"] != __version__:
         raise DataError(Problem(str(path), f"a model made by crashfuse {__version__}", record["crashfuse"], _AGAIN))
     if record["fingerprint"] != campaign.fingerprint:
@@ -117,7 +117,7 @@ def _read(path: Path) -> tuple[dict[str, Any], Entry]:
     try:
         with safetensors.safe_open(path, framework="numpy") as file:
             header = file.metadata() or {}
-            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no dict
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dict
         record = json.loads(header[_HEADER])
         digest = header["sha256"]
     except (safetensors.SafetensorError, KeyError, ValueError, TypeError) as error:

@@ -1,6 +1,6 @@
-"""Leave one test out: the straight line from a campaign to rated predictions.
+"""Leave-one-out studies: from a campaign to rated predictions.
 
-hold out → fit → predict → rate. The held-out test's pulse is touched in the last step only: everything before it
+hold out → fit → predict → rate. The held-out test's pulse is used in the last step only: everything before it
 works on ``campaign.without(test)``, whose fingerprint is also the key under which the prediction is cached.
 """
 
@@ -38,7 +38,7 @@ class Study:
     Attributes
     ----------
     speed_groups : Study, optional
-        The same tests, each left out with all others at about its speed; where both was asked for and is possible.
+        The same tests, each left out with all others at about its speed, if both were requested and are possible.
     """
 
     campaign: Campaign
@@ -48,7 +48,7 @@ class Study:
     speed_groups: "Study | None" = None
 
     def fold(self, held_out: str) -> Fold:
-        """The fold of this test."""
+        """The fold with this test held out."""
         return next(fold for fold in self.folds if fold.held_out == held_out)
 
     def mean_rating(self, approach: str, window_ms: float) -> float:
@@ -56,7 +56,7 @@ class Study:
         return float(np.mean([fold.ratings[approach][window_ms].overall for fold in self.folds]))
 
     def rating_spread(self, window_ms: float) -> dict[str, dict[str, tuple[float, float, float]]]:
-        """By test and approach with a band: overall rating over one window, and the interval of single draws."""
+        """Overall rating over one window and interval of single draws, by test and approach with a band."""
         return {
             fold.held_out: {
                 name: (fold.ratings[name][window_ms].overall, *fold.rating_interval(name, window_ms))
@@ -67,7 +67,7 @@ class Study:
 
     @cached_property
     def coverage(self) -> dict[str, Calibration]:
-        """How much of the held-out tests lies inside the 95 % band of each approach that has one."""
+        """Coverage of the held-out tests by the 95 % band of each approach that has one."""
         found: dict[str, Calibration] = {}
         for name in self.config.approaches:
             folds = [(fold.test, fold.estimate(name).prediction.draws_mps2) for fold in self.folds]
@@ -78,7 +78,7 @@ class Study:
 
     @cached_property
     def reliability(self) -> dict[str, FloatArray]:
-        """Mean share of a(t) inside bands of each of :data:`~crashfuse.approaches.calibration.LEVELS`, likewise."""
+        """Mean share of a(t) inside the bands at :data:`~crashfuse.approaches.calibration.LEVELS`, by approach."""
         shares = defaultdict[str, list[FloatArray]](list)
         for fold in self.folds:
             for estimate in fold.estimates:
@@ -105,24 +105,24 @@ def run_study(
     held_out : sequence of str
         Ids of the tests to leave out in turn; empty for all.
     cache : Cache, optional
-        Finished predictions are read from it and stored in it, so a study that was killed continues where it was.
+        Finished predictions are read from it and stored in it, so an interrupted study continues where it stopped.
     workers : int, optional
-        Processes for the folds; default one for each core. The numbers don't depend on it.
+        Number of processes for the folds; default one per core. The results do not depend on it.
     scheduler : str, optional
         Address of a Dask scheduler (``tcp://host:port``), whose workers then compute the folds:
         :class:`crashfuse.execution.cluster.Cluster`.
     folds : mutable mapping, optional
-        Finished folds by their :func:`fold_key`: those that are there are not computed or rated again, new ones are
+        Finished folds by their :func:`fold_key`: folds found here are not computed or rated again, and new ones are
         added.
 
     Raises
     ------
     UsageError, DataError
-        If the study is impossible: :class:`crashfuse.study.plan.StudyPlan`.
+        If the study is impossible, see :class:`crashfuse.study.plan.StudyPlan`.
     Cancelled
         If the watch was told to stop.
     CrashfuseError
-        If workers die again and again, or the cluster cannot be reached or does not have the same versions.
+        If workers die repeatedly, or the cluster cannot be reached or has other versions.
     """
     plan = StudyPlan(campaign, config, tuple(held_out))
     return run_plan(plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds)
@@ -137,7 +137,7 @@ def run_plan(
     scheduler: str | None = None,
     folds: MutableMapping[Hashable, Fold] | None = None,
 ) -> Study:
-    """As :func:`run_study`, of a plan that was checked already."""
+    """Run a plan that has already been checked, as :func:`run_study` does."""
     folds = {} if folds is None else folds
     tests = [plan.campaign.test(test_id) for test_id in plan.held_out]
     with _workers_at(scheduler, workers) as place:
@@ -146,21 +146,21 @@ def run_plan(
 
 
 def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:
-    """All that decides the fold of a test; the config is one of ``split_configs``."""
+    """Key of everything that determines the fold of a test; the config is one of ``split_configs``."""
     return campaign.fingerprint, config, test_id
 
 
 def _workers_at(scheduler: str | None, processes: int | None) -> AbstractContextManager[Workers]:
-    """Workers of a Dask cluster, if a scheduler is named, else processes on this machine."""
+    """Workers of a Dask cluster if a scheduler is given, else processes on this machine."""
     if scheduler is None:
         return nullcontext(Local(processes))
-    from crashfuse.execution.cluster import connected  # takes a second, and an extra
+    from crashfuse.execution.cluster import connected  # import takes 1 s and needs an optional extra
 
     return connected(scheduler)
 
 
 _Task = list[tuple[CrashTest, list[str]]]
-"""Tests that are predicted from the same others, each with the approaches that are to predict it."""
+"""Tests predicted from the same others, each with the approaches to predict it."""
 
 
 def _leave_out(
@@ -172,7 +172,7 @@ def _leave_out(
     workers: Workers,
     folds: MutableMapping[Hashable, Fold],
 ) -> Study:
-    """Run the study that leaves these tests out in one way."""
+    """Run the study for one way of leaving these tests out."""
     step = _STEPS[config.leave_out]
     start = time.perf_counter()
     finished = {test.id: fold for test in tests if (fold := folds.get(fold_key(campaign, config, test.id))) is not None}
@@ -191,7 +191,7 @@ def _leave_out(
 
     total = len(unfinished) * len(config.approaches)
     watch.report(step, len(estimates), total)
-    # "auto" must not mean something else on another machine
+    # resolved here: "auto" may mean another device on another machine
     devices = [device for name in config.approaches if (device := config.create(name).device)] or [config.device]
     work = partial(_predict, config=replace(config, device=cast(Device, devices[0])))
     with closing(workers.completed(work, campaign, list(tasks.values()), shared, watch)) as completed:
@@ -207,7 +207,7 @@ def _leave_out(
 
 
 def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> Cache:
-    """Fit once what only the CAE runs decide, with all cores; returns the same cache, used for nothing else so far."""
+    """Compute once, on all cores, what depends on the CAE runs alone; returns a new Cache on that folder."""
     cae_only = campaign.without(campaign.test_ids)
     shared = Cache(cache.folder)
     for name in sorted(approaches):
@@ -218,12 +218,12 @@ def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cach
 def _predict(
     campaign: Campaign, task: _Task, cache: Cache, watch: Watch, *, config: StudyConfig
 ) -> list[tuple[str, Estimate]]:
-    """Predict the tests of a task; returns each one's id and what is expected of it."""
+    """Predict the tests of a task; returns pairs of test id and estimate."""
     training = config.training_campaign(campaign, task[0][0].id)
     names = {name for _, names in task for name in names}
     predicted = []
-    with threadpool_limits(1):  # contended BLAS threads cost many times the CPU, and other numbers
-        # what mixes the others comes last: it then finds in the cache what they have learned
+    with threadpool_limits(1):  # contended BLAS threads multiply CPU time and change the numbers
+        # mixtures come last, so that they find the fits of the others in the cache
         fits = {
             name: Fit.of(training, name, config, cache=cache, watch=watch)
             for name in sorted(names, key=APPROACHES.index)

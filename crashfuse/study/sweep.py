@@ -1,4 +1,4 @@
-"""A sweep over impact speed: what each approach expects of the pulse metrics, at fixed weights."""
+"""Sweeps over impact speed: pulse metrics predicted by each approach, at fixed weights."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,22 +15,22 @@ from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.units import LB, MPH
 
-_SLOWEST_MPS = 5 * MPH  # below, a vehicle hardly crushes, and no pulse of 100 ms tells what becomes of its occupant
-_GAP_MPS = 3 * MPH  # between the speeds of CAE runs: what is wider is not covered by them
+_SLOWEST_MPS = 5 * MPH  # below, a vehicle hardly crushes, and 100 ms are too short for its occupant metrics
+_GAP_MPS = 3 * MPH  # widest gap between speeds of CAE runs that counts as covered
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Sweep:
-    """Metrics that one approach expects over impact speed.
+    """Metrics predicted by one approach over impact speed.
 
     Attributes
     ----------
     condition : Condition
-        With the weights and factors of all speeds.
+        Condition with the weights and factors used at all speeds.
     speeds_mps : ndarray, shape (n,)
-        Ascending.
+        Impact speeds, ascending.
     metrics : tuple of tuple of Metric
-        Those of the pulse at each speed, all of them.
+        All metrics of the pulse at each speed.
     """
 
     approach: str
@@ -46,9 +46,9 @@ class Sweep:
 def sweep_speed(
     fits: Sequence[Fit], condition: Condition, speeds_mps: FloatArray, watch: Watch = SILENT
 ) -> tuple[Sweep, ...]:
-    """Predict at several impact speeds, :func:`usual_speeds` say, all else equal: one sweep for each fit.
+    """Predict at several impact speeds (such as :func:`usual_speeds`), all else equal: one sweep for each fit.
 
-    All fits are of one campaign; what they share is computed once. The condition's own speed does not matter.
+    All fits are of one campaign; shared parts are computed once. The condition's own speed is ignored.
 
     Raises
     ------
@@ -71,8 +71,8 @@ def sweep_speed(
 def usual_speeds(campaign: Campaign) -> FloatArray:
     """Every full mph in the range of a campaign's CAE runs and tests, and the ends of that range, in m/s.
 
-    It begins and ends with a run or test whose vehicle stops within the record, for most metrics need that; what is
-    slower than 5 mph does not count.
+    The range begins and ends with a run or test whose vehicle stops within the record, as most metrics need that;
+    those slower than 5 mph are ignored.
     """
     runs = zip(campaign.cae.vectors[:, 0].tolist(), campaign.cae.accel_mps2, strict=True)
     crashes = [*runs, *((test.condition.speed_mps, test.pulse.accel_mps2) for test in campaign.tests)]
@@ -91,7 +91,7 @@ def _stops(accel_mps2: FloatArray, speed_mps: float) -> bool:
 
 
 def uncovered_speeds(library: CaeLibrary, low_mps: float, high_mps: float) -> tuple[tuple[float, float], ...]:
-    """Parts of a range of speeds without CAE runs, as (from, to) in m/s: beyond all runs, or between far apart ones."""
+    """Parts of a range of speeds without CAE runs, as (from, to) in m/s: beyond all runs, or in wide gaps."""
     speeds = np.unique(library.vectors[:, 0])
     inner = [
         pair for pair in zip(speeds[:-1].tolist(), speeds[1:].tolist(), strict=True) if pair[1] - pair[0] > _GAP_MPS
@@ -102,14 +102,14 @@ def uncovered_speeds(library: CaeLibrary, low_mps: float, high_mps: float) -> tu
 
 
 def measured_metrics(test: CrashTest) -> tuple[Metric, ...]:
-    """Metrics of a test's own pulse."""
+    """Metrics of a test's measured pulse."""
     return pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
 
 
 def sweep_table(sweeps: Sequence[Sweep], tests: Sequence[CrashTest] = ()) -> pd.DataFrame:
-    """One row a speed, approach (or ``test``) and metric: speed_mph, approach, metric, value, lower, upper, unit.
+    """One row per speed, approach (or ``test``) and metric: speed_mph, approach, metric, value, lower, upper, unit.
 
-    Tests have weights of their own, not those of the sweep.
+    Tests have their own weights, not those of the sweep.
     """
     rows = [
         (speed, sweep.approach, metrics)
@@ -128,7 +128,7 @@ def sweep_table(sweeps: Sequence[Sweep], tests: Sequence[CrashTest] = ()) -> pd.
 
 
 def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:
-    """Say at which speeds a metric has no value, and what the record is too short for there."""
+    """Sentences on the speeds at which a metric has no value, and on what the record is too short for there."""
     said = []
     for sweep in sweeps:
         gaps = [
@@ -144,7 +144,7 @@ def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:
 
 
 def weights_sentence(condition: Condition, tests: Sequence[CrashTest]) -> str:
-    """Say at which weights a sweep is, and that those of the tests differ."""
+    """A sentence on the weights of a sweep, and on the different ones of the tests."""
     said = f"Swept at front {condition.front_weight_kg / LB:.0f} lb, rear {condition.rear_weight_kg / LB:.0f} lb."
     if not tests:
         return said

@@ -1,4 +1,4 @@
-"""The vehicle behind the sample campaign: simulated with lumped parameters, no real car."""
+"""The simulated lumped-parameter vehicle behind the sample campaign; not a real car."""
 
 from crashfuse.synthetic.models import CAE_MODEL, TRUTH, cae_pulses, measured_pulses
 from crashfuse.synthetic.sample import TABLE_1, sample_campaign, write_sample

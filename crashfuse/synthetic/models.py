@@ -1,12 +1,12 @@
-"""Two models of one vehicle: the CAE model, and the truth that its tests come from, which has other physics.
+"""Two models of one vehicle: the CAE model, and the truth behind its tests, which has different physics.
 
 The truth differs from the CAE model as reality does from a simulation: sheet metal that hardens with strain rate,
-rails that are stiffer at first and softer later, folds of another length, an engine that meets the barrier earlier and
-harder, more damping, another powertrain package for each variant, scatter from test to test, and noise in the sensors.
-All but the last two depend smoothly on displacement and condition, so they can be learnt from a few tests.
+rails that are stiffer at first and softer later, a different fold length, an engine that hits the barrier earlier and
+harder, more damping, a different powertrain package for each variant, test-to-test scatter, and sensor noise. All but
+the last two depend smoothly on displacement and condition, so they can be learned from a few tests.
 
-The constants are those of a mid-size car in order of magnitude; within that they were set so that the CAE model rates
-against the truth as in Table 5 of Zeng et al. 2023 and peak, t0, crush and rebound are those of a real car.
+The constants have the order of magnitude of a mid-size car; within that they were set so that the CAE model rates
+against the truth as in Table 5 of Zeng et al. 2023, and peak, t0, crush and rebound are realistic.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from crashfuse.synthetic.vehicle import Coupling, CrushZone, Vehicle, simulate
 from crashfuse.units import G
 
 _STEEL_MPS = 1400.0
-"""Rate of Cowper and Symonds' law for high-tensile steel (D = 3200/s, q = 5) in a rail some 145 mm wide, D·C/0.33."""
+"""Rate of the Cowper-Symonds law for high-tensile steel (D = 3200/s, q = 5) in a 145 mm wide rail, D·C/0.33."""
 
 CAE_MODEL = Vehicle(
     powertrain_kg=215.0,
@@ -46,7 +46,7 @@ CAE_MODEL = Vehicle(
     mounts=Coupling(stiffness_npm=2.1e6, damping_nspm=2e3, strength_n=36e3),
     rear=Coupling(stiffness_npm=5.9e6, damping_nspm=14e3),
 )
-"""The biased model behind the CAE runs; it knows neither strain rate nor powertrain variants."""
+"""The biased model behind the CAE runs, without strain rate or powertrain variants."""
 
 TRUTH = Vehicle(
     powertrain_kg=200.0,
@@ -84,14 +84,14 @@ TRUTH = Vehicle(
 SENSOR_NOISE_MPS2 = 3.0 * G
 """Standard deviation of the white noise before the filter; CFC 60 leaves about 0.4 g of it."""
 
-_BEFORE_CONTACT = 250  # samples: sensors run before the crash, so the filter sees the start as on a real record
+_BEFORE_CONTACT = 250  # samples: sensors run before the crash, so the filter treats the start as on a real record
 
 
 def equipped(vehicle: Vehicle, condition: Condition) -> Vehicle:
     """The vehicle with the condition's powertrain ("Type I", "Type II") and drive ("FWD", "AWD").
 
-    Type II is the larger engine: heavier, nearer to the barrier, with a stiffer block. All-wheel drive adds a transfer
-    gear to the powertrain, and its propeller shaft braces the mounts.
+    Type II is the larger engine: heavier, closer to the barrier, with a stiffer block. All-wheel drive adds a transfer
+    case to the powertrain, and its propeller shaft braces the mounts.
 
     Raises
     ------
@@ -122,10 +122,10 @@ def scattered(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
 
 
 def measured_pulses(conditions: Sequence[Condition], seed: int) -> FloatArray:
-    """Crash the truth at these conditions and record it: a new specimen and new noise for each test.
+    """Simulate tests at these conditions with the truth: a new specimen and new noise for each test.
 
     "powertrain" and "drive" among a condition's factors choose the variant. Test i of a seed has the same scatter
-    whatever its condition and however many follow it. Pulses as those of :func:`cae_pulses`.
+    for any condition and any number of further tests. Pulses are as from :func:`cae_pulses`.
     """
     streams = [np.random.default_rng([seed, i]) for i in range(len(conditions))]
     specimens = [scattered(equipped(TRUTH, c), rng) for c, rng in zip(conditions, streams, strict=True)]

@@ -36,7 +36,7 @@ TABLE_1 = (
 
 _N_RUNS = 1009
 _LOW, _HIGH = (0.0, 1922.0, 1349.0), (35.2, 2185.0, 1770.0)  # mph, lb, lb: Zeng et al. 2023, Sec. 4
-_STORED_G = 0.002  # resolution of the stored CAE pulses: far below any sensor, and it packs well
+_STORED_G = 0.002  # resolution of the stored CAE pulses: far finer than any sensor, and compresses well
 
 _README = f"""# {NAME}
 
@@ -77,14 +77,14 @@ def sample_campaign(seed: int = 0) -> Campaign:
 
 
 def write_sample(folder: Path) -> None:
-    """Write the sample campaign as a campaign folder; the folder appears when it is complete.
+    """Write the sample campaign as a campaign folder, which appears only once complete.
 
     Raises
     ------
     UsageError
-        If the folder is there already and not empty.
+        If the folder exists and is not empty.
     OSError
-        If it cannot be written; nothing is left behind.
+        If it cannot be written; no partial folder remains.
     """
     folder = Path(folder).resolve()
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):

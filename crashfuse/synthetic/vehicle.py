@@ -1,7 +1,7 @@
-"""A vehicle of three masses that hits a rigid barrier, and the equations of its motion.
+"""Three-mass model of a vehicle hitting a rigid barrier, and its equations of motion.
 
 Barrier ─ rails, shell ─ body ─ rear mass; barrier ─ engine contact ─ powertrain ─ firewall, mounts ─ body. This is the
-lumped-mass model of Kamal (SAE 700414, 1970), cut down to what shapes the pulse of the passenger compartment; Huang,
+lumped-mass model of Kamal (SAE 700414, 1970), reduced to what shapes the pulse of the passenger compartment; Huang,
 *Vehicle Crash Mechanics* (CRC Press, 2002), ch. 4–5, discusses such models and their elements.
 """
 
@@ -16,25 +16,25 @@ from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 
 _CRUSH_GRID_M = np.linspace(0.0, 1.2, 1201)
 _COWPER_SYMONDS_Q = 5.0
-# How far each element (rows) is compressed by the forward displacement of body, powertrain and rear mass (columns).
+# Compression of each element (rows) per forward displacement of body, powertrain and rear mass (columns).
 _ZONE_INCIDENCE = np.array([[1, 0, 0], [1, 0, 0], [0, 1, 0], [1, -1, 0]], dtype=np.float64)
 _COUPLING_INCIDENCE = np.array([[1, -1, 0], [-1, 0, 1]], dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
 class CrushZone:
-    """Sheet metal that pushes while it is crushed, unloads steeply and keeps its permanent set.
+    """Sheet metal that resists crushing, unloads steeply and keeps a permanent set.
 
     Parameters
     ----------
     crush_m, force_n : tuple of float
-        Knots of the quasi-static loading curve, which is linear between them and goes on at its last value.
+        Knots of the quasi-static loading curve, which is linear between them and constant beyond.
     unloading_npm : float
         Slope of unloading and reloading in N/m; steeper than the loading curve anywhere, so that the zone is passive.
     gap_m : float
         Free travel before first contact.
     fold_share, fold_length_m : float
-        Progressive buckling: the curve waves by this share of itself, one wave a fold.
+        Progressive buckling: the curve oscillates by this share of its value, one wave per fold.
     rate_mps : float
         Crush velocity at which the force doubles, Cowper and Symonds' D times the folds' length scale: with the mean
         strain rate 0.33 v/C of a square tube of width C (Abramowicz and Jones, Int. J. Impact Eng. 2, 1984), D·C/0.33.
@@ -65,7 +65,7 @@ class Coupling:
     stiffness_npm, damping_nspm : float
         In N/m and N·s/m.
     strength_n : float
-        Force at which the joint yields; infinity for one that holds.
+        Force at which the joint yields; infinity if it never does.
     """
 
     stiffness_npm: float
@@ -88,7 +88,7 @@ class Vehicle:
     engine, firewall : CrushZone
         Powertrain against the barrier, and firewall against the powertrain.
     mounts, rear : Coupling
-        Powertrain mounts, and what holds the rear mass.
+        Powertrain mounts, and the coupling of the rear mass.
     """
 
     powertrain_kg: float
@@ -103,7 +103,7 @@ class Vehicle:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Crash:
-    """What n simulated crashes did, unfiltered.
+    """Results of n simulated crashes, unfiltered.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ def simulate(
     n_samples: int = N_SAMPLES,
     steps_per_sample: int = 2,
 ) -> Crash:
-    """Crash vehicles into the barrier, all at once, by the leapfrog scheme.
+    """Simulate crashes into the barrier, all at once, by the leapfrog scheme.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def simulate(
     conditions : sequence of Condition
         n impact speeds and weights; a speed of 0 is allowed.
     n_samples, steps_per_sample : int
-        Length of the record at 12.5 kHz, and time steps to a sample.
+        Length of the record at 12.5 kHz, and time steps per sample.
     """
     fleet = (vehicles,) if isinstance(vehicles, Vehicle) else tuple(vehicles)
     n = len(conditions)
@@ -172,7 +172,7 @@ def _masses_kg(vehicle: Vehicle, condition: Condition) -> tuple[float, float, fl
 
 
 class _Elements:
-    """The force laws of all elements of all vehicles, with their memory (largest crush, plastic slip)."""
+    """Force laws of all elements of all vehicles, with their history (largest crush, plastic slip)."""
 
     def __init__(self, fleet: Sequence[Vehicle], n: int) -> None:
         zones = [[getattr(v, name) for v in fleet] for name in ("rails", "shell", "engine", "firewall")]
@@ -187,7 +187,7 @@ class _Elements:
         self._slip = np.zeros((len(joints), n))
 
     def force_n(self, deformation_m: FloatArray, rate_mps: FloatArray) -> FloatArray:
-        """Forces that resist these deformations and rates, shape (6, n); called once a step, in the order of time."""
+        """Forces that resist these deformations and rates, shape (6, n); call once per step, in time order."""
         crush, stretch = deformation_m[:4], deformation_m[4:]
         np.maximum(self._largest, crush, out=self._largest)
         unloaded = self._loading_n(self._largest) - self._unloading * (self._largest - crush)

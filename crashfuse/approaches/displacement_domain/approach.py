@@ -1,4 +1,4 @@
-"""The displacement-domain approach: correct the CAE model over displacement, then let the vehicle move (Sect. 3.2)."""
+"""The displacement-domain approach: correct the CAE over displacement, then integrate the motion (Sect. 3.2)."""
 
 import time
 from collections.abc import Sequence
@@ -33,40 +33,40 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import loading_phase
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 
-_SHARES = np.linspace(0.0, 1.0, 101)  # of the impact speed, at which what depends on velocity is drawn
-_LEAST_POINTS = 8  # of a test, however many there are
-_CHECK_DRAWS = 200  # for each test that the band is checked on
-_MOST_CHECKED = 20  # tests: more would not change the widening
-_LEAST_CHECKED = 3  # tests: with fewer there is nothing left to learn from
+_SHARES = np.linspace(0.0, 1.0, 101)  # shares of the impact speed at which velocity-dependent parts are drawn
+_LEAST_POINTS = 8  # per test, regardless of the number of tests
+_CHECK_DRAWS = 200  # for each test used to check the band
+_MOST_CHECKED = 20  # tests; more would not change the widening
+_LEAST_CHECKED = 3  # tests; with fewer, too little is left to learn from
 
 
 def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
-    """The CAE model's error in a test over displacement, as the hierarchical model learns it but finer."""
+    """The CAE model's error in a test over displacement: the hierarchical model's input at finer steps."""
     condition = test.condition
     phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
     return uniform_points(condition, phase, model.loading_curve(condition), step_m, HierarchicalBias.end_share)
 
 
 class DisplacementDomain(Approach):
-    """Bias of the CAE model over displacement, learned from the tests, and Eq. 29 with it.
+    """Bias of the CAE model over displacement, learned from the tests and integrated by Eq. 29.
 
     Parameters
     ----------
     config : DisplacementConfig, optional
         Default: :meth:`DisplacementConfig.fast`.
     seed : int
-        For the draws and the optimiser's starts.
+        Seed for the draws and the optimiser's starts.
     cache : Cache, optional
-        Where the trained emulator of the CAE model is kept.
+        Storage for the trained emulator of the CAE model.
 
     Attributes
     ----------
     points_ : tuple of BiasPoints
-        One for each test.
+        Bias points, one entry for each test.
     calibration_ : Calibration
-        Of the band, on each of these tests predicted from the others.
+        Calibration of the band, on each of these tests predicted from the others.
     left_out_ : LeftOut
-        Those predictions.
+        The predictions of each test from the others.
     """
 
     name = "displacement_domain"
@@ -87,7 +87,7 @@ class DisplacementDomain(Approach):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
-        """Table 4 under the paper's preset, else the hierarchical bias."""
+        """Create it with Table 4 under the paper's preset, else with the hierarchical bias."""
         config = DisplacementConfig.paper() if settings.preset == "paper" else DisplacementConfig.fast()
         return cls(config, seed=settings.seed, cache=settings.cache)
 
@@ -110,11 +110,11 @@ class DisplacementDomain(Approach):
         return self
 
     def _seen(self, campaign: Campaign) -> Campaign:
-        """The tests to learn from: all of them for Table 4."""
+        """The campaign with the tests to learn from: all of them for Table 4, else thinned."""
         return campaign if self.config.bias == "table 4" else self._thinned(campaign)
 
     def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> list[Unloading]:
-        """Compare the tests with the CAE model, as fit and restore need it; returns their rebounds."""
+        """Compare the tests with the CAE model, for fit and restore; returns their rebounds."""
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         self._views = tuple(CaeView.of(self.model_, test.condition) for test in campaign.tests)
         self._paired = float(np.mean([view.paired for view in self._views]))
@@ -128,14 +128,14 @@ class DisplacementDomain(Approach):
         return [] if by_table_4 else [view.beside(test) for test, view in both]
 
     def learned(self) -> FittedState:
-        """Hyperparameters of bias and rebound, and the check of the band."""
+        """Fitted state: hyperparameters of bias and rebound, and the check of the band."""
         self._require("calibration_")
         values = {"seconds": self._seconds, "widening": self.calibration_.widening}
         parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned(), "left_out": self.left_out_.learned()}
         return FittedState.of(values, {"inside": self.calibration_.inside}, **parts)
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
-        """Take up hyperparameters, and condition on the tests again."""
+        """Restore the hyperparameters, and condition on the tests again."""
         unloadings = self._begin(self._seen(campaign))
         with threadpool_limits(1):
             self.rebound_ = Rebound().restore(unloadings, learned.part("rebound"))
@@ -154,14 +154,14 @@ class DisplacementDomain(Approach):
         return uniform_points(condition, phase, curve, step, self.bias_.end_share)
 
     def expected_points(self, condition: Condition) -> BiasPoints:
-        """Where a test here would show the bias, if it crushed as the CAE model does; the bias itself is zero."""
+        """Points at which a test here would show the bias if it crushed like the CAE model; their bias is zero."""
         self._require("bias_")
         test = CrashTest("", condition, Pulse(GRID_S, self.model_.pulse(condition).accel_mps2))
         own = LoadingCurve(loading_phase(test.pulse.accel_mps2, condition.speed_mps))
         return self._points(test, own)
 
     def predict(self, condition: Condition) -> Prediction:
-        """Predict the pulse at a condition: Eq. 29 with the mean bias, and with whole functions drawn of it."""
+        """Predict the pulse at a condition: Eq. 29 with the mean bias, and with whole bias functions drawn."""
         self._require("bias_")
         rng = np.random.default_rng(self.seed)
         view = CaeView.of(self.model_, condition)
@@ -180,13 +180,13 @@ class DisplacementDomain(Approach):
     def _sample(
         self, cae: CaeView, model: HierarchicalBias | Table4Bias, n_draws: int, rng: np.random.Generator
     ) -> BiasDraws:
-        """The bias expected at a condition, and draws of it, over displacement and shares of the impact speed."""
+        """Mean and draws of the bias at a condition, over displacement and over shares of the impact speed."""
         grid = cae.grid_m[::FINER]
         force = cae.curve.accel_at(grid, model.end_share)
         bias = model.sample(cae.condition, grid, force, _SHARES, n_draws, rng)
         if not cae.paired and self._paired:
-            # The bias of tests without a paired run has the emulator's error in it already, as what each test has of
-            # its own: only the share that the tests had paired runs for comes on top.
+            # The bias of tests without a paired run already includes the emulator's error, in each test's own part.
+            # Only the share of tests with paired runs has to be added.
             errors = np.sqrt(self._paired) * self.model_.errors(cae.condition, n_draws, rng)
             bias.over_displacement_mps2[1:] += cae.at_displacement(errors, grid)
         return bias
@@ -194,7 +194,7 @@ class DisplacementDomain(Approach):
     def _simulate(
         self, cae: CaeView, bias: BiasDraws, rebound: Rebound, rng: np.random.Generator, widening: float
     ) -> FloatArray:
-        """The expected pulse in row 0, then pulses drawn, shape (1 + n_draws, 1250)."""
+        """Pulses, shape (1 + n_draws, 1250): the expected one in row 0, then draws."""
         speed, curve, end_share, fine = cae.condition.speed_mps, cae.curve, self.bias_.end_share, cae.grid_m
         wide = bias.widened(widening)
         force = curve.accel_at(fine, end_share)
@@ -219,7 +219,7 @@ class DisplacementDomain(Approach):
 
         def check(widening: float) -> list[Coverage]:
             for number, bias in zip(checked, left_out, strict=True):
-                watch.report("Check of the band", len(checked), len(checked))  # so that it can be cancelled
+                watch.report("Check of the band", len(checked), len(checked))  # makes it cancellable
                 rng = np.random.default_rng([self.seed, number, 1])
                 rebound = self.rebound_.without(number)
                 pulses[number] = self._simulate(self._views[number], bias, rebound, rng, widening)
@@ -230,12 +230,12 @@ class DisplacementDomain(Approach):
         return calibration
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
-        """As the check of the band predicted them."""
+        """Predictions of the tests from the check of the band."""
         self._require("left_out_")
         return self.left_out_.expected(campaign.evenly_over_speed(MOST_TESTS))
 
     def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
-        """Take the bias that is expected at a condition apart; empty for Table 4, which is all of one piece."""
+        """Split the expected bias at a condition into its parts; empty for Table 4, which has none."""
         self._require("bias_")
         if isinstance(self.bias_, Table4Bias):
             return ()
@@ -244,7 +244,7 @@ class DisplacementDomain(Approach):
 
     @property
     def state(self) -> dict[str, object]:
-        """What the fit found: hyperparameters, likelihood, borders touched, points, seconds."""
+        """Fit results: hyperparameters, likelihood, bounds reached, number of points, duration in s."""
         if not hasattr(self, "bias_"):
             return {}
         checked = {"band_check": self.calibration_.state} if self.calibration_.tests else {}

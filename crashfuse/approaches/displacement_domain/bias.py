@@ -1,4 +1,4 @@
-"""The bias of the CAE model over displacement: points that a bias model learns from, and functions drawn from it."""
+"""The bias of the CAE model over displacement: training points of a bias model, and functions drawn from one."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ class BiasPoints:
     Attributes
     ----------
     displacement_m, speed_share, cae_mps2, bias_mps2 : ndarray, shape (n,)
-        Displacement, velocity over impact speed, the CAE model's acceleration, and what has to be added to it.
+        Displacement, velocity over impact speed, the CAE model's acceleration, and the bias to add to it.
     """
 
     condition: Condition
@@ -29,20 +29,20 @@ class BiasPoints:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BiasDraws:
-    """The bias of a crash that was never run: the mean function in row 0, then whole functions drawn.
+    """Predicted bias of a crash: the mean function in row 0, then draws of whole functions.
 
     Attributes
     ----------
     over_displacement_mps2 : ndarray, shape (1 + n_draws, n_displacements)
     over_speed_mps2 : ndarray, shape (1 + n_draws, n_shares)
-        What comes on top while the vehicle stops, over its velocity as a share of the impact speed.
+        Added while the vehicle stops, over its velocity as a share of the impact speed.
     """
 
     over_displacement_mps2: FloatArray
     over_speed_mps2: FloatArray
 
     def widened(self, factor: float) -> "BiasDraws":
-        """The same draws, this many times as far from the mean."""
+        """The same draws with their deviations from the mean multiplied by this factor."""
 
         def widen(functions: FloatArray) -> FloatArray:
             wide: FloatArray = functions[:1] + factor * (functions - functions[:1])
@@ -53,7 +53,7 @@ class BiasDraws:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BiasPart:
-    """One part of the bias expected at a condition, or their sum, with the middle 95 % of what it may be.
+    """One part of the expected bias at a condition, or the sum of the parts, with its central 95 % interval.
 
     Attributes
     ----------
@@ -70,9 +70,9 @@ class BiasPart:
 def bijective_projection(condition: Condition, test: LoadingPhase, curve: LoadingCurve, n_points: int) -> BiasPoints:
     """Project the CAE pulse on the test and the test on the CAE pulse (Eqs. 16 to 22).
 
-    Both are taken at moments evenly spaced in their own loading phase; the CAE pulse only as far as the test crushed,
-    for there is no acceleration of the test beyond. Gives ``n_points`` at the test's displacements (Eq. 18), then as
-    many at the CAE's (Eq. 21); the curve says how the CAE pulse goes on where the test crushed further.
+    Both are sampled at times evenly spaced in their own loading phase, the CAE pulse only up to the crush of the test,
+    which has no acceleration beyond. Returns ``n_points`` at the test's displacements (Eq. 18), then as many at the
+    CAE's (Eq. 21); the curve continues the CAE pulse where the test crushed further.
     """
     cae = curve.own
     test_s = np.linspace(0.0, test.end_s, n_points)
@@ -88,11 +88,11 @@ def bijective_projection(condition: Condition, test: LoadingPhase, curve: Loadin
 def uniform_points(
     condition: Condition, test: LoadingPhase, curve: LoadingCurve, step_m: float, end_share: float
 ) -> BiasPoints:
-    """Take the bias at even steps in displacement, from contact to the test's maximum crush.
+    """Sample the bias at even steps in displacement, from contact to the test's maximum crush.
 
-    Points that are even in time would pile up at maximum crush, where the bias is many-valued in displacement. They are
-    at most ``step_m`` apart. Below ``end_share`` of its impact speed a vehicle counts as stopping; what that of the CAE
-    model does then is taken where the test stops.
+    Points evenly spaced in time would pile up at maximum crush, where the bias is many-valued in displacement. They are
+    at most ``step_m`` apart. Below ``end_share`` of its impact speed a vehicle counts as stopping; the stopping phase
+    of the CAE vehicle is then aligned with that of the test.
     """
     displacement = np.linspace(0.0, test.crush_m, max(int(np.ceil(test.crush_m / step_m)), 1) + 1)
     shares = np.interp(displacement, test.displacement_m, test.speed_share)

@@ -1,4 +1,4 @@
-"""The parts of the hierarchical bias with their priors: what each stands for, and over which columns it varies."""
+"""The parts of the hierarchical bias: their meaning, their priors, and the columns that they vary over."""
 
 from collections.abc import Iterable
 
@@ -14,10 +14,10 @@ LENGTH_UNITS = {
     _REAR: "rear weight in kg",
     _SHARE: "v/v0",
 }
-FORCE_UNIT = 10 * G  # so that the ratio counts with its standard deviation where the CAE model decelerates at 10 g
+FORCE_UNIT = 10 * G  # the ratio enters with its standard deviation where the CAE model decelerates at 10 g
 
-# The medians are orders of magnitude of a car's front end, fitted to none: 0.1 m is what a CFC 60 pulse resolves at
-# 35 mph; 5 m/s tells crashes apart, weights hardly do, for the CAE model knows about mass.
+# The medians are orders of magnitude for a car's front end, not fitted to any: a CFC 60 pulse resolves 0.1 m at
+# 35 mph; crashes 5 m/s apart differ, while weights matter little because the CAE model accounts for mass.
 _REACH = (_S, LogNormal(0.1, 0.3))
 _SPEED = (_V0, LogNormal(5.0, 0.5))
 _WEIGHT = LogNormal(300.0, 0.5)
@@ -38,7 +38,7 @@ NOISE = LogNormal(0.07, 0.8)
 
 
 def bias_parts(factor_columns: Iterable[tuple[str, int]]) -> tuple[Part, ...]:
-    """All parts, with one for each of these factors, given by name and column."""
+    """All parts of the bias, including one for each of these factors, given by name and column."""
     by_factor = (
         Part(f"by {name}", _FACTOR_SCALE, ((_REACH,),), times=_CRUSHING, same=column) for name, column in factor_columns
     )

@@ -12,7 +12,7 @@ from crashfuse.condition import Condition
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
 
 FINER = 8
-"""How much finer than a bias the CAE model is read: it may turn sharply where its vehicle stops."""
+"""Refinement of the CAE grid over that of a bias: the CAE curve may turn sharply where the vehicle stops."""
 
 _GRID = 200  # steps of the displacement grid on which a bias is drawn
 
@@ -25,7 +25,7 @@ class CaeView:
     ----------
     accel_mps2 : ndarray, shape (1250,)
     paired : bool
-        Whether a run was made at this very condition.
+        Whether there is a run at exactly this condition.
     """
 
     condition: Condition
@@ -35,21 +35,21 @@ class CaeView:
 
     @classmethod
     def of(cls, model: CaeModel, condition: Condition) -> Self:
-        """Look at a model at a condition."""
+        """Create the view of a model at a condition."""
         paired = model.cae_.paired_run(condition) is not None
         return cls(condition, model.pulse(condition).accel_mps2, model.loading_curve(condition), paired)
 
     @property
     def grid_m(self) -> FloatArray:
-        """Displacements from 0 to where no vehicle gets in the record; a bias is drawn at every ``FINER``-th."""
+        """Displacements from 0 to beyond the reach of any vehicle in m; a bias is drawn at every ``FINER``-th."""
         return np.linspace(0.0, self.condition.speed_mps * DT_S * N_SAMPLES, _GRID * FINER + 1)
 
     def at_displacement(self, curves: FloatArray, displacement_m: FloatArray) -> FloatArray:
-        """Read curves over time, shape (n_curves, 1250), when the CAE vehicle gets to displacements, (n_curves, n)."""
+        """Curves over time, (n_curves, 1250), at the times the CAE vehicle reaches displacements, (n_curves, n)."""
         own = self.curve.own
         time = np.interp(displacement_m, own.displacement_m, own.time_s)
         return np.array([np.interp(time, GRID_S, curve) for curve in curves])
 
     def beside(self, test: CrashTest) -> Unloading:
-        """A test at this condition beside it, for its rebound."""
+        """Pair a test at this condition with the CAE pulse, for the rebound."""
         return Unloading(self.condition.speed_mps, test.pulse.accel_mps2, self.accel_mps2, self.curve.own)

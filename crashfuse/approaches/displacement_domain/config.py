@@ -15,15 +15,15 @@ class DisplacementConfig:
     n_draws : int
         Whole pulses drawn for the band.
     step_s : float
-        Spacing of the bias points of a test: the way the vehicle goes at impact speed in this time. A CFC 60 pulse
-        holds little more; closer points would repeat each other, and the fit would count them as evidence.
+        Spacing of a test's bias points: the distance covered at impact speed in this time. A CFC 60 pulse contains
+        little finer detail; closer points would repeat each other, and the fit would count them as evidence.
     max_points : int
-        About the most bias points of all tests together; more tests have fewer each. The fit's time grows with the
-        cube of their number.
+        Approximate limit on the bias points of all tests together; with more tests, each has fewer. The fit's time
+        grows with the cube of their number.
     projected_points : int
-        For Table 4: points for each of a test's two projections.
+        For Table 4: points in each of a test's two projections.
     restarts : int
-        For Table 4: starts beside the first.
+        For Table 4: further starts of the optimiser after the first.
     """
 
     bias: Literal["hierarchical", "table 4"] = "hierarchical"
@@ -35,10 +35,10 @@ class DisplacementConfig:
 
     @classmethod
     def fast(cls) -> Self:
-        """The default: a hierarchical Gaussian process, a second a fit."""
+        """The default: a hierarchical Gaussian process, about one second per fit."""
         return cls()
 
     @classmethod
     def paper(cls) -> Self:
-        """Table 4 as it stands: minutes a fit."""
+        """Table 4 as published: minutes per fit."""
         return cls(bias="table 4")

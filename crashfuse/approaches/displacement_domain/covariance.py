@@ -1,4 +1,4 @@
-r"""The covariance of a function that is a sum of parts: shared by all tests, by like tests, by none.
+r"""Covariance of a function that is a sum of parts: shared by all tests, by similar tests, or by none.
 
 A :class:`Part` is one term of the covariance between rows x and x',
 
@@ -8,7 +8,7 @@ A :class:`Part` is one term of the covariance between rows x and x',
     \prod_g k\Big(\sqrt{\textstyle\sum_{i \in g} (x_i - x_i')^2 / \ell_i^2}\Big),
 
 with the Matérn-5/2 correlation k in each group g of columns, an optional known factor w, and an optional restriction
-to rows that agree in one column: of one test, say, or of one powertrain.
+to rows that agree in one column, such as the test number or the powertrain.
 """
 
 from collections.abc import Sequence
@@ -34,15 +34,15 @@ class Part:
     Parameters
     ----------
     name : str
-        What it stands for.
+        Name of what the part represents.
     scale : LogNormal
         Prior of its standard deviation σ, relative to the root mean square of the training output.
     groups : tuple of tuple of (int, LogNormal)
-        Groups of columns, one correlation each; every column has a length scale of its own.
+        Groups of columns, one correlation for each group; every column has its own length scale.
     times : int, optional
         Column of w, which multiplies the function.
     same : int, optional
-        Column whose every value has a function of its own, independent of the others.
+        Column each of whose values has its own independent function.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Part:
 
 
 class Covariance:
-    """Covariance between two sets of rows; what hyperparameters don't change (distances, masks) is computed once.
+    """Covariance between two sets of rows; distances and masks, which no hyperparameter changes, are computed once.
 
     Parameters
     ----------
@@ -73,17 +73,17 @@ class Covariance:
         self._factors = [_factor(part, x, z) for part in parts]
 
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
-        """Covariance at the logarithms of σ and the length scales, part by part; shape (n, m)."""
+        """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
         return np.asarray(sum(self.terms(log_hyperparameters)))
 
     def with_derivatives(self, log_hyperparameters: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
-        """Covariance, and its derivatives by each logarithm."""
+        """Covariance, and its derivatives with respect to each logarithm."""
         derivatives: list[FloatArray] = []
         terms = self.terms(log_hyperparameters, derivatives)
         return np.asarray(sum(terms)), derivatives
 
     def terms(self, logs: FloatArray, derivatives: list[FloatArray] | None = None) -> list[FloatArray]:
-        """Each part's own term, shape (n, m), in their order; derivatives by each logarithm are added to the list."""
+        """Terms of the parts in order, shape (n, m) each; derivatives for each logarithm are appended to the list."""
         terms = []
         for part, factor, own in zip(self.parts, self._factors, np.split(logs, self._ends[:-1]), strict=True):
             scaled, inverse_squares = np.exp(2 * own[0]) * factor, iter(np.exp(-2 * own[1:]))
@@ -111,7 +111,7 @@ def _factor(part: Part, x: FloatArray, z: FloatArray) -> FloatArray:
 
 
 def _matern(square: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Matérn-5/2 of a squared distance r², and -2 dk/d(r²): times a column's share of r² it is dk/d(log length)."""
+    """Matérn-5/2 of a squared distance r², and -2 dk/d(r²), which times a column's share of r² is dk/d(log length)."""
     u = np.sqrt(5 * square)
     decay = np.exp(-u)
     return (1 + u + u**2 / 3) * decay, 5 / 3 * (1 + u) * decay

@@ -1,4 +1,4 @@
-"""Eq. 29: integrate the vehicle's motion when its acceleration is known over displacement, all draws at once."""
+"""Integration of the vehicle's motion from its acceleration over displacement (Eq. 29), all draws at once."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 from crashfuse.signals.loading import LoadingPhase
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 
-_REPLAY_STEPS = 1600  # about as fine as the displacement-domain approach reads the CAE model
+_REPLAY_STEPS = 1600  # about the resolution at which the displacement domain reads the CAE model
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -33,18 +33,18 @@ def integrate(
     dt_s: float = DT_S,
     n_times: int = N_SAMPLES,
 ) -> SimulatedMotion:
-    """Move the vehicle through each draw of its acceleration, the sum of a function of s and one of v / v0.
+    """Integrate the motion for each draw of the acceleration, the sum of a function of s and one of v / v0.
 
-    Whole functions are drawn, not fresh noise at every step, so the spread does not depend on the time step. Eq. 29 is
-    of first order in it; this is Verlet's rule in its velocity form, of second order at the same cost, whose velocity
-    is the trapezoidal integral of the acceleration.
+    Whole functions are drawn, not new noise at every step, so the spread does not depend on the time step. Eq. 29 is
+    first order in it; this is the velocity Verlet scheme, second order at the same cost, whose velocity is the
+    trapezoidal integral of the acceleration.
 
     Parameters
     ----------
     over_displacement_mps2 : ndarray, shape (n_draws, n_grid)
-        G_a(s, x) + δ(s, x) of Eq. 10 at s = 0, step_m, 2 step_m, …; between them linear, beyond them constant.
+        G_a(s, x) + δ(s, x) of Eq. 10 at s = 0, step_m, 2 step_m, …; linear in between, constant beyond.
     over_speed_mps2 : ndarray, shape (n_draws, n_shares)
-        What is added to it, at even steps of v / v0 from 0 to 1.
+        Added to it, at even steps of v / v0 from 0 to 1.
     speed_mps : float
         Impact speed v0.
     dt_s, n_times : float, int
@@ -70,9 +70,9 @@ def integrate(
 
 
 def replay(phase: LoadingPhase) -> FloatArray:
-    """Displacement in m that Eq. 29 gives back for a pulse known over displacement only, at the times of its phase.
+    """Displacement in m from Eq. 29 for a pulse known over displacement only, at the times of its phase.
 
-    It should equal the pulse's own displacement, integrated over time; the difference is the error of the detour.
+    It should equal the pulse's own displacement, integrated over time; the difference is the round-trip error.
     """
     grid = np.linspace(0.0, phase.crush_m, _REPLAY_STEPS + 1)
     n_times = int(np.ceil(phase.end_s / DT_S)) + 1
@@ -82,7 +82,7 @@ def replay(phase: LoadingPhase) -> FloatArray:
 
 
 class _Table:
-    """One function a row, at even steps from 0: linear between them, constant beyond."""
+    """One function per row, sampled at even steps from 0: linear in between, constant beyond."""
 
     def __init__(self, values: FloatArray, step: float) -> None:
         self.n_rows, self.n = values.shape
@@ -91,7 +91,7 @@ class _Table:
         self.step = step
 
     def __call__(self, x: FloatArray) -> FloatArray:
-        """Look up one value of each row."""
+        """Interpolate one value of each row."""
         place = np.clip(x / self.step, 0.0, self.n - 1.0)
         left = np.minimum(place.astype(np.intp), self.n - 2)
         share = place - left

@@ -1,8 +1,8 @@
 """A hierarchical Gaussian process: a sum of parts with priors, fitted by maximum a posteriori.
 
-All hyperparameters, the noise too, have log-normal priors, and the most probable ones are taken: with ten tests the
-likelihood alone has many optima, and some of them explain no more than noise. The likelihood is exact and costs O(n³)
-time and O(n²) memory; its gradient is analytic.
+All hyperparameters, including the noise, have log-normal priors, and the most probable values are used: with ten
+tests the likelihood alone has many optima, some of which explain no more than noise. The likelihood is exact and
+costs O(n³) time and O(n²) memory; its gradient is analytic.
 """
 
 import copy
@@ -18,33 +18,33 @@ from crashfuse.approaches.displacement_domain.covariance import Covariance, LogN
 from crashfuse.errors import NotFittedError
 from crashfuse.signals.pulse import FloatArray
 
-_BOUND = 4.0  # prior standard deviations within which a hyperparameter is searched
+_BOUND = 4.0  # search range of a hyperparameter, in prior standard deviations
 _JITTER = 1e-10
-_GAIN_A_POINT = 0.25  # nats: what takes less than a fifth off the error, exp(-0.25), is no pattern
+_GAIN_A_POINT = 0.25  # nats: reducing the error by less than a fifth, exp(-0.25), is no pattern
 
 
 class GaussianProcess:
-    """Regression with a zero-mean sum of parts; by scikit-learn's conventions.
+    """Regression with a zero-mean sum of parts, following scikit-learn's conventions.
 
     Parameters
     ----------
     noise : LogNormal
         Prior of the noise's standard deviation, relative to the root mean square of the training output.
     restarts : int
-        How often a fit that explains nothing is tried again from another start.
+        How often a fit that explains nothing is retried from another start.
     seed : int
-        For those starts.
+        Seed for those starts.
 
     Attributes
     ----------
     theta_ : ndarray
         Logarithms of the hyperparameters: scale and length scales part by part, then the noise.
     touched_ : ndarray of bool
-        Which of them ended at the border of what was searched.
+        Which of them ended at a bound of the search range.
     output_scale_ : float
         Root mean square of the training output.
     log_marginal_likelihood_ : float
-        Of the output in units of ``output_scale_``, without the priors.
+        Value for the output in units of ``output_scale_``, without the priors.
     dead_ : bool
         Whether the fit explains no more than noise would.
     """
@@ -58,7 +58,7 @@ class GaussianProcess:
     def fit(self, x: FloatArray, y: FloatArray) -> Self:
         """Find the most probable hyperparameters and condition on the data, n rows and their output.
 
-        The last of the n_columns + 1 columns numbers the test that a row belongs to.
+        The last of the n_columns + 1 columns is the number of the test that a row belongs to.
         """
         self._take(x, y)
         rng = np.random.default_rng(self.seed)
@@ -70,13 +70,13 @@ class GaussianProcess:
         return self._settle(best)
 
     def restore(self, x: FloatArray, y: FloatArray, learned: FittedState) -> Self:
-        """Condition on the data that hyperparameters were learned from, as :meth:`fit` does at its end."""
+        """Condition on the data that the hyperparameters were learned from, as the last step of :meth:`fit` does."""
         self._take(x, y)
         self.retries_ = learned.values["retries"]
         return self._settle(learned.arrays["theta"])
 
     def learned(self) -> FittedState:
-        """The hyperparameters."""
+        """Fitted state: the hyperparameters."""
         return FittedState({"retries": self.retries_}, {"theta": self.theta_})
 
     def _take(self, x: FloatArray, y: FloatArray) -> None:
@@ -101,15 +101,15 @@ class GaussianProcess:
         self._alpha = cho_solve((self._lower, True), self._y)
 
     def without(self, test: int) -> Self:
-        """The same process with the same hyperparameters, as it would be if this test had not been run."""
+        """The same process with the same hyperparameters, as if this test had not been run."""
         rest = self.x_[:, -1] != test
         return self._given(self.x_[rest], self._y[rest])
 
     def also_at(self, x: FloatArray) -> Self:
         """The same process with the same hyperparameters, as if these rows had been measured with the expected output.
 
-        The mean stays as it is. The variance, which depends on where was measured and not on what, is that after any
-        outcome.
+        The mean is unchanged. The variance is the same for any outcome, as it depends only on where was measured, not
+        on the values.
         """
         return self._given(np.vstack([self.x_, x]), np.append(self._y, self.predict(x) / self.output_scale_))
 
@@ -121,9 +121,9 @@ class GaussianProcess:
         return other
 
     def std_given(self, x: FloatArray, further: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """Standard deviation of the function now, and with each set of further rows measured, noise and all.
+        """Standard deviation of the function now, and after measuring each set of further rows with noise.
 
-        What :meth:`also_at` would give for each set, by the Schur complement of the posterior covariance: many sets
+        Equals :meth:`also_at` for each set, by the Schur complement of the posterior covariance: many sets
         cost little more than one. Shapes (m,) and (len(further), m).
         """
         theta = self.theta_[:-1]
@@ -133,7 +133,7 @@ class GaussianProcess:
             return np.asarray(solve_triangular(self._lower, cross, lower=True))
 
         at_x = known(x)
-        some = np.array_split(x, len(x) // 50 + 1)  # of the prior only the diagonal is asked for
+        some = np.array_split(x, len(x) // 50 + 1)  # only the diagonal of the prior is needed
         prior = np.concatenate([np.diag(Covariance(self.parts, rows, rows)(theta)) for rows in some])
         now = prior - np.sum(at_x**2, axis=0)
         then = np.empty((len(further), len(x)))
@@ -148,8 +148,8 @@ class GaussianProcess:
     def left_out_log_density(self) -> FloatArray:
         """Log density of each test's output (as scaled) given all other tests, shape (n_tests,), by ascending number.
 
-        The blocks of the inverse covariance give what leaving each test out in turn would (Rasmussen & Williams,
-        Sect. 5.4.2, for blocks); hyperparameters stay those of all tests.
+        Computed from the blocks of the inverse covariance, without refitting (Rasmussen & Williams, Sect. 5.4.2, for
+        blocks); hyperparameters stay those of all tests.
         """
         inverse = cho_solve((self._lower, True), np.eye(self._y.size))
         densities = []
@@ -167,7 +167,7 @@ class GaussianProcess:
         _, here = self._loss(self.theta_)
         curvature = [(self._loss(self.theta_ + step * unit)[1] - here) / step for unit in np.eye(here.size)]
         values, vectors = np.linalg.eigh(0.5 * (np.array(curvature) + np.array(curvature).T))
-        values = np.maximum(values, 1e-2 / self._spread.max() ** 2)  # flat at a border: hardly more than the prior knew
+        values = np.maximum(values, 1e-2 / self._spread.max() ** 2)  # flat at a bound: little beyond the prior
         return np.asarray(np.sqrt(np.sum(vectors**2 / values, axis=1)))
 
     def _climb(self, start: FloatArray) -> FloatArray:
@@ -176,13 +176,13 @@ class GaussianProcess:
         return np.asarray(minimize(self._loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
 
     def _loss(self, theta: FloatArray) -> tuple[float, FloatArray]:
-        """Negative logarithm of likelihood times priors, and its gradient."""
+        """Negative logarithm of the likelihood times the priors, and its gradient."""
         value, gradient = self.log_marginal_likelihood(theta)
         away = (theta - self._median) / self._spread
         return 0.5 * float(away @ away) - value, away / self._spread - gradient
 
     def _is_dead(self, theta: FloatArray) -> bool:
-        """Whether the likelihood is within a nat a hyperparameter of that of noise alone; less where points are few."""
+        """Whether the likelihood is within a nat per hyperparameter of noise alone; less if there are few points."""
         power = float(np.mean(self._y**2))
         noise_alone = -0.5 * self._y.size * (np.log(2 * np.pi * power) + 1) if power else np.inf
         gain = min(theta.size, _GAIN_A_POINT * self._y.size)
@@ -213,7 +213,7 @@ class GaussianProcess:
     def predict(self, x: FloatArray) -> FloatArray:
         """Posterior mean of the function, shape (m,), at rows of shape (m, n_columns + 1).
 
-        A test number that no training row has stands for a new test.
+        A test number that occurs in no training row means a new test.
         """
         if not hasattr(self, "theta_"):
             raise NotFittedError("The Gaussian process has not been fitted; call fit(x, y) first.")
@@ -223,16 +223,16 @@ class GaussianProcess:
         return np.asarray(self.output_scale_ * (cross @ self._alpha))
 
     def posterior(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Posterior mean as :meth:`predict` gives it, and covariance, shape (m, m); noise is no part of it."""
+        """Posterior mean as from :meth:`predict`, and covariance, shape (m, m), without noise."""
         cross = Covariance(self.parts, x, self.x_)(self.theta_[:-1])
         known = solve_triangular(self._lower, cross.T, lower=True)
         prior = Covariance(self.parts, x, x)(self.theta_[:-1])
         return self._mean(cross), self.output_scale_**2 * (prior - known.T @ known)
 
     def predict_parts(self, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Posterior mean and standard deviation, shapes (m,), of each part alone; the means add up to the whole's.
+        """Posterior mean and standard deviation, shapes (m,), of each part alone; the means add up to the total mean.
 
-        The standard deviations don't add up in any way: the data tell what the sum is more than what each part is.
+        The standard deviations do not add up: the data determine the sum better than its parts.
         """
         cross = Covariance(self.parts, x, self.x_).terms(self.theta_[:-1])
         prior = Covariance(self.parts, x, x).terms(self.theta_[:-1])

@@ -1,4 +1,4 @@
-"""Our model of the bias: a sum of what all tests share, what similar tests share, and what is each test's own."""
+"""The hierarchical bias model: a sum of parts shared by all tests, by similar tests, and specific to each test."""
 
 import copy
 from collections import Counter
@@ -32,31 +32,31 @@ _LEAST_FREEDOM = 3
 class HierarchicalBias:
     """δ(s, x, k) = (f0(s) + f1(s, v0) + f2(s, weights) + r_k(s)) m̄/m + ρ(s) G_a(s, x) + stop(v/v0) + noise.
 
-    f0 is what all tests share, f1 and f2 what varies with the condition, ρ what is proportional to the CAE model's own
-    force (a stiffer material, say), and r_k is test k's own, its repeatability; they are forces, so a heavier vehicle
-    of mass m feels less of them than the tests' mean m̄. Near a stop displacement hardly grows while acceleration
-    changes: what happens there is kept apart, over velocity, as a part that varies with the speed and one of each
-    test's own. Where like tests contradict each other r_k grows, and a prediction shrinks to the CAE model. A new test
-    has parts of its own, so they are in its band.
+    f0 is common to all tests, f1 and f2 vary with the condition, ρ is proportional to the CAE model's own force (a
+    stiffer material, say), and r_k is specific to test k, its repeatability. They are forces, so they accelerate a
+    vehicle heavier than the tests' mean m̄ less, by m̄/m. Near a stop displacement hardly grows while acceleration
+    changes, so stopping is modelled separately over velocity, with one part that varies with speed and one specific
+    to each test. Where similar tests contradict each other, r_k grows and a prediction shrinks to the CAE model. A
+    new test has specific parts too, so its band includes them.
 
-    A factor of the tests table (powertrain, say) adds a function of displacement for each of its values, if the tests
-    are more probable with it when each is predicted from the others.
+    A factor of the tests table (powertrain, say) adds a function of displacement for each of its values, if including
+    it makes the tests more probable when each is predicted from the others.
 
     Parameters
     ----------
     seed : int
-        For further starts of the optimiser, should the first explain nothing.
+        Seed for further starts of the optimiser, if the first explains nothing.
 
     Attributes
     ----------
     end_share : float
-        Below this share of its impact speed a vehicle is stopping: 6 % of its energy is left.
+        Share of the impact speed below which a vehicle counts as stopping: 6 % of its energy is left.
     factors_ : tuple of str
         The factors in use.
     densities_ : dict of str to float
-        Log density of the tests, each given all others, for every choice of factors that was compared.
+        Log density of the tests, each given all others, for every set of factors compared.
     tests_ : int
-        How many tests it has learned from.
+        Number of tests fitted.
     """
 
     end_share: ClassVar[float] = 0.25
@@ -65,7 +65,7 @@ class HierarchicalBias:
         self.seed = seed
 
     def fit(self, tests: Sequence[BiasPoints], watch: Watch = SILENT) -> Self:
-        """Learn from the bias of each test."""
+        """Fit to the bias of each test."""
         rows, y = self._take(tests)
         choices: list[tuple[str, ...]] = [(), *((name,) for name in self._levels)]
         choices += [tuple(self._levels)] * (len(self._levels) > 1)
@@ -81,12 +81,12 @@ class HierarchicalBias:
         return self
 
     def learned(self) -> FittedState:
-        """Hyperparameters, and the factors with what was compared to choose them."""
+        """Fitted state: hyperparameters, chosen factors, and the log densities that decided the choice."""
         values = {"factors": list(self.factors_), "densities": self.densities_}
         return FittedState.of(values, {}, process=self.process_.learned())
 
     def restore(self, tests: Sequence[BiasPoints], learned: FittedState) -> Self:
-        """Take up what was learned from the bias of these tests."""
+        """Restore what was learned from the bias of these tests."""
         rows, y = self._take(tests)
         self.factors_, self.densities_ = tuple(learned.values["factors"]), dict(learned.values["densities"])
         self.process_ = self._process(self.factors_).restore(rows, y, learned.part("process"))
@@ -97,7 +97,7 @@ class HierarchicalBias:
         return GaussianProcess(bias_parts(columns), NOISE, seed=self.seed)
 
     def _take(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
-        """Rows and output for the process."""
+        """Input rows and output for the process."""
         self.mass_kg_ = float(np.mean([test.condition.mass_kg for test in tests]))
         self._levels = _levels([test.condition for test in tests])
         self.tests_ = len(tests)
@@ -105,7 +105,7 @@ class HierarchicalBias:
         return rows, np.concatenate([test.bias_mps2 for test in tests])
 
     def without(self, number: int) -> Self:
-        """The same model, hyperparameters and factors kept, as if the test of this number had not been run."""
+        """The same model, hyperparameters and factors kept, as if the test with this number had not been run."""
         other = copy.copy(self)
         other.process_ = self.process_.without(number)
         other.tests_ = self.tests_ - 1
@@ -114,7 +114,7 @@ class HierarchicalBias:
     def also(self, tests: Sequence[BiasPoints]) -> Self:
         """The same model, hyperparameters and factors kept, as if these tests had been run with the expected result.
 
-        Only where they lie counts, not their bias.
+        Only their location matters, not their bias.
         """
         other = copy.copy(self)
         for number, test in enumerate(tests, start=self._next_number):
@@ -125,10 +125,10 @@ class HierarchicalBias:
     def half_widths(
         self, targets: Sequence[BiasPoints], further: Sequence[BiasPoints]
     ) -> tuple[FloatArray, FloatArray]:
-        """Half the width of the 95 % band of new tests' bias, now and had one of the further tests been run.
+        """Half the width of the 95 % band of new tests' bias, now and after running each of the further tests.
 
-        In m/s², at the targets' n points one after the other: shapes (n,) and (len(further), n). Only where targets and
-        further tests lie counts, not their bias.
+        In m/s², at the concatenated n points of the targets: shapes (n,) and (len(further), n). Only the location of
+        targets and further tests matters, not their bias.
         """
         at = np.concatenate([self._test_rows(target, -1) for target in targets])
         tests = [self._test_rows(test, self._next_number) for test in further]
@@ -137,7 +137,7 @@ class HierarchicalBias:
 
     @property
     def freedom_(self) -> int:
-        """Degrees of freedom of the draws: how much tests differ is known from so few."""
+        """Degrees of freedom of the draws, finite as few tests show how much tests differ."""
         return _freedom(self.tests_)
 
     @property
@@ -157,7 +157,7 @@ class HierarchicalBias:
         test: int = -1,
         crushing: bool = True,
     ) -> FloatArray:
-        """Columns in the order of bias_parts.py, the factors' values as numbers, then the test's number."""
+        """Rows with columns in the order of bias_parts.py: factor values as numbers, the test number last."""
         n, mass = displacement_m.size, self.mass_kg_ / condition.mass_kg
         values = dict(condition.factors)
         stopping = mass * np.maximum(1 - speed_share / self.end_share, 0.0)
@@ -174,9 +174,9 @@ class HierarchicalBias:
         n_draws: int,
         rng: np.random.Generator,
     ) -> BiasDraws:
-        """Mean and draws of a new test's bias, with its own deviation and stop, without noise.
+        """Mean and draws of a new test's bias, including its specific deviation and stop, without noise.
 
-        The draws have Student's t distribution: hyperparameters are estimates, from a handful of tests. The arguments
+        The draws follow Student's t distribution, as hyperparameters are estimated from a handful of tests. Arguments
         are displacements with the CAE model's acceleration there, and velocities as shares of the impact speed.
         """
         zero = np.zeros_like(speed_share)
@@ -187,9 +187,9 @@ class HierarchicalBias:
         return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
 
     def parts(self, condition: Condition, displacement_m: FloatArray, cae_mps2: FloatArray) -> tuple[BiasPart, ...]:
-        """Take the bias of a new test apart, as long as it moves: what comes with its stop is zero until then.
+        """Split the bias of a new test before its stop into parts; the stopping part is zero until then.
 
-        Shared, by speed, by weight, ratio, by each factor in use, own; then their total, as :meth:`sample` has it.
+        Shared, by speed, by weight, ratio, by each factor in use, own; then their total, as in :meth:`sample`.
         """
         x = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
         over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
@@ -205,7 +205,7 @@ class HierarchicalBias:
 
     @property
     def state(self) -> dict[str, object]:
-        """Hyperparameters (standard deviations relative to the bias, lengths in SI) and how the fit went."""
+        """Hyperparameters (standard deviations relative to the bias, lengths in SI) and diagnostics of the fit."""
         process, names = self.process_, []
         for part in process.parts:
             columns = [column for group in part.groups for column, _ in group]
@@ -230,7 +230,7 @@ class HierarchicalBias:
         }
 
     def unknown_factors(self, condition: Condition) -> tuple[str, ...]:
-        """Factors in use whose value at a condition is not given, or is that of no test."""
+        """Factors in use whose value at a condition is missing or occurs in no test."""
         values = dict(condition.factors)
         return tuple(name for name in self.factors_ if values.get(name, "") not in self._levels[name])
 
@@ -245,17 +245,17 @@ class HierarchicalBias:
 
 
 def _freedom(n_tests: int) -> int:
-    """Degrees of freedom of what was learned from so many tests: one less, but draws need some."""
+    """Degrees of freedom for this many tests: one less, with a minimum that the draws need."""
     return max(n_tests - 1, _LEAST_FREEDOM)
 
 
 def _reach(freedom: int) -> float:
-    """Half the width of the 95 % band in standard deviations: the draws have Student's t distribution."""
+    """Half the width of the 95 % band in standard deviations, for Student's t distribution of the draws."""
     return float(stdtrit(freedom, 0.975))
 
 
 def _levels(conditions: Sequence[Condition]) -> dict[str, dict[str, int]]:
-    """Values of each factor that may tell tests apart: all tests have it, and two of its values stand for two tests."""
+    """Numbered values of each usable factor: all tests have it, and two of its values occur in two tests each."""
     names = [name for name, _ in conditions[0].factors]
     levels = {}
     for name in names:

@@ -1,4 +1,4 @@
-"""The rebound, after the time of zero velocity: the CAE model's own unloading branch, and what tests add to it."""
+"""The rebound after the time of zero velocity: the CAE model's unloading branch and a correction from tests."""
 
 import copy
 from collections.abc import Sequence
@@ -16,16 +16,16 @@ from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import G
 
 _JOIN_S = 0.005  # time constant with which a step at zero velocity fades
-_SCALES = (1 / 3, 3.0)  # how much the branch may be scaled to meet the pulse at zero velocity
+_SCALES = (1 / 3, 3.0)  # limits of the scaling that joins the branch to the pulse at zero velocity
 
-_STEP_S = 0.002  # a CFC 60 pulse holds no more
-_LEAST_S = 0.006  # of rebound that has to be on record
-_LEAST_UNIT = 5 * G  # a rebound is scaled by the deceleration at zero velocity, but by no less than this
+_STEP_S = 0.002  # a CFC 60 pulse contains no finer detail
+_LEAST_S = 0.006  # minimum duration of rebound on record
+_LEAST_UNIT = 5 * G  # a rebound is scaled by the deceleration at zero velocity, or this if larger
 _TIME, _SPEED, _EARLY, _LATE = range(4)
 _RISE_S, _FADE_S = 0.004, 0.012
 _QUICK, _SLOW = (_TIME, LogNormal(0.005, 0.4)), (_TIME, LogNormal(0.01, 0.4))
-# Most of the difference between CAE and test ends with the contact; the little that stays has a part of its own, or
-# the band would stay as wide as it is at its widest.
+# Most of the difference between CAE and test ends with the contact; the small remainder has its own part, as the band
+# would otherwise keep its largest width.
 _PARTS = (
     Part("shared", LogNormal(0.7, 0.7), ((_QUICK,),), times=_EARLY),
     Part("by speed", LogNormal(0.5, 0.7), ((_QUICK,), ((_SPEED, LogNormal(5.0, 0.5)),)), times=_EARLY),
@@ -45,11 +45,11 @@ def follow_unloading(
     Parameters
     ----------
     accel_mps2 : ndarray, shape (n_draws, n)
-        Pulses on the study grid; one that does not stop the vehicle within it stays as it is.
+        Pulses on the study grid; one that does not stop the vehicle within it is unchanged.
     cae : ndarray, shape (n,)
         The CAE pulse at this condition; beyond its end it keeps its last value.
     cae_loading : LoadingPhase
-        Of that pulse. One that never stops the vehicle has no unloading: the acceleration then just fades.
+        Loading phase of that pulse. If it never stops the vehicle there is no unloading: the acceleration just fades.
     """
     time = np.arange(accel_mps2.shape[-1]) * DT_S
     t0 = kinematics(accel_mps2, speed_mps, DT_S).t0_s[:, None]
@@ -66,7 +66,7 @@ def follow_unloading(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Unloading:
-    """A test beside the CAE pulse at its condition, for its rebound.
+    """A test paired with the CAE pulse at its condition, for the rebound.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Unloading:
 
 
 class Rebound:
-    """What tests add to the CAE model's unloading branch, over the time since zero velocity: a hierarchy as for bias.
+    """Correction of the CAE unloading branch over time since zero velocity: a hierarchical model, as for the bias.
 
     Attributes
     ----------
@@ -93,17 +93,17 @@ class Rebound:
     process_: GaussianProcess | None
 
     def fit(self, tests: Sequence[Unloading]) -> Self:
-        """Learn from tests; those whose record ends at zero velocity are skipped."""
+        """Fit to tests; those whose record ends at zero velocity are skipped."""
         x, y = self._rows_of(tests)
         self.process_ = GaussianProcess(_PARTS, _NOISE).fit(x, y) if len(x) else None
         return self
 
     def learned(self) -> FittedState:
-        """The hyperparameters."""
+        """Fitted state: the hyperparameters."""
         return FittedState({}, {}) if self.process_ is None else self.process_.learned()
 
     def restore(self, tests: Sequence[Unloading], learned: FittedState) -> Self:
-        """Take up hyperparameters that were learned from these tests."""
+        """Restore hyperparameters that were learned from these tests."""
         x, y = self._rows_of(tests)
         self.process_ = GaussianProcess(_PARTS, _NOISE).restore(x, y, learned) if len(x) else None
         return self
@@ -124,7 +124,7 @@ class Rebound:
         return np.concatenate(x), np.concatenate(y)
 
     def without(self, number: int) -> Self:
-        """The same model, hyperparameters kept, as if the test of this number had not been run."""
+        """The same model, hyperparameters kept, as if the test with this number had not been run."""
         other = copy.copy(self)
         if self.process_ is not None:
             known = np.unique(self.process_.x_[:, -1])
@@ -140,9 +140,9 @@ class Rebound:
         rng: np.random.Generator,
         widening: float = 1.0,
     ) -> FloatArray:
-        """As :func:`follow_unloading`, with what tests add: expected for the first pulse, drawn for each other.
+        """Apply :func:`follow_unloading` with the correction: expected for the first pulse, drawn for the others.
 
-        The widening is a factor on the draws' deviations.
+        ``widening`` is a factor on the draws' deviations.
         """
         pulses = follow_unloading(pulses_mps2, speed_mps, cae_mps2, cae_loading)
         if self.process_ is None:
@@ -152,7 +152,7 @@ class Rebound:
         draws = student_draws(mean, widening**2 * covariance, self.freedom_, len(pulses) - 1, rng)
         t0 = kinematics(pulses, speed_mps, DT_S).t0_s
         for pulse, start, extra in zip(pulses, t0, np.vstack([mean, draws]), strict=True):
-            later = start < GRID_S  # nowhere if it does not stop
+            later = start < GRID_S  # empty if it does not stop
             pulse[later] += _unit(np.interp(start, GRID_S, pulse)) * np.interp(GRID_S[later] - start, after, extra)
         return pulses
 
@@ -162,7 +162,7 @@ def _unit(accel_at_t0: float) -> float:
 
 
 def _rows(after_s: FloatArray, speed_mps: float, test: int) -> FloatArray:
-    rise = 1 - np.exp(-after_s / _RISE_S)  # at zero velocity itself there is no step
+    rise = 1 - np.exp(-after_s / _RISE_S)  # no step at zero velocity itself
     n = after_s.size
     return np.column_stack(
         [after_s, np.full(n, speed_mps), rise * np.exp(-after_s / _FADE_S), rise, np.full(n, float(test))]

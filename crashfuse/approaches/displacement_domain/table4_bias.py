@@ -23,27 +23,27 @@ _BOUNDS = (1e-5, 2e3)
 _START = 2.0
 _ALPHA = 1e-5
 _INPUTS = ("s", "v0", "front weight", "rear weight")
-_DEAD = 0.05  # nats a point over noise alone, below which a fit explains nothing
+_DEAD = 0.05  # nats per point over noise alone; below this a fit explains nothing
 
 
 class Table4Bias:
     """A constant times Matérn-3/2 on (s, v0, front weight, rear weight), each standardised (Eqs. 23 to 27).
 
-    The bias is in m/s², unscaled, as scikit-learn's default leaves it: alpha and the bounds of Table 4 act on (m/s²)².
-    The paper leaves this unit open, and the Matérn's order and the scaling of the inputs. From most starts the fit ends
-    in an optimum that explains no more than noise; the result is kept as the settings give it, and a note says so.
+    The bias is in m/s², unscaled as by scikit-learn's default: alpha and the bounds of Table 4 apply to (m/s²)². The
+    paper does not state this unit, the Matérn's order or the scaling of the inputs. From most starts the fit ends in an
+    optimum that explains no more than noise; the result of the settings is kept, and a note says so.
 
     Parameters
     ----------
     restarts : int
-        Table 4's training repeats: starts beside the one at 2.
+        Table 4's training repeats: further starts after the one at 2.
     seed : int
-        For those starts.
+        Seed for those starts.
 
     Attributes
     ----------
     end_share : float
-        Zero: the paper follows a CAE pulse over displacement to its very end.
+        Zero: the paper follows a CAE pulse over displacement to its end.
     dead_ : bool
         Whether the likelihood is near that of noise alone.
     """
@@ -55,12 +55,12 @@ class Table4Bias:
         self.seed = seed
 
     def fit(self, tests: Sequence[BiasPoints], watch: Watch = SILENT) -> Self:
-        """Learn from the bias of each test."""
+        """Fit to the bias of each test."""
         kernel = ConstantKernel(_START, _BOUNDS) * Matern(np.full(len(_INPUTS), _START), _BOUNDS, nu=1.5)
         done = 0
 
         def climb(loss: Loss, start: FloatArray, bounds: FloatArray) -> tuple[FloatArray, float]:
-            """What scikit-learn does by default, but watched: a climb takes a quarter of a minute."""
+            """Optimise as scikit-learn does by default, but report progress: one start takes 15 s."""
             nonlocal done
 
             def watched(theta: FloatArray) -> tuple[float, FloatArray]:
@@ -74,19 +74,19 @@ class Table4Bias:
         process = GaussianProcessRegressor(
             kernel, alpha=_ALPHA, optimizer=climb, n_restarts_optimizer=self.restarts, random_state=self.seed
         )
-        with warnings.catch_warnings():  # which border was touched is told by the state
+        with warnings.catch_warnings():  # the state reports the bounds reached
             warnings.simplefilter("ignore", ConvergenceWarning)
             self._fit(process, tests)
         watch.report("Bias model", self.restarts + 1, self.restarts + 1)
         return self
 
     def learned(self) -> FittedState:
-        """The kernel's variance and length scales."""
+        """Fitted state: the kernel's variance and length scales."""
         kernel = self.process_.kernel_
         return FittedState({"variance": float(kernel.k1.constant_value)}, {"lengths": np.array(kernel.k2.length_scale)})
 
     def restore(self, tests: Sequence[BiasPoints], learned: FittedState) -> Self:
-        """Take up hyperparameters that were learned from the bias of these tests."""
+        """Restore hyperparameters that were learned from the bias of these tests."""
         variance, lengths = learned.values["variance"], learned.arrays["lengths"]
         kernel = ConstantKernel(variance, _BOUNDS) * Matern(lengths, _BOUNDS, nu=1.5)
         self._fit(GaussianProcessRegressor(kernel, alpha=_ALPHA, optimizer=None), tests)
@@ -105,14 +105,14 @@ class Table4Bias:
         self,
         condition: Condition,
         displacement_m: FloatArray,
-        cae_mps2: FloatArray,  # noqa: ARG002 - every bias model is told
+        cae_mps2: FloatArray,  # noqa: ARG002 - common to all bias models
         speed_share: FloatArray,
         n_draws: int,
         rng: np.random.Generator,
     ) -> BiasDraws:
         """Mean and draws of the bias at displacements (Eqs. 26 and 27): whole functions, as for any bias model.
 
-        Table 4 knows nothing of velocity, so the bias over it is zero.
+        Table 4 has no dependence on velocity, so the bias over it is zero.
         """
         x = (_columns(condition, displacement_m) - self.centre_) / self.spread_
         mean, covariance = self.process_.predict(x, return_cov=True)
@@ -121,7 +121,7 @@ class Table4Bias:
 
     @property
     def state(self) -> dict[str, object]:
-        """Hyperparameters (variance in (m/s²)², lengths in standard deviations of the input) and how the fit went."""
+        """Hyperparameters (variance in (m/s²)², lengths in standard deviations of the input) and diagnostics."""
         kernel = self.process_.kernel_
         names = ("variance", *(f"length in {name}" for name in _INPUTS))
         touched = np.isclose(kernel.theta[:, None], kernel.bounds, atol=1e-3).any(axis=1)
@@ -136,7 +136,7 @@ class Table4Bias:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """A warning if the optimum is dead."""
+        """A warning if the fit explains no more than noise."""
         return ("The fit with the settings of Table 4 failed: it explains no more than noise.",) * self.dead_
 
 

@@ -1,1 +1,1 @@
-"""Beyond the paper: both approaches and the raw CAE model, weighted by left-out tests."""
+"""The fused approach (beyond the paper): both domains and the raw CAE model, weighted by left-out tests."""

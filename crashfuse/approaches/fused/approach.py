@@ -1,4 +1,4 @@
-"""Both approaches and the raw CAE in one prediction, weighted as left-out tests decide (beyond the paper)."""
+"""The fused approach: both domains and the raw CAE, with weights learned from left-out tests (beyond the paper)."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Self
@@ -21,18 +21,17 @@ from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.units import MPH
 
 COMPONENTS = ("time domain", "displacement domain", "raw CAE")
-_REACH_MPS = 3 * MPH  # a test this far away in speed is neither near nor far
-_JUDGED_S = 0.06  # the time that is rated: what comes later must not decide who is trusted there
+_REACH_MPS = 3 * MPH  # speed difference at which a test is neither near nor far
+_JUDGED_S = 0.06  # the rated time: later errors must not affect the weights
 _N_DRAWS = 400
 _WIDENINGS = (0.6, 0.7, 0.8, 0.9, *WIDENINGS)
-# Before anything was left out: the displacement domain before the time domain, both far before the CAE, the more so
-# beside a test.
+# Prior: the displacement domain ahead of the time domain, both far ahead of the CAE, and even more so beside a test.
 _PRIOR = np.array([[-0.5, -0.5], [0.0, 0.0], [-3.0, -5.0]])
 _SPREAD, _STRENGTH = 1.0, 10.0
 
 
 class Component(NamedTuple):
-    """The pulse that is expected, and whole pulses drawn, shape (n_draws, n_times)."""
+    """An expected pulse, and draws of whole pulses, shape (n_draws, n_times)."""
 
     mean: FloatArray
     draws: FloatArray
@@ -43,21 +42,21 @@ class Fused(Approach):
 
     The expected accelerations are averaged with the weights of :class:`crashfuse.approaches.fused.weights.Pool`, so
     velocity and displacement, which are integrated from the mean, agree with it. Each whole pulse of the band is drawn
-    from one of the three. The CAE's own draws are its pulse with the error that it had in some test, of either sign.
+    from one of the three. The CAE's draws are its pulse plus the error that it had in some test, with either sign.
 
-    It is made of the fast forms of both approaches, whatever the preset: the paper has none like it.
+    It always uses the fast forms of both approaches, as the paper has no fused approach.
 
     Parameters
     ----------
     device : {"auto", "cpu", "cuda"}
-        Where the time domain's networks are trained.
+        Device for training the time domain's networks.
     cache : Cache, optional
-        Where what both approaches learn is kept.
+        Storage for the fits of both approaches.
 
     Attributes
     ----------
     calibration_ : Calibration
-        Of the band, on tests that both approaches predicted from the others.
+        Calibration of the band, on tests that both approaches predicted from the others.
     """
 
     name = "fused"
@@ -78,7 +77,7 @@ class Fused(Approach):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
-        """The same under every preset."""
+        """Create an unfitted mixture, the same under every preset."""
         return cls(seed=settings.seed, device=settings.device, cache=settings.cache)
 
     def _unfitted(self) -> tuple[TimeDomain, DisplacementDomain]:
@@ -87,16 +86,16 @@ class Fused(Approach):
 
     @property
     def device(self) -> str:
-        """That of the time domain."""
+        """Device of the time domain."""
         return self._unfitted()[0].device
 
     def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
-        """What both approaches prepare."""
+        """Prepare both approaches."""
         for part in self._unfitted():
             part.prepare(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Fit both approaches, and learn how far to trust each from how it predicts tests that it has not seen."""
+        """Fit both approaches, and learn the weights from their predictions of tests that they have not seen."""
         campaign = self._thinned(campaign)
         time_domain, displacement_domain = self._unfitted()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
@@ -119,7 +118,7 @@ class Fused(Approach):
                 for number, mixture in mixed.items()
             ]
 
-        # A mixture of bands that hold is wider than it need be, where the components agree.
+        # A mixture of valid bands is wider than necessary where the components agree.
         self.calibration_ = calibrate(check, _WIDENINGS) if mixed else Calibration(1.0, ())
         watch.report("Weights of the mixture", 1, 1)
         return self
@@ -131,14 +130,14 @@ class Fused(Approach):
         self._cae = np.array([model.pulse(test.condition).accel_mps2 for test in campaign.tests])
 
     def _nearness(self, speed_mps: float, without: int = -1) -> float:
-        """From 0, far from all other tests in speed, to 1, beside one."""
+        """Nearness in speed to the other tests: 0 far from all of them, 1 beside one."""
         others = np.delete(self._speeds, [without] if without >= 0 else [])
         return float(np.exp(-np.abs(others - speed_mps).min() / _REACH_MPS)) if others.size else 0.0
 
     def _left_out_components(self) -> dict[int, tuple[list[Component], float]]:
-        """Each component's prediction, thinned out, of tests that it has not seen, and how near to others these are.
+        """Thinned predictions of each component for tests that it has not seen, and the nearness of these tests.
 
-        By the number of the test: of those that both approaches predicted from the others.
+        By test number, for the tests that both approaches predicted from the others.
         """
         both = self.time_domain_.left_out_, self.displacement_domain_.left_out_
         found = {}
@@ -151,12 +150,12 @@ class Fused(Approach):
         return found
 
     def _left_out_mixtures(self) -> dict[int, Component]:
-        """What the mixture predicts of these tests."""
+        """Predictions of the mixture for these tests, by test number."""
         left_out = self._left_out_components().items()
         return {number: self._mix(components, self.pool_.weights(near)) for number, (components, near) in left_out}
 
     def _mix(self, components: Sequence[Component], weights: FloatArray) -> Component:
-        """The weighted mean, and draws of each component in proportion to its weight."""
+        """The weighted mean, and draws from each component in proportion to its weight."""
         rng = np.random.default_rng(self.seed)
         shares = np.diff(np.floor(np.cumsum(weights) * _N_DRAWS + 0.5).astype(int), prepend=0)
         chosen = [
@@ -166,7 +165,7 @@ class Fused(Approach):
         return Component(weights @ np.array([component.mean for component in components]), np.concatenate(chosen))
 
     def _cae_draws(self, cae_mps2: FloatArray, speed_mps: float, without: int = -1) -> FloatArray:
-        """The CAE pulse with the errors that it had in all other tests, scaled with the speed, of either sign."""
+        """The CAE pulse plus the errors that it had in all other tests, scaled with speed, with either sign."""
         others = np.arange(len(self._speeds)) != without
         if not others.any():
             return cae_mps2[None]
@@ -175,7 +174,7 @@ class Fused(Approach):
         return draws
 
     def predict(self, condition: Condition) -> Prediction:
-        """Average what the three expect at a condition, and mix their draws."""
+        """Average the three predictions at a condition, and mix their draws."""
         return self.predict_from(condition, [part.predict(condition) for part in self.parts])
 
     @property
@@ -185,7 +184,7 @@ class Fused(Approach):
         return self.time_domain_, self.displacement_domain_
 
     def predict_from(self, condition: Condition, parts: Sequence[Prediction]) -> Prediction:
-        """Mix what both parts predict with the raw CAE."""
+        """Mix the predictions of both parts with the raw CAE."""
         cae = self.displacement_domain_.model_.pulse(condition).accel_mps2
         cae_draws = self._cae_draws(cae, condition.speed_mps)
         weights = self.pool_.weights(self._nearness(condition.speed_mps))
@@ -198,23 +197,23 @@ class Fused(Approach):
         return Prediction(condition, mixture.mean, draws, tuple(notes))
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
-        """What both approaches expect of tests that they have not seen, mixed with the weights that were learned."""
+        """Predictions of both approaches for tests that they have not seen, mixed with the learned weights."""
         self._require("pool_")
         tests = campaign.evenly_over_speed(MOST_TESTS).tests
         return {tests[number].id: in_full(mixture.mean) for number, mixture in self._left_out_mixtures().items()}
 
     def _reason(self, condition: Condition, weights: FloatArray) -> str:
-        """The weights, and what decides them."""
+        """A sentence on the weights and what determines them."""
         away = np.abs(self._speeds - condition.speed_mps).min() / MPH
         shown = np.round(weights, 2)
-        shown[weights.argmax()] += 1 - shown.sum()  # they add up to what they are shares of
+        shown[weights.argmax()] += 1 - shown.sum()  # so that the rounded shares add up to the whole
         parts = ", ".join(f"{name} {weight:.2f}" for name, weight in zip(COMPONENTS, shown, strict=True))
         n = len(self.calibration_.tests)
         source = f"weights learned from {n} tests, each predicted from the others" if n else "weights not learned"
         return f"Nearest test {away:.1f} mph away: {parts} ({source})."
 
     def learned(self) -> FittedState:
-        """What both approaches learned, and the weights."""
+        """Fitted states of both approaches, and the weights."""
         self._require("pool_")
         parts = {"time": self.time_domain_.learned(), "displacement": self.displacement_domain_.learned()}
         check = self.calibration_
@@ -223,7 +222,7 @@ class Fused(Approach):
         )
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
-        """Take up both approaches and the weights."""
+        """Restore both approaches and the weights."""
         campaign = self._thinned(campaign)
         time_domain, displacement_domain = self._unfitted()
         self.time_domain_ = time_domain.restore(campaign, learned.part("time"))
@@ -236,7 +235,7 @@ class Fused(Approach):
 
     @property
     def state(self) -> dict[str, object]:
-        """Weights far from all tests and beside one, and how the band holds on left-out tests."""
+        """Weights far from all tests and beside one, and the coverage of left-out tests by the band."""
         if not hasattr(self, "pool_"):
             return {}
         far, beside = (self.pool_.weights(nearness).round(4).tolist() for nearness in (0.0, 1.0))

@@ -1,8 +1,8 @@
-"""Weights of several predictions, learned from left-out tests and how near their neighbours are.
+"""Weights for mixing predictions, learned from left-out tests and how near their neighbours are.
 
-Each component gives draws. A mixture takes a share of its draws from each, and is judged by the continuous ranked
+Each component supplies draws. A mixture takes a share of its draws from each, and is judged by the continuous ranked
 probability score over time, E|X - y| - E|X - X'|/2 (Gneiting & Raftery 2007, Eq. 21): zero for a perfect prediction,
-and in the unit of the acceleration. In the weights it is a quadratic function, so nothing has to be drawn twice.
+in the unit of the acceleration. The score is quadratic in the weights, so nothing has to be drawn twice.
 """
 
 from dataclasses import dataclass
@@ -13,19 +13,19 @@ from scipy.special import softmax
 
 from crashfuse.signals.pulse import FloatArray
 
-_PAIRS = 100  # draws of either component that are compared
+_PAIRS = 100  # most draws of each component that are compared
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Scores:
-    """Terms of the score of any mixture of components, for one left-out test.
+    """Terms from which the score of any mixture follows, for one left-out test.
 
     Attributes
     ----------
     away : ndarray, shape (n_components,)
         Mean distance of each component's draws from the measured pulse, E|X - y|.
     apart : ndarray, shape (n_components, n_components)
-        Mean distance between draws of one component and another, E|X - X'|.
+        Mean distance between draws of two components, E|X - X'|.
     """
 
     away: FloatArray
@@ -45,7 +45,7 @@ class Scores:
 
 
 def _apart(a: FloatArray, b: FloatArray) -> float:
-    """E|X - X'|, averaged over time; of a component with itself without the pairs of a draw with itself."""
+    """E|X - X'|, averaged over time; within one component, no draw is paired with itself."""
     if a is b:
         ordered = np.sort(a, axis=0)
         n = len(a)
@@ -59,16 +59,16 @@ def _apart(a: FloatArray, b: FloatArray) -> float:
 
 
 class Pool:
-    """Weights of components as a softmax of what is learned for a test far from all others, and for one beside another.
+    """Component weights: a softmax of logits learned for a test far from all others and for one beside another.
 
     Parameters
     ----------
     prior : ndarray, shape (n_components, 2)
-        Where the logits of the weights are expected before anything was left out: far from, and beside, another test.
+        Prior mean of the logits: far from, and beside, another test.
     spread : float
-        Their prior standard deviation.
+        Prior standard deviation of the logits.
     strength : float
-        What a score that is better by its whole size counts, in nats a test, against the prior.
+        Weight of the data against the prior: nats per test that a score improved by 100 % counts.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Pool:
         self.prior, self.spread, self.strength = prior, spread, strength
 
     def fit(self, scores: list[Scores], nearness: FloatArray) -> "Pool":
-        """Learn from left-out tests; nearness, shape (n_tests,), goes from 0, far from all others, to 1, beside one."""
+        """Fit to left-out tests; nearness, shape (n_tests,), is 0 far from all others and 1 beside one."""
         size = np.array([score.crps(np.full(len(self.prior), 1 / len(self.prior))) for score in scores])
 
         def loss(flat: FloatArray) -> float:
@@ -93,5 +93,5 @@ class Pool:
         return self
 
     def weights(self, nearness: float) -> FloatArray:
-        """Weights of the components for a crash this near to a test; they add up to 1."""
+        """Weights of the components for a crash of this nearness to a test; they add up to 1."""
         return np.asarray(softmax(self.logits_ @ np.array([1 - nearness, nearness])))

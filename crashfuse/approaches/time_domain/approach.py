@@ -25,8 +25,8 @@ from crashfuse.errors import UsageError
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, FloatArray
 
-_DRIFT_MPS = 12.0  # over which increments change: what 10 mph tell of 35 mph is not all that 30 mph tell
-_LEAST_FREEDOM = 3  # of the draws: with fewer their tails have no end
+_DRIFT_MPS = 12.0  # length scale of increments over speed: a 10 mph test says less about 35 mph than a 30 mph test
+_LEAST_FREEDOM = 3  # of the draws; with fewer the variance is infinite
 _HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
@@ -38,15 +38,15 @@ class TimeDomain(TcnApproach):
     Attributes
     ----------
     network_ : Tcn
-        The LF networks, or where Adam did the fine-tuning, what it made of them.
+        The LF networks, or the fine-tuned ones if Adam did the fine-tuning.
     scaling_ : Scaling
-        The LF networks' own.
+        Scaling of the LF networks.
     increments_ : Increments
-        Posterior over θ_HF; only if it was learned in closed form.
+        Posterior over θ_HF; only with fine-tuning in closed form.
     calibration_ : Calibration
-        How its band holds on tests left out one by one; likewise.
+        Calibration of the band on tests left out one by one; likewise.
     left_out_ : LeftOut
-        Likewise.
+        Predictions of these tests; likewise.
     losses_ : ndarray, shape (n_members, n_steps)
         Loss on the tests before each step; only after fine-tuning by Adam.
     """
@@ -67,7 +67,7 @@ class TimeDomain(TcnApproach):
         self._lf().prepare(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Fine-tune the LF networks, which are trained before if the cache does not have them, on the tests."""
+        """Fine-tune the LF networks on the tests, after training them if they are not in the cache."""
         if not campaign.tests:
             raise UsageError("The time domain learns from tests; this campaign has none.")
         campaign = self._seen(campaign)
@@ -86,16 +86,16 @@ class TimeDomain(TcnApproach):
         return LfTcn(self.config, seed=self.seed, device=self._wanted, cache=self.cache)
 
     def _seen(self, campaign: Campaign) -> Campaign:
-        """The tests to learn from: all of them for Adam."""
+        """The campaign with the tests to learn from: all of them for Adam, else thinned."""
         return campaign if self.config.tuning == "gradient" else self._thinned(campaign)
 
     def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
         """Start from the LF networks; returns the tests' pulses."""
         self.lf_, self._library, self.scaling_, self.network_ = lf, campaign.cae, lf.scaling_, lf.network_
-        self.__dict__.pop("_tangents", None)  # those of tests that it learned from before
+        self.__dict__.pop("_tangents", None)  # discard those of a previous fit
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
-        # what the network should put out for the tests, shape (n_tests, n_times)
+        # target outputs for the tests, shape (n_tests, n_times)
         self._targets = self.scaling_.targets(self._vectors, accel, self.config).numpy().T.astype(np.float64)
         self._end_shares = np.array(
             [self._stopping(t.condition).end_share(own) for t, own in zip(campaign.tests, self._targets, strict=True)]
@@ -103,7 +103,7 @@ class TimeDomain(TcnApproach):
         return accel
 
     def learned(self) -> FittedState:
-        """What the LF networks learned, and the increments."""
+        """Fitted state: the LF networks and the increments."""
         self._require("network_")
         lf = self.lf_.learned()
         if self.config.tuning == "gradient":
@@ -120,7 +120,7 @@ class TimeDomain(TcnApproach):
         return FittedState.of(values, {"inside": check.inside}, **parts)
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
-        """Take up networks and increments."""
+        """Restore networks and increments."""
         self._begin(self._seen(campaign), self._lf().restore(campaign, learned.part("lf")))
         if self.config.tuning == "gradient":
             self.losses_, self.network_ = learned.arrays["losses"], copy.deepcopy(self.network_)
@@ -156,8 +156,8 @@ class TimeDomain(TcnApproach):
                 pulses[number] = self._pulses(test.condition, posterior, widening, late)
             return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
 
-        # Wider draws have higher peaks: a measured peak below its interval must not widen the band, only be reported.
-        # The rebound is less certain, and has a factor of its own.
+        # Wider draws have higher peaks, so a measured peak below its interval is only reported and does not widen the
+        # band. The rebound is less certain and has its own factor.
         first = calibrate(lambda w: [replace(c, rebound=np.nan, peak=True) for c in check(w, w)]).widening
         late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
         self.calibration_ = Calibration(first, tuple(check(first, late)), late)
@@ -167,7 +167,7 @@ class TimeDomain(TcnApproach):
 
     @cached_property
     def _tangents(self) -> list[Tangent]:
-        """At the tests: every prediction needs them."""
+        """Tangents at the tests, which every prediction needs."""
         return self._tangents_at(self._vectors)
 
     def _tangents_at(self, vectors: FloatArray) -> list[Tangent]:
@@ -176,7 +176,7 @@ class TimeDomain(TcnApproach):
     def _kernel_with(self, others: Sequence[Tangent], vectors: FloatArray) -> FloatArray:
         """Tangent kernel between the tests and other conditions, shape (n_tests, n_times, n, n_times).
 
-        It falls off with their difference in speed, for increments drift with it.
+        It decreases with their difference in speed, as increments vary with speed.
         """
         apart = self._vectors[:, None, 0] - vectors[:, 0]
         alike = np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2)
@@ -186,17 +186,17 @@ class TimeDomain(TcnApproach):
         return Stopping.of(condition, self.scaling_, self.config)
 
     def _stopped(self, condition: Condition, lf: FloatArray, posterior: Posterior, end_shares: FloatArray) -> Posterior:
-        """LF networks and increments together, no rougher than cars are, of a vehicle that stops."""
+        """Sum of LF networks and increments, smoothed to real pulses and constrained to a vehicle that stops."""
         both = Posterior(lf + posterior.mean, posterior.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
         return self._stopping(condition).imposed(both, end_shares)
 
     def _pulses(self, condition: Condition, posterior: Posterior, widening: float, late: float) -> FloatArray:
-        """The mean pulse, then drawn ones with wider deviations: shape (1 + n_draws, 1250), m/s²."""
+        """Pulses in m/s², shape (1 + n_draws, 1250): the mean, then draws with widened deviations."""
         n_draws, n_times = self.config.n_draws, posterior.mean.size
         dof = max(len(self._vectors), _LEAST_FREEDOM)
         rng = np.random.default_rng(self.seed)
         normal = posterior.draw(n_draws, rng)
-        # the variance itself is learned from a handful of tests: Student's t
+        # Student's t, as the variance itself is learned from a handful of tests
         factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
         wide = widening + (late - widening) * self._stopping(condition).after_t0(posterior.mean)
         deviations = factors[:, None] * normal * wide
@@ -204,7 +204,7 @@ class TimeDomain(TcnApproach):
         return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
 
     def predict(self, condition: Condition) -> Prediction:
-        """Predict the pulse at a condition, and where the increments were learned in closed form, draw pulses."""
+        """Predict the pulse at a condition, with draws if the increments were learned in closed form."""
         lf = super().predict(condition)
         if not hasattr(self, "increments_"):
             return lf
@@ -213,20 +213,20 @@ class TimeDomain(TcnApproach):
         across = self._kernel_with(here, vector)[:, :, 0]
         own = tangent_kernel(self.network_, here, here)[0, :, 0]
         expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
-        with threadpool_limits(1):  # small matrices, and the same numbers whatever the machine has
+        with threadpool_limits(1):  # small matrices, and the same numbers on any machine
             posterior = self._stopped(condition, expected, self.increments_.posterior(across, own), self._end_shares)
             pulses = self._pulses(condition, posterior, check.widening, check.late_widening or check.widening)
         notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
-        """As the check of the band predicted them; empty after fine-tuning by Adam."""
+        """Predictions of the tests from the check of the band; empty after fine-tuning by Adam."""
         self._require("network_")
         return self.left_out_.expected(campaign.evenly_over_speed(MOST_TESTS)) if hasattr(self, "left_out_") else {}
 
     @property
     def state(self) -> dict[str, object]:
-        """What the LF training found, what was chosen for the fine-tuning and why, and how the band holds."""
+        """Results of the LF training, choices of the fine-tuning with reasons, and coverage of the band."""
         if not hasattr(self, "network_"):
             return {}
         if self.config.tuning == "gradient":

@@ -17,20 +17,20 @@ class TcnConfig:
     stride : int
         Every n-th sample of the study grid is a step of the sequence; a cubic spline interpolates back.
     time_waves, travel_waves, velocity_waves : int
-        How many sines and cosines of time, and of the displacement and velocity that CAE runs at this speed typically
-        have by then, are inputs beside the paper's four. What tests teach then carries over to where a vehicle at
-        another speed is as far crushed, or is about to stop. No travel waves: neither of the two.
+        Number of sines and cosines, as inputs beside the paper's four, of time and of the typical displacement and
+        velocity of CAE runs at this speed at that time. They transfer what tests show to the same crush, or the same
+        stage of stopping, at another speed. Without travel waves, neither displacement nor velocity is an input.
     scale_floor : float
-        An output of 1 means an acceleration that grows with v0, from this share of its highest value at 0; 1 for one
-        acceleration at all speeds.
+        An output of 1 means an acceleration that grows with v0, starting at v0 = 0 from this share of its highest
+        value; 1 for the same acceleration at all speeds.
     batch, epochs, min_steps : int
-        Pulses a step; epochs, or as many more as make that many steps in a small library.
+        Pulses per step; number of epochs, increased for a small library to reach ``min_steps``.
     max_runs : int
-        Most CAE runs to learn from, taken evenly from the library: more teach the networks no more; 0 for all.
+        Most CAE runs to learn from, taken evenly from the library, as more do not improve the networks; 0 for all.
     learning_rate, annealing_epochs : float, int
         Adam's rate and the half period of its cosine; 0 for one warm-up and one cosine over the whole training.
     members : int
-        LF networks from different seeds, whose mean predicts.
+        Number of LF networks from different seeds; their mean is the prediction.
     tuning : {"posterior", "gradient"}
         Fine-tuning in closed form with a band, or by Adam without.
     n_draws : int
@@ -63,12 +63,12 @@ class TcnConfig:
 
     @classmethod
     def fast(cls) -> Self:
-        """Ours: some ten seconds for the LF training of each member on one core."""
+        """Our settings: LF training takes about 10 s per member on one core."""
         return cls()
 
     @classmethod
     def paper(cls) -> Self:
-        """Table 2 as it stands, 1000 epochs; one residual block, so one dilation, 1. For a GPU."""
+        """Table 2 as published, 1000 epochs; one residual block, so one dilation, 1. For a GPU."""
         return cls(
             channels=600,
             kernel=20,
@@ -91,16 +91,16 @@ class TcnConfig:
 
     @property
     def lf_settings(self) -> dict[str, object]:
-        """What the LF training depends on."""
+        """The settings that the LF training depends on."""
         return {name: value for name, value in asdict(self).items() if name not in _AFTER_LF}
 
     @property
     def n_inputs(self) -> int:
-        """Time, v0, front and rear weight; typical displacement and velocity, if they have waves; and the waves."""
+        """Number of inputs: time, v0, two weights; typical displacement and velocity if they have waves; the waves."""
         motion = 2 + 2 * self.travel_waves + 2 * self.velocity_waves if self.travel_waves else 0
         return 4 + 2 * self.time_waves + motion
 
     @property
     def receptive_field(self) -> int:
-        """How many steps of the sequence an output looks at, itself included."""
+        """Number of sequence steps that an output depends on, its own included."""
         return 1 + 2 * (self.kernel - 1) * sum(self.dilations)

@@ -1,9 +1,9 @@
-"""Fine-tuning in closed form: what tests say about the increments θ_HF of an ensemble of LF networks (Eq. 6).
+"""Fine-tuning in closed form: increments θ_HF of an ensemble of LF networks, learned from tests (Eq. 6).
 
-The increments are small, so the networks are taken as linear in them: f(x, θ_LF + θ_HF) = f(x, θ_LF) + J(x) θ_HF. Then
-the penalty λ‖θ_HF‖² is a Gaussian prior, the penalised least squares have one exact minimum without any step of an
-optimiser, every left-out test's prediction comes from the same matrix, and the posterior over θ_HF is the band.
-All that enters is the tangent kernel J(x) J(x')ᵀ of :mod:`crashfuse.approaches.time_domain.tangent_kernel`
+The increments are small, so the networks are linearised in them: f(x, θ_LF + θ_HF) = f(x, θ_LF) + J(x) θ_HF. Then
+the penalty λ‖θ_HF‖² is a Gaussian prior, the penalised least squares have one exact minimum without an optimiser,
+every left-out test's prediction comes from the same matrix, and the posterior over θ_HF gives the band.
+The only input is the tangent kernel J(x) J(x')ᵀ of :mod:`crashfuse.approaches.time_domain.tangent_kernel`
 (Jacot et al. 2018; as a posterior, Immer et al. 2021).
 """
 
@@ -17,14 +17,14 @@ from crashfuse.approaches.draws import draw
 from crashfuse.signals.pulse import FloatArray
 
 PENALTIES = (0.02, 0.06, 0.2, 0.6)
-"""Choices of ρ: variance of the increments that a single test has to itself, relative to those that all share.
+"""Choices of ρ: variance of the increments specific to one test, relative to the increments that all share.
 
-The weakest comes first and is preferred: the mean square likes a pulse that is shrunk to the CAE's, the rating
-does not.
+The weakest comes first and is preferred: a pulse shrunk towards the CAE's has a better mean square error but not
+a better rating.
 """
 
-_UNRESOLVED = 0.01  # variance that a network cannot follow, relative to the kernel's mean
-_FEW = 3  # tests: with fewer, leaving one out says nothing about ρ
+_UNRESOLVED = 0.01  # variance that a network cannot represent, relative to the kernel's mean
+_FEW = 3  # tests; with fewer, leaving one out does not determine ρ
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -37,9 +37,9 @@ class Posterior:
     def given(
         self, functional: FloatArray, value: float, variance: float, where: FloatArray | None = None
     ) -> "Posterior":
-        """The distribution once functional · output has been measured to be this value, with this variance.
+        """Condition on a measurement of functional · output with this value and variance.
 
-        ``where`` are weights from 0 to 1 of the output's deviations; where they are 0, the output is taken as known.
+        ``where`` are weights from 0 to 1 of the output's deviations; where 0, the output is taken as known.
         """
         covariance = self.covariance if where is None else self.covariance * where[:, None] * where
         with_all = covariance @ functional
@@ -48,7 +48,7 @@ class Posterior:
         return Posterior(mean, covariance - np.outer(gain, with_all))
 
     def smoothed(self, n_steps: float) -> "Posterior":
-        """The same variance at each time, but deviations averaged over about this many steps (Gaussian, one sigma)."""
+        """Smooth deviations over about this many steps (Gaussian, one sigma), keeping the variance at each time."""
         step = np.arange(self.mean.size)
         average = np.exp(-0.5 * ((step[:, None] - step) / n_steps) ** 2)
         smooth = average @ self.covariance @ average.T
@@ -61,27 +61,27 @@ class Posterior:
 
 
 class Increments:
-    """Increments that all tests share, and those each test has to itself (repeats differ): θ_HF + θ_k.
+    """Increments shared by all tests plus those specific to each test (repeats differ): θ_HF + θ_k.
 
-    Minimises ‖θ_HF‖² + Σ‖θ_k‖² / ρ + misfit² / unresolved variance; ρ is taken from :data:`PENALTIES` by leaving out
-    each test in turn: the first whose error is within one standard error of the least. That is for the mean; the
-    covariance takes the ρ by which the errors on left-out tests were likeliest.
+    Minimises ‖θ_HF‖² + Σ‖θ_k‖² / ρ + misfit² / unresolved variance; ρ is chosen from :data:`PENALTIES` by leaving out
+    each test in turn. The mean uses the first ρ whose error is within one standard error of the least; the covariance
+    uses the ρ with the highest likelihood of the errors on left-out tests.
 
     Attributes
     ----------
     penalty_, band_penalty_ : float
         ρ of the mean and of the covariance.
     left_out_ : tuple of Posterior
-        For each test, from all the others.
+        Posterior for each test, from all the others.
     left_out_error_, error_ : dict of float to float
-        Root mean square error for each ρ, in units of the network's output: on each test as predicted from the others,
-        and as predicted with it.
+        Root mean square error for each ρ, in units of the network's output: on each test predicted from the others,
+        and predicted with it included.
     """
 
     def fit(self, kernel: FloatArray, misfit: FloatArray) -> Self:
-        """Learn from the tangent kernel between the tests, shape (n, n_times, n, n_times), and their misfit.
+        """Fit to the tangent kernel between the tests, shape (n, n_times, n, n_times), and their misfit.
 
-        That is measured minus LF prediction, in units of the network's output, shape (n, n_times).
+        The misfit is measured minus LF prediction, in units of the network's output, shape (n, n_times).
         """
         n, n_times = misfit.shape
         unit = float(np.trace(kernel.reshape(n * n_times, -1))) / misfit.size
@@ -106,9 +106,9 @@ class Increments:
         return self
 
     def posterior(self, across: FloatArray, own: FloatArray) -> Posterior:
-        """Posterior of what a new test would add to the LF prediction.
+        """Posterior of the correction of a new test to the LF prediction.
 
-        From the tangent kernel between tests and new condition, shape (n, n_times, n_times), and of that with itself.
+        From the tangent kernels between tests and new condition, shape (n, n_times, n_times), and of the latter alone.
         """
         n_times = own.shape[0]
         across, own = across.reshape(-1, n_times) / self._unit, own / self._unit
@@ -117,7 +117,7 @@ class Increments:
         return Posterior(mean, self._size * covariance)
 
     def learned(self) -> FittedState:
-        """What :meth:`posterior` needs, and the errors that decided the penalty."""
+        """Fitted state: what :meth:`posterior` needs, and the errors that decided the penalty."""
         values = {
             "penalty": self.penalty_,
             "band_penalty": self.band_penalty_,
@@ -129,7 +129,7 @@ class Increments:
         return FittedState(values, {"inverse": self._inverse, "weights": self._weights})
 
     def restore(self, learned: FittedState) -> Self:
-        """Take up what was learned before, except the posteriors of left-out tests."""
+        """Restore a fitted state, except the posteriors of left-out tests."""
         values, arrays = learned.values, learned.arrays
         self.penalty_, self.band_penalty_ = values["penalty"], values["band_penalty"]
         self.left_out_error_, self.error_ = dict(values["left_out_error"]), dict(values["error"])
@@ -140,7 +140,7 @@ class Increments:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Trial:
-    """One ρ: the inverse covariance of the tests, and error and covariance of each as predicted from the others."""
+    """Trial of one ρ: inverse covariance of the tests; error and covariance of each predicted from the others."""
 
     inverse: FloatArray
     errors: FloatArray
@@ -148,12 +148,12 @@ class _Trial:
 
     @property
     def variances(self) -> FloatArray:
-        """Of each test's output at each time, as predicted from the others, shape (n, n_times)."""
+        """Variance of each test's output at each time, predicted from the others, shape (n, n_times)."""
         return np.diagonal(self.covariances, axis1=1, axis2=2)
 
     @classmethod
     def of(cls, kernel: FloatArray, misfit: FloatArray, rho: float) -> Self:
-        """Leave out blocks of the inverse (Rasmussen & Williams 2006, Eqs. 5.10–5.12, a whole test at a time)."""
+        """Leave out one test at a time by blocks of the inverse (Rasmussen & Williams 2006, Eqs. 5.10–5.12)."""
         n, n_times = misfit.shape
         same_test = np.eye(n)[:, None, :, None]
         covariance = (kernel * (1 + rho * same_test)).reshape(misfit.size, -1) + _UNRESOLVED * np.eye(misfit.size)

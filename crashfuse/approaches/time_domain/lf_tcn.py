@@ -1,4 +1,4 @@
-"""The low-fidelity (LF) networks: an emulator of the CAE model in time that has seen no test (Eq. 5)."""
+"""The low-fidelity (LF) networks: an emulator of the CAE model over time, trained without tests (Eq. 5)."""
 
 from collections.abc import Mapping, Sequence
 from typing import Self
@@ -22,11 +22,11 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 
 _KIND = "lf_tcn"
-_MOST_POINTS = 200  # of a learning curve that is shown
+_MOST_POINTS = 200  # most points of a learning curve shown
 
 
 class TcnApproach(Approach):
-    """Common base of the LF TCN and the time domain: hyperparameters, and the prediction of a network."""
+    """Common base of the LF TCN and the time domain: hyperparameters, and prediction by a network."""
 
     network_: Tcn
     scaling_: Scaling
@@ -42,13 +42,13 @@ class TcnApproach(Approach):
 
     @classmethod
     def create(cls, settings: Settings) -> Self:
-        """Table 2 under the paper's preset, else the small networks."""
+        """Create it with Table 2 under the paper's preset, else with the small networks."""
         config = TcnConfig.paper() if settings.preset == "paper" else TcnConfig.fast()
         return cls(config, seed=settings.seed, device=settings.device, cache=settings.cache)
 
     @property
     def device(self) -> str:
-        """The kind of device it trains on: numbers of the two differ in the last bits."""
+        """Device it trains on, ``cpu`` or ``cuda``: their results differ in the last bits."""
         there_is_cuda = torch.cuda.is_available()
         if self._wanted == "cuda" and not there_is_cuda:
             raise UsageError("There is no CUDA device that this torch can use; choose auto or cpu.")
@@ -62,17 +62,17 @@ class TcnApproach(Approach):
 
 
 class LfTcn(TcnApproach):
-    """The LF networks by themselves.
+    """The LF networks as an approach of their own.
 
     Parameters
     ----------
     config : TcnConfig, optional
         Default: :meth:`TcnConfig.fast`.
     device : {"auto", "cpu", "cuda"}
-        ``auto`` takes CUDA if there is any, else the CPU.
+        ``auto`` uses CUDA if available, else the CPU.
     cache : Cache, optional
-        Where the trained networks are kept, by fingerprint of the CAE runs, settings of the training and seed; and
-        checkpoints of a training that has not come to its end.
+        Storage for trained networks, by fingerprint of the CAE runs, training settings and seed, and for checkpoints
+        of an unfinished training.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class LfTcn(TcnApproach):
         self.fit(campaign, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Train on the CAE runs of the campaign, or take networks from the cache; tests are not looked at."""
+        """Train on the CAE runs of the campaign, or load networks from the cache; tests are not used."""
         cae, config = campaign.cae, self.config
         if len(cae) < 2:
             raise UsageError("The LF TCN learns from CAE runs and checks itself on others; it needs at least 2.")
@@ -123,7 +123,7 @@ class LfTcn(TcnApproach):
         return self
 
     def _begin(self, cae: CaeLibrary) -> tuple[FloatArray, FloatArray]:
-        """Take up the library; returns conditions and pulses of the runs to learn from."""
+        """Set up from the library; returns conditions and pulses of the runs to learn from."""
         most = self.config.max_runs or len(cae)
         used = slice(None) if len(cae) <= most else np.linspace(0, len(cae) - 1, most).astype(int)
         vectors, accel = cae.vectors[used], cae.accel_mps2[used]
@@ -131,16 +131,16 @@ class LfTcn(TcnApproach):
         return vectors, accel
 
     def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
-        """Its pulse at every test: it has seen none."""
+        """The predicted pulse at every test, since no test is learned from."""
         return {test.id: self.predict(test.condition).accel_mps2 for test in campaign.tests}
 
     def learned(self) -> FittedState:
-        """Weights and learning curves."""
+        """Fitted state: weights and learning curves."""
         self._require("network_")
         return FittedState({}, {**weights_of(self.network_), "losses": self.losses_})
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
-        """Take up weights; the scaling is the library's."""
+        """Restore weights; the scaling is computed from the library."""
         self._begin(campaign.cae)
         weights = dict(learned.arrays)
         self.losses_ = weights.pop("losses")
@@ -165,7 +165,7 @@ class LfTcn(TcnApproach):
 
 
 def thinned(curve: FloatArray, columns: Sequence[str]) -> dict[str, list[float]]:
-    """A learning curve of shape (n_epochs, n_columns) at 200 epochs at most, as plain JSON values by column."""
+    """Thin a learning curve, shape (n_epochs, n_columns), to at most 200 epochs, as plain JSON values by column."""
     chosen = np.unique(np.linspace(0, len(curve) - 1, min(len(curve), _MOST_POINTS)).astype(int))
     values = {name: [float(f"{value:.4g}") for value in curve[chosen, i]] for i, name in enumerate(columns)}
     return {"epoch": (chosen + 1).tolist(), **values}

@@ -1,9 +1,9 @@
 """The temporal convolutional network (TCN; Figs. 3 and 4, Eq. 4; after Bai et al. 2018).
 
 Sequences are time-major, shape (n_members, n_times, n_pulses, n_channels): a short causal convolution is then one
-matrix product a tap, and the members of an ensemble, which know nothing of each other, share each product in a batch,
-which saves a fifth of the time that they take one by one.
-There is no weight normalisation: on a CPU it costs 15 %.
+matrix product per tap, and the independent members of an ensemble share each product as a batch, which is a fifth
+faster than computing them one by one.
+There is no weight normalisation, as it costs 15 % on a CPU.
 """
 
 import math
@@ -15,18 +15,18 @@ from torch.nn import functional
 
 from crashfuse.approaches.time_domain.config import TcnConfig
 
-_MOST_PRODUCTS = 8  # taps: each product keeps a copy of its input for the gradient, gigabytes of them for 20 taps
+_MOST_PRODUCTS = 8  # taps: each product keeps a copy of its input for the gradient, gigabytes for 20 taps
 
 
 class Tcn(nn.Module):
-    """Residual blocks of two causal convolutions each, and a linear output; an ensemble of them, side by side.
+    """Ensemble of networks side by side: residual blocks of two causal convolutions each, and a linear output.
 
     Parameters
     ----------
     generator : torch.Generator
-        Of the initial weights and the dropout.
+        Source of the initial weights and the dropout.
     members : int, optional
-        Number of networks; default: that of the configuration.
+        Number of networks; default: as configured.
     """
 
     def __init__(self, config: TcnConfig, generator: torch.Generator, members: int | None = None) -> None:
@@ -41,17 +41,17 @@ class Tcn(nn.Module):
 
     @property
     def device(self) -> torch.device:
-        """Where the weights are."""
+        """Device of the weights."""
         return self.head.weight.device
 
     @classmethod
     def joined(cls, networks: "Sequence[Tcn]", config: TcnConfig) -> "Tcn":
-        """All members of several networks in one."""
+        """Join all members of several networks in one."""
         states = [network.state_dict() for network in networks]
         return cls._of(config, {name: torch.cat([state[name] for state in states]) for name in states[0]})
 
     def alone(self, member: int, config: TcnConfig) -> "Tcn":
-        """One of the networks, without the others."""
+        """Extract one member as a network of its own."""
         return self._of(config, {name: weight[member : member + 1] for name, weight in self.state_dict().items()})
 
     @classmethod
@@ -74,7 +74,7 @@ class Tcn(nn.Module):
     def forward(self, inputs: Tensor) -> Tensor:
         """Map inputs to outputs of shape (n_members, n_times, n_pulses).
 
-        Inputs are of shape (n_members, n_times, n_pulses, n_inputs), or without the first for all members alike.
+        Inputs are of shape (n_members, n_times, n_pulses, n_inputs), without the first axis if members share them.
         """
         hidden = inputs if inputs.ndim == 4 else inputs.expand(self.members, *inputs.shape)
         for block in self.blocks:
@@ -84,7 +84,7 @@ class Tcn(nn.Module):
 
 
 class ResidualBlock(nn.Module):
-    """Fig. 4: two times convolution, ReLU and spatial dropout, beside a shortcut that matches the channels."""
+    """Fig. 4: convolution, ReLU and spatial dropout, twice, beside a shortcut that matches the channels."""
 
     def __init__(
         self,
@@ -109,7 +109,7 @@ class ResidualBlock(nn.Module):
         return torch.relu(hidden + self.shortcut(inputs))
 
     def _drop(self, hidden: Tensor) -> Tensor:
-        """Silence whole channels of a pulse, from our own generator: the caller's random state is not touched."""
+        """Drop whole channels of a pulse, using our own generator so that the caller's random state is unchanged."""
         if not (self.training and self._dropout):
             return hidden
         members, _, n_pulses, channels = hidden.shape
@@ -118,7 +118,7 @@ class ResidualBlock(nn.Module):
 
 
 class CausalConv(nn.Module):
-    """Eq. 4: a dilated convolution over now and the past; what came before the sequence is zero."""
+    """Eq. 4: a dilated convolution over the present and past steps, zero-padded before the sequence."""
 
     def __init__(
         self, members: int, n_in: int, n_out: int, kernel: int, dilation: int, generator: torch.Generator
@@ -131,7 +131,7 @@ class CausalConv(nn.Module):
 
     @property
     def lags(self) -> tuple[int, ...]:
-        """How many steps ago each tap looks; the last one is the present."""
+        """Delay of each tap in steps; the last one is the present."""
         return tuple(self._dilation * tap for tap in reversed(range(self.weight.shape[1])))
 
     def forward(self, inputs: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""Inputs and outputs of a TCN: conditions and accelerations scaled to numbers near 1."""
+"""Scaling of the inputs and outputs of a TCN: conditions and accelerations as numbers near 1."""
 
 from dataclasses import dataclass, replace
 
@@ -10,13 +10,13 @@ from torch import Tensor
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 
-_POWERS = np.arange(1, 5)[:, None]  # of the speed, in which the typical motion is expanded: it vanishes at standstill
-_MOST_RUNS = 2000  # more would not change what is typical
+_POWERS = np.arange(1, 5)[:, None]  # of the speed in the expansion of the typical motion, which vanishes at speed 0
+_MOST_RUNS = 2000  # more would not change the typical motion
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TypicalMotion:
-    """How the vehicles of CAE runs typically move, by their impact speed.
+    """Typical motion of the vehicles of CAE runs, by impact speed.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class TypicalMotion:
 
     @classmethod
     def of(cls, speed_mps: FloatArray, accel_mps2: FloatArray, stride: int) -> "TypicalMotion":
-        """Learn from runs: speeds of shape (n,), pulses of shape (n, 1250)."""
+        """Fit to runs: speeds of shape (n,), pulses of shape (n, 1250)."""
         top = float(speed_mps.max())
         some = np.linspace(0, len(speed_mps) - 1, min(len(speed_mps), _MOST_RUNS)).astype(int)
         motions = [kinematics(accel_mps2[i].astype(np.float64), speed_mps[i], DT_S) for i in some]
@@ -55,16 +55,16 @@ class TypicalMotion:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Scaling:
-    """How conditions and accelerations become numbers near 1; learned from the CAE runs alone.
+    """Scaling of conditions and accelerations to numbers near 1, learned from the CAE runs alone.
 
     Parameters
     ----------
     centre, spread : tuple of float
         Mean and standard deviation of v0 (m/s), front and rear weight (kg).
     lowest, highest : tuple of float
-        Ends of the library: beyond them the network gets what it would get there.
+        Limits of the library; conditions beyond them are clipped to them.
     accel_mps2 : float
-        Root mean square of the accelerations, each divided by what its speed makes of it.
+        Root mean square of the accelerations, each divided by the factor for its speed.
     """
 
     centre: tuple[float, ...]
@@ -86,7 +86,7 @@ class Scaling:
         return replace(unit, accel_mps2=float(np.sqrt(np.mean(sequences**2))))
 
     def outputs(self, vectors: FloatArray, config: TcnConfig) -> FloatArray:
-        """Acceleration that an output of 1 means for each condition, m/s², shape (n,)."""
+        """Acceleration in m/s² that an output of 1 represents at each condition, shape (n,)."""
         floor = config.scale_floor
         scale: FloatArray = self.accel_mps2 * (floor + (1 - floor) * vectors[:, 0] / self.highest[0])
         return scale
@@ -104,7 +104,7 @@ class Scaling:
         return torch.from_numpy(np.stack([np.broadcast_to(c, shape) for c in columns], axis=-1).astype(np.float32))
 
     def pulses(self, outputs: FloatArray, vectors: FloatArray, config: TcnConfig) -> FloatArray:
-        """Pulses on the study grid, shape (n, 1250), that outputs of shape (n, n_times) at these conditions mean."""
+        """Pulses on the study grid, shape (n, 1250), from outputs of shape (n, n_times) at these conditions."""
         sequences: FloatArray = outputs * self.outputs(vectors, config)[:, None]
         if config.stride == 1:
             return sequences
@@ -112,11 +112,11 @@ class Scaling:
         return spline
 
     def targets(self, vectors: FloatArray, accel_mps2: FloatArray, config: TcnConfig) -> Tensor:
-        """What the network should put out for pulses of shape (n, 1250): shape (n_times, n), float32."""
+        """Target outputs of the network for pulses of shape (n, 1250): shape (n_times, n), float32."""
         scaled = accel_mps2[:, :: config.stride] / self.outputs(vectors, config)[:, None]
         return torch.from_numpy(np.ascontiguousarray(scaled.T, dtype=np.float32))
 
 
 def _waves(x: FloatArray, n: int) -> list[FloatArray]:
-    """Sines and cosines of n half waves and fewer over 0 to 1."""
+    """Sines and cosines of 1 to n half waves over 0 to 1."""
     return [wave(np.pi * k * x) for k in range(1, n + 1) for wave in (np.sin, np.cos)]

@@ -1,4 +1,4 @@
-"""Physics that a network in time does not know: a crash pulse has to bring its vehicle to a stop (Eq. 11)."""
+"""Physical constraint on networks over time: a crash pulse has to bring its vehicle to a stop (Eq. 11)."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -11,21 +11,21 @@ from crashfuse.approaches.time_domain.scaling import Scaling
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 
-SMOOTH_S = 0.0032  # increments vary faster than real pulses, and draws that oscillate too fast peak too high
-_LEAST_SPREAD = 0.02  # of the share of v0 that is left at the end of the record, however alike the tests
+SMOOTH_S = 0.0032  # increments vary faster than real pulses, and draws that oscillate too fast have too high peaks
+_LEAST_SPREAD = 0.02  # least spread of the share of v0 left at the end of the record
 _UNKNOWN_SPREAD = 0.1  # with a single test
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Stopping:
-    """What outputs of the networks mean for the velocity of a vehicle at one condition.
+    """Relation of network outputs to the velocity of a vehicle at one condition.
 
     Attributes
     ----------
     time_s : ndarray, shape (n_times,)
-        Of the outputs.
+        Times of the outputs.
     change : ndarray, shape (n_times,)
-        Change of velocity over the record, as a share of v0, that each output means.
+        Contribution of each output to the change of velocity over the record, as a share of v0.
     """
 
     time_s: FloatArray
@@ -33,28 +33,28 @@ class Stopping:
 
     @classmethod
     def of(cls, condition: Condition, scaling: Scaling, config: TcnConfig) -> Self:
-        """At a condition, for networks of this scaling and configuration."""
+        """Create it for a condition and for networks with this scaling and configuration."""
         time = GRID_S[:: config.stride]
         weights = np.full(time.size, time[1])
         weights[[0, -1]] /= 2
         return cls(time, weights * scaling.outputs(condition.vector[None], config) / condition.speed_mps)
 
     def end_share(self, outputs: FloatArray) -> float:
-        """Share of v0 that is left at the end of the record; below 0 after a rebound."""
+        """Share of v0 left at the end of the record; below 0 after a rebound."""
         return float(1 + self.change @ outputs)
 
     def after_t0(self, outputs: FloatArray) -> FloatArray:
-        """Weights that rise from 0 to 1 where these outputs have brought the vehicle to its stop, shape (n_times,)."""
+        """Weights that rise from 0 to 1 where these outputs have stopped the vehicle, shape (n_times,)."""
         share_left = 1 + np.cumsum(self.change * outputs)
         t0 = self.time_s[np.argmax(share_left <= 0)] if (share_left <= 0).any() else self.time_s[-1]
         after: FloatArray = 1 - np.exp(-np.maximum(self.time_s - t0, 0.0) / SMOOTH_S)
         return after
 
     def imposed(self, posterior: Posterior, end_shares: FloatArray) -> Posterior:
-        """The output that is expected of a vehicle that stops and bounces back about as those in the tests did.
+        """Condition the output on a vehicle that stops and rebounds about as those in the tests did.
 
-        Eq. 11 over the whole record, taken as one more measurement: acceleration must integrate to ΔV. Without
-        ``end_shares``, the shares of v0 that were left at the end of each test, nothing is imposed.
+        Eq. 11 over the whole record is one more measurement: acceleration must integrate to ΔV. ``end_shares`` are the
+        shares of v0 left at the end of each test; without any, nothing is imposed.
         """
         if not len(end_shares):
             return posterior
@@ -64,7 +64,7 @@ class Stopping:
         after = self.after_t0(posterior.mean)
         if not after.any():
             return stopped
-        # The expected pulse brings the vehicle to its stop, so only what comes after that is put right.
+        # The expected pulse already stops the vehicle, so only the part after the stop is corrected.
         return Posterior(posterior.given(*known, where=after).mean, stopped.covariance)
 
 

@@ -1,10 +1,10 @@
-"""Derivatives of networks' outputs by the weights that are fine-tuned, in a form small enough to be kept.
+"""Derivatives of network outputs with respect to the fine-tuned weights, stored compactly.
 
-Only the first and last block and the head are fine-tuned: the blocks between make 3 % of the tangent kernel, at half
-its cost. By the weights of the last block, an output's derivative is a sum of a few outer products: of what flows back
-to the output of a convolution, and what flows into it. Only these factors are kept, and scalar products are taken by
-them. An output looks back at all of the first block's steps, so there the derivatives themselves are kept: 3 MB a pulse
-and member.
+Only the first and last block and the head are fine-tuned: the blocks between contribute 3 % of the tangent kernel at
+half its cost. For the last block, an output's derivative is a sum of a few outer products of the gradient at the
+output of a convolution and the input of that convolution. Only these factors are stored, and scalar products are
+computed from them. An output depends on all of the first block's steps, so there the derivatives themselves are
+stored: 3 MB per pulse and member.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from crashfuse.signals.pulse import FloatArray
 
 
 class Product(NamedTuple):
-    """A derivative by a matrix of weights, back ⊗ seen for each output, both of shape (n · n_times, ·)."""
+    """Derivative with respect to a weight matrix, back ⊗ seen per output, both of shape (n · n_times, ·)."""
 
     back: Tensor
     seen: Tensor
@@ -31,12 +31,12 @@ class Product(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Tangent:
-    """Derivatives of a single network's outputs at n conditions; the times of a condition are next to each other.
+    """Derivatives of a single network's outputs at n conditions; the times of a condition are contiguous.
 
     Attributes
     ----------
     first : Tensor, shape (n · n_times, n_weights)
-        By the weights of the first block.
+        With respect to the weights of the first block.
     last : tuple of tuple of Product
         For the head and each convolution of the last block, the products whose sum is the derivative.
     """
@@ -81,7 +81,7 @@ def tangent_kernel(network: Tcn, ours: Sequence[Tangent], theirs: Sequence[Tange
 
 
 def _by_first_block(network: Tcn, inputs: Tensor) -> Tensor:
-    """Derivatives by the weights of the first block, one condition after the other."""
+    """Derivatives with respect to the first block's weights, one condition after the other."""
     weights = {name: weight.detach() for name, weight in network.named_parameters() if name.startswith("blocks.0.")}
     n_times, n, _ = inputs.shape
     rows = torch.empty(n, n_times, sum(weight.numel() for weight in weights.values()), device=inputs.device)
@@ -98,7 +98,7 @@ def _by_first_block(network: Tcn, inputs: Tensor) -> Tensor:
 
 
 def _by_last_block(network: Tcn, inputs: Tensor) -> tuple[tuple[Product, ...], ...]:
-    """By the weights of the head, and of the last block if that is not the first."""
+    """Derivatives for the weights of the head, and of the last block unless that is the first."""
     *before, last = cast(list[ResidualBlock], list(network.blocks))
     hidden = inputs[None]
     for block in before:
@@ -111,7 +111,7 @@ def _by_last_block(network: Tcn, inputs: Tensor) -> tuple[tuple[Product, ...], .
     between = torch.relu(last.first(hidden))
     back = network.head.weight[0, 0, :, 0] * (outputs > 0) * (last.second(between) > 0)
     by_second = (_product(back, _seen(last.second, between)),)
-    # An output sees the first convolution's at as many steps as the second one has taps.
+    # An output depends on the first convolution's output at as many steps as the second one has taps.
     by_first = tuple(
         _product(back @ tap.T * _lagged(between > 0, lag), _lagged(_seen(last.first, hidden), lag))
         for tap, lag in zip(last.second.weight[0], last.second.lags, strict=True)
@@ -120,15 +120,15 @@ def _by_last_block(network: Tcn, inputs: Tensor) -> tuple[tuple[Product, ...], .
 
 
 def _product(back: Tensor, seen: Tensor) -> Product:
-    """From sequences of a single member, shape (1, n_times, n, ·)."""
+    """Create a product from sequences of a single member, shape (1, n_times, n, ·)."""
     return Product(*(sequence[0].movedim(1, 0).flatten(0, 1) for sequence in (back, seen)))
 
 
 def _seen(convolution: CausalConv, inputs: Tensor) -> Tensor:
-    """What the weights and the bias of a convolution are multiplied by at each step."""
+    """Factors of the weights and the bias of a convolution at each step."""
     return torch.cat([*(_lagged(inputs, lag) for lag in convolution.lags), torch.ones_like(inputs[..., :1])], dim=-1)
 
 
 def _lagged(sequence: Tensor, steps: int) -> Tensor:
-    """What it was so many steps ago; zero before its start."""
+    """The sequence delayed by this many steps; zero before its start."""
     return functional.pad(sequence, (0, 0, 0, 0, steps, 0))[:, : sequence.shape[1]]

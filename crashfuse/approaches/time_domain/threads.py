@@ -1,7 +1,7 @@
-"""Threads for small networks: one each, never several for one product.
+"""Threads for small networks: one thread per network, never several for one product.
 
-Threads within a product wait for each other at every step: next to any other work on the machine that costs more than
-they give. And one thread gives the same numbers whatever the machine has and does.
+Threads within a product wait for each other at every step, which costs more than it gains if the machine does any
+other work. Also, one thread gives the same numbers on any machine under any load.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -16,12 +16,12 @@ from crashfuse.approaches.time_domain.network import Tcn
 S = TypeVar("S")
 T = TypeVar("T")
 
-_SMALL = 1_000_000  # weights of a member: above it, threads within a product do pay
+_SMALL = 1_000_000  # weights of a member; above this, threads within a product pay off
 
 
 @contextmanager
 def quick_threads(network: Tcn) -> Iterator[None]:
-    """Within this context one thread computes a small network."""
+    """Context in which a single thread computes a small network."""
     before = torch.get_num_threads()
     if network.size < _SMALL:
         torch.set_num_threads(1)
@@ -32,7 +32,7 @@ def quick_threads(network: Tcn) -> Iterator[None]:
 
 
 class Crew:
-    """Threads for small networks, one each; a single one is computed by the caller's own."""
+    """Threads for small networks, one each; a single network runs in the caller's thread."""
 
     def __init__(self, n: int) -> None:
         self._pool = ThreadPoolExecutor(n, initializer=torch.set_num_threads, initargs=(1,)) if n > 1 else None
@@ -45,5 +45,5 @@ class Crew:
             self._pool.shutdown()
 
     def map(self, work: Callable[[S], T], items: Iterable[S]) -> list[T]:
-        """Do the work for each item, side by side; results in their order."""
+        """Do the work for all items in parallel; returns the results in the order of the items."""
         return list(self._pool.map(work, items) if self._pool else map(work, items))

@@ -1,4 +1,4 @@
-"""Adam training with checkpoints: stopped at any step, it continues from there to the same bits."""
+"""Adam training with checkpoints: interrupted at any step, it resumes with bit-identical results."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -17,17 +17,17 @@ from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.progress import Watch
 from crashfuse.signals.pulse import FloatArray
 
-_REPORT_S = 0.2  # between reports, at which a training can be cancelled
+_REPORT_S = 0.2  # between reports, the points at which a training can be cancelled
 _CHECKPOINT_S = 10.0
-_SHARE = 0.05  # of the time, at most, goes into checkpoints
-_KIND = "checkpoints"  # of entries in the cache
+_SHARE = 0.05  # largest share of the time spent on checkpoints
+_KIND = "checkpoints"  # kind of cache entry
 
 
 class TrainingObjective(Protocol):
-    """What a training minimises, for how many steps and at which learning rate."""
+    """Objective of a training: loss, number of steps and learning rate."""
 
     columns: ClassVar[tuple[str, ...]]
-    """What the learning curve tells of an epoch; the first is the mean loss of its steps."""
+    """Columns of the learning curve for each epoch; the first is the mean loss of its steps."""
     n_steps: int
     steps_an_epoch: int
 
@@ -35,30 +35,30 @@ class TrainingObjective(Protocol):
         """Adam's learning rate."""
 
     def loss(self, network: Tcn, step: int) -> tuple[Tensor, Tensor]:
-        """The loss to differentiate, and each member's for the curve; random numbers depend on the step alone."""
+        """Loss to differentiate, and that of each member for the curve; random numbers depend only on the step."""
 
     def validate(self, network: Tcn) -> tuple[Tensor, ...]:
-        """The other columns, after an epoch: shape (n_members,) each."""
+        """The other columns of the curve after an epoch, shape (n_members,) each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """Where an unfinished training is stored: everything that its next step depends on."""
+    """Storage of an unfinished training: everything that its next step depends on."""
 
     cache: Cache | None
     key: Mapping[str, object]
 
     def load(self) -> Entry | None:
-        """The state that was saved last, if any."""
+        """The last saved state, if any."""
         return self.cache.get(_KIND, self.key) if self.cache else None
 
     def save(self, state: Entry) -> None:
-        """Save a state in place of the last."""
+        """Save a state, replacing the previous one."""
         if self.cache:
             self.cache.put(_KIND, self.key, state)
 
     def drop(self) -> None:
-        """Delete it: the training has ended."""
+        """Delete the checkpoint when training has ended."""
         if self.cache:
             self.cache.drop(_KIND, self.key)
 
@@ -68,7 +68,7 @@ def minimise(
 ) -> FloatArray:
     """Train networks in place, side by side, from their checkpoint if there is one.
 
-    The objectives, one for each network, are all of one length; the name is that of the progress reports. Returns the
+    The objectives, one for each network, have equal numbers of steps; ``name`` labels the progress reports. Returns the
     learning curves of all members of all networks, shape (n_members, n_epochs, n_columns).
 
     Raises
@@ -112,7 +112,7 @@ class _Run:
         self.curve = torch.zeros(shape, dtype=torch.float64, device=network.device)
 
     def step(self, number: int) -> bool:
-        """Take a step; returns whether an epoch ends with it."""
+        """Take a step; returns True if it ends an epoch."""
         network, objective = self.network, self._objective
         network.train()
         self.optimiser.param_groups[0]["lr"] = objective.rate(number)
@@ -131,7 +131,7 @@ class _Run:
         return True
 
     def last_epoch(self) -> FloatArray:
-        """Mean over the members of each column of the curve."""
+        """Each column of the curve for the last epoch, averaged over the members."""
         return np.asarray(self.curve[:, self._epoch].mean(dim=0).cpu())
 
 
@@ -168,5 +168,5 @@ def weights_of(network: Tcn) -> Entry:
 
 
 def load_weights(network: Tcn, weights: Entry) -> None:
-    """Give a network the weights that :func:`weights_of` took from one like it."""
+    """Load weights that :func:`weights_of` took from a network of the same shape."""
     network.load_state_dict({name: torch.from_numpy(weight) for name, weight in weights.items()})

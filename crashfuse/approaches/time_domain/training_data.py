@@ -19,7 +19,7 @@ from crashfuse.signals.pulse import FloatArray
 _VALIDATED = 0.1  # share of the CAE runs (Sect. 4.1: 90 % for training, 10 % for validation)
 _MOST_VALIDATED = 1000  # more would not make the loss more accurate
 _WARM_UP = 0.1  # share of the steps
-_SIDE_BY_SIDE = 2  # members a thread: more would leave a core idle, fewer share no products
+_SIDE_BY_SIDE = 2  # members per thread: more would leave a core idle, fewer would share no products
 
 
 def predict(network: Tcn, scaling: Scaling, vectors: FloatArray, config: TcnConfig) -> FloatArray:
@@ -48,8 +48,8 @@ def train(
 ) -> tuple[Tcn, FloatArray]:
     """Train the LF networks on CAE runs, conditions of shape (n_runs, 3) and pulses of shape (n_runs, 1250).
 
-    Also returns the mean square error (Eq. 5) of training and validation, shape (n_members, n_epochs, 2). The seed is
-    that of the weights, and of each member's validation runs and order of batches.
+    Also returns the mean square error (Eq. 5) of training and validation, shape (n_members, n_epochs, 2). The seed
+    determines the weights, and each member's validation runs and order of batches.
     """
     inputs = scaling.inputs(vectors, config).to(device)
     targets = scaling.targets(vectors, accel_mps2, config).to(device)
@@ -65,7 +65,7 @@ def train(
 
 
 class LfTraining:
-    """The LF training: each member has its own validation runs and sees the others in an order of its own."""
+    """The LF training: each member has its own validation runs and its own order of the training runs."""
 
     columns: ClassVar[tuple[str, ...]] = ("train_loss", "validation_loss")
 
@@ -78,7 +78,7 @@ class LfTraining:
         self._seed, self._dropout = seed, dropout
         shuffled = self._shuffled(n_runs, members, 0)
         self._validated, self._trained = shuffled[:, :n_validated], shuffled[:, n_validated:]
-        # an incomplete batch waits for the next epoch's order
+        # an incomplete batch is dropped; the next epoch has a new order
         self.steps_an_epoch = max(1, self._trained.shape[1] // config.batch)
         self.n_steps = self.steps_an_epoch * max(config.epochs, math.ceil(config.min_steps / self.steps_an_epoch))
         self._epoch = -1
@@ -88,7 +88,7 @@ class LfTraining:
         return torch.stack([torch.randperm(n, generator=generator) for _ in range(members)])
 
     def rate(self, step: int) -> float:
-        """One warm-up and one cosine, or cosines over and over."""
+        """Adam's learning rate: one warm-up and one cosine, or repeated cosines."""
         config = self._config
         if config.annealing_epochs:
             share = _cosine(step // self.steps_an_epoch / config.annealing_epochs)
@@ -98,7 +98,7 @@ class LfTraining:
         return config.learning_rate * share
 
     def loss(self, network: Tcn, step: int) -> tuple[Tensor, Tensor]:
-        """Mean square error over a batch; the sum over the members gives each its own gradient."""
+        """Mean square error over a batch; summed over members, so that each has its own gradient."""
         epoch, number = divmod(step, self.steps_an_epoch)
         if epoch != self._epoch:
             order = self._shuffled(self._trained.shape[1], len(self._trained), 1, epoch)
@@ -133,7 +133,7 @@ def fine_tune(
 ) -> tuple[Tcn, FloatArray]:
     """Fine-tune a copy of the LF networks on tests (Eq. 6): θ_MF = θ_LF + θ_HF with the penalty λ‖θ_HF‖².
 
-    The increments θ_HF start at zero, so θ_LF is both frozen and the initial value, as the paper has it. The scaling is
+    The increments θ_HF start at zero, so θ_LF is both frozen and the initial value, as in the paper. The scaling is
     the LF networks' own; conditions and pulses are of shape (n_tests, 3) and (n_tests, 1250). Also returns the mean
     square error on the tests before each step, penalty not included, shape (n_members, n_steps).
     """
@@ -155,23 +155,23 @@ class FineTuning:
         self.n_steps = config.tuning_steps
 
     def rate(self, step: int) -> float:
-        """Half a cosine."""
+        """Adam's learning rate: half a cosine."""
         return self._config.tuning_rate * _cosine(step / self.n_steps)
 
     def loss(self, network: Tcn, step: int) -> tuple[Tensor, Tensor]:  # noqa: ARG002 - every step is alike
         """Mean square error and penalty."""
-        network.eval()  # no dropout: a handful of tests is noise enough
+        network.eval()  # no dropout: a handful of tests is already noisy enough
         losses = (network(self._inputs) - self._targets).square().mean(dim=(1, 2))
         moved = [(w - w0.detach()).square().sum() for w, w0 in zip(network.parameters(), self._start, strict=True)]
         return losses.sum() + self._config.penalty * torch.stack(moved).sum(), losses
 
     def validate(self, network: Tcn) -> tuple[Tensor, ...]:  # noqa: ARG002 - all tests are learned from
-        """Nothing."""
+        """No further columns."""
         return ()
 
 
 def _mixed(*numbers: int) -> int:
-    """One seed from several numbers; torch looks at 32 bits only."""
+    """Combine several numbers into one seed of 32 bits, as torch uses no more."""
     return int(np.random.SeedSequence(numbers).generate_state(1)[0])
 
 
