@@ -42,7 +42,9 @@ ROOMS = {
     "dynamics": Room(
         8, "approaches/displacement_domain/dynamics.py", "approaches/displacement_domain/test_dynamics.py"
     ),
-    "weights": Room(12, "approaches/fused/weights.py approaches/fused/approach.py", "approaches/fused"),
+    "weights": Room(
+        12, "approaches/fused/weights.py approaches/fused/approach.py", "approaches/fused approaches/test_contract.py"
+    ),
     "recommendation": Room(
         14, "study/recommendation.py study/fold.py", "study/test_recommendation.py study/test_fold.py"
     ),
@@ -76,6 +78,11 @@ EQUIVALENT = {
     "cae_mps2 - np.concatenate([errors, -errors])": "errors of either sign, in another order",
     "1  ->  2  in  def _nearness": "any number below 0 is no test's",
     "200  ->  201": "where the text of an error is cut",
+    "2  ->  3  in  n_fft = 2 **": "a longer transform of the same product",
+    "2  ->  3  in  motion = integrate(phase.accel_at(grid)[None], grid[1], np.zeros((1, 2))": "nothing, in more steps",
+    "pa.types.is_dictionary(kind)  ->  kind": "the cast undoes what was encoded for nothing",
+    "40  ->  41  in  return self.folder / kind": "how long a file's name is",
+    "(str, list[str])  ->  (list[str], str)": "a type",
 }
 """Faults that nobody could notice, and why; others are made instead."""
 
