@@ -1,4 +1,4 @@
-"""Entry of the dashboard: ``streamlit run app.py``."""
+"""Entry point of the dashboard: ``streamlit run app.py``."""
 
 from crashfuse.ui.frame import route
 

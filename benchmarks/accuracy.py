@@ -1,8 +1,8 @@
-"""How good the predictions are: ``python benchmarks/accuracy.py CAMPAIGN …`` (default: the sample).
+"""Accuracy of the predictions: ``python benchmarks/accuracy.py CAMPAIGN …`` (default: the sample).
 
-Each test is left out in turn, alone and with its whole speed group. *Gap closed* is the share of the way from the raw
-CAE to 0.975, what repeated tests rate against each other; *change* is the least of all tests against the raw CAE.
-What the tests teach the network is told in the form of the paper's Table 3.
+Each test is left out in turn, alone and with its whole speed group. *Gap closed* is the share of the distance from the
+raw CAE to 0.975, the rating between repeated tests; *change* is the lowest of all tests against the raw CAE.
+The effect of the tests on the network is shown in the form of the paper's Table 3.
 """
 
 import argparse
@@ -77,7 +77,7 @@ def _print_table_3(study: Study) -> None:
 
 
 def _print_recommendations(study: Study) -> None:
-    """Print what was recommended for each test before it was run, what was expected of it and what came."""
+    """Print the recommendation for each test before it was run, the expected rating and the actual one."""
     print("\n| Test | recommended | expected | left-out tests near it | rated |")
     print("|---|---|---:|---|---:|")
     errors, inside = [], 0

@@ -1,4 +1,4 @@
-"""The dashboard's server and browsers in front of it, for what is measured through the pages (needs Chromium)."""
+"""A dashboard server with browsers, for measurements through the pages (needs Chromium)."""
 
 import os
 import shutil
@@ -26,12 +26,12 @@ _FLAGS = (
     "--window-size=1440,1000",
 )
 _LONGEST_S = 60.0
-_FIRST_S = 600.0  # for what has to be read from the cache once, or computed
+_FIRST_S = 600.0  # for data to be read from the cache for the first time, or computed
 
 
 @dataclass(frozen=True)
 class Dashboard:
-    """A server that runs."""
+    """A running server."""
 
     address: str
     pid: int
@@ -39,12 +39,12 @@ class Dashboard:
 
     @property
     def log(self) -> str:
-        """What it has printed so far."""
+        """Its output so far."""
         return self.log_file.read_text(encoding="utf-8")
 
     @property
     def memory_mib(self) -> float:
-        """Its resident memory; 0 where the system does not tell."""
+        """Its resident memory; 0 where the system does not report it."""
         try:
             status = Path(f"/proc/{self.pid}/status").read_text(encoding="utf-8")
         except OSError:
@@ -54,7 +54,7 @@ class Dashboard:
 
 @contextmanager
 def served(**environment: str) -> Iterator[Dashboard]:
-    """Run the dashboard on a free port, with these additions to the environment."""
+    """Run the dashboard on a free port, with these additional environment variables."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -77,7 +77,7 @@ def served(**environment: str) -> Iterator[Dashboard]:
 
 @contextmanager
 def browser() -> Iterator[WebDriver]:
-    """A browser with a profile of its own."""
+    """A browser with its own profile."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         options = webdriver.ChromeOptions()
         options.binary_location = shutil.which("chromium") or ""
@@ -91,9 +91,9 @@ def browser() -> Iterator[WebDriver]:
 
 
 def settled(browser: WebDriver, title: str, test: str = "", *, rated: bool = False) -> float:
-    """Wait until the page has its title, its script has ended and its figures are drawn; returns when that was.
+    """Wait until the page has its title, its script has ended and its figures are drawn; returns the time of that.
 
-    If asked for, its first subheader has to name a test, and ratings have to be there.
+    On request its first subheader must also name a test, and ratings must be present.
     """
     script = """
         const title = document.querySelector('[data-testid="stMain"] h1');
@@ -114,7 +114,7 @@ def settled(browser: WebDriver, title: str, test: str = "", *, rated: bool = Fal
 
 
 def press(browser: WebDriver, label: str) -> None:
-    """Click the first button of the page with this label that can be clicked."""
+    """Click the first enabled button of the page with this label."""
     deadline = time.monotonic() + _LONGEST_S
     path = f"//*[@data-testid='stMain']//button[contains(., '{label}') and not(@disabled)]"
     while not (buttons := browser.find_elements(By.XPATH, path)):
@@ -125,7 +125,7 @@ def press(browser: WebDriver, label: str) -> None:
 
 
 def wait_for(browser: WebDriver, words: str) -> None:
-    """Wait until the page shows these words."""
+    """Wait until the page shows this text."""
     deadline = time.monotonic() + _FIRST_S
     while words not in browser.find_element(By.CSS_SELECTOR, '[data-testid="stMain"]').text:
         if time.monotonic() > deadline:

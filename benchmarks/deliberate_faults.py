@@ -1,9 +1,9 @@
-"""Whether the tests would notice: ``python benchmarks/deliberate_faults.py [ROOM …] [--seed 0]``.
+"""Check that the tests detect faults: ``python benchmarks/deliberate_faults.py [ROOM …] [--seed 0]``.
 
 One small fault at a time is made in a copy of the project (a constant, a comparison, an index, two arguments swapped),
-and the room's own tests are run on it, as far as they are fast. The sample is seeded, a number of faults a room, 100 in
-all. What survives is listed at the end: for someone to write a test that fails, or to say why nobody could. Not made
-are faults in texts, types and tolerances, nor those of ``HARMLESS``. It takes about ten minutes on one core, where
+and the room's own fast tests are run on it. The sample is seeded, with a fixed number of faults per room, 100 in
+all. Surviving faults are listed at the end: for each, write a test that fails, or explain why none can. Faults in
+texts, types and tolerances, and those in ``HARMLESS``, are not made. It takes about ten minutes on one core, where
 processes can fork.
 """
 
@@ -23,12 +23,12 @@ from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = os.environ.get("CRASHFUSE_SHARED", str(ROOT.parent / "shared"))
-MOST_S = 120  # for the tests of one fault: one that hangs them is noticed, too
+MOST_S = 120  # for the tests of one fault: one that makes them hang counts as detected
 PRELOADED = ["pandas", "pyarrow.parquet", "pytest", "scipy.interpolate", "scipy.optimize", "scipy.stats", "torch"]
 
 
 class Room(NamedTuple):
-    """Number of faults, the modules they are made in, and the tests that should notice."""
+    """Number of faults, the modules in which they are made, and the tests that should detect them."""
 
     faults: int
     modules: str
@@ -102,7 +102,7 @@ FORM = {"strict", "encoding", "newline", "compression", "parents", "exist_ok", "
 
 
 class Fault(NamedTuple):
-    """One variant of one node of a module, by their numbers."""
+    """One variant of one node of a module, by index."""
 
     module: str
     node: int
@@ -111,7 +111,7 @@ class Fault(NamedTuple):
 
 
 def main() -> None:
-    """Make the faults and print what became of each."""
+    """Make the faults and print the outcome of each."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("rooms", nargs="*", choices=[*ROOMS, []], default=[])
     arguments.add_argument("--seed", type=int, default=0)
@@ -140,7 +140,7 @@ def main() -> None:
 
 
 def sample(faults: list[Fault], n: int, seed: int) -> list[Fault]:
-    """Draw faults, and others for those that nobody could notice."""
+    """Draw faults, and replace those that no test could detect."""
     chance = random.Random(seed)  # noqa: S311
     first = chance.sample(faults, n)
     rest = [fault for fault in faults if fault not in first]
@@ -162,7 +162,7 @@ def faults_of(module: str) -> list[Fault]:
 
 
 def _expressions(node: ast.AST) -> Iterator[ast.expr]:
-    """Expressions that decide numbers: none of texts, types and decorators."""
+    """Expressions that determine numbers: not those in texts, types and decorators."""
     match node:
         case ast.Raise() | ast.FunctionDef(name="__repr__"):
             return
@@ -188,7 +188,7 @@ def _variants(node: ast.AST) -> Iterator[ast.expr]:
             yield ast.Constant(not value)
         case ast.Constant(value=int(value)):
             yield ast.Constant(value + 1)
-        case ast.Constant(value=float(value)) if value == 0 or abs(value) > 1e-5:  # less is a tolerance
+        case ast.Constant(value=float(value)) if value == 0 or abs(value) > 1e-5:  # smaller ones are tolerances
             yield ast.Constant(round(value * 1.2, 9) or 0.1)
         case ast.BinOp(left, op, right) if type(op) in OTHER:
             yield ast.BinOp(left, OTHER[type(op)](), right)
@@ -221,7 +221,7 @@ def _variants(node: ast.AST) -> Iterator[ast.expr]:
 
 
 def caught_by(project: Path, fault: Fault, room: Room) -> tuple[bool, float]:
-    """Make a fault in the copy, run the tests, and mend it."""
+    """Make a fault in the copy, run the tests, and undo it."""
     path = project / "crashfuse" / fault.module
     sound = path.read_text(encoding="utf-8")
     tree = ast.parse(sound)
@@ -243,12 +243,12 @@ def caught_by(project: Path, fault: Fault, room: Room) -> tuple[bool, float]:
 
 def _write(path: Path, source: str) -> None:
     path.write_text(source, encoding="utf-8")
-    Path(cache_from_source(str(path))).unlink(missing_ok=True)  # its time has not changed by a second, nor its size
+    Path(cache_from_source(str(path))).unlink(missing_ok=True)  # size and time in whole seconds may be unchanged
 
 
 def run(project: Path, room: Room) -> tuple[bool, float]:
-    """Whether the room's tests pass on the copy, and the seconds that took."""
-    context = multiprocessing.get_context("forkserver")  # what takes long to import is imported once
+    """True if the room's tests pass on the copy, and the seconds taken."""
+    context = multiprocessing.get_context("forkserver")  # so that slow imports happen only once
     context.set_forkserver_preload(PRELOADED)
     start = time.perf_counter()
     process = context.Process(target=_run, args=(project, room.tests.split()))

@@ -1,8 +1,8 @@
-"""The CAE model where no run was made, answered in five ways: ``python benchmarks/emulators.py CAMPAIGN …``.
+"""Five ways to predict the CAE model where no run was made: ``python benchmarks/emulators.py CAMPAIGN …``.
 
-A tenth of the CAE runs is held out, and every way learns from the rest. A library of fewer than 200 runs is cut into
-five folds instead, each held out once: every way, the TCN included, is then trained five times, and the seconds of the
-fit are the mean of the five. Runs below 3 mph are learned from, but not rated: a parked car has no pulse worth rating.
+A tenth of the CAE runs is held out, and every method learns from the rest. A library of fewer than 200 runs is split
+into five folds instead, each held out once: every method, the TCN included, is then trained five times, and the fit
+time is the mean of the five. Runs below 3 mph are learned from, but not rated: a parked car has no pulse worth rating.
 """
 
 import argparse
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
-os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before NumPy: CPU-seconds of one core
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before NumPy: CPU seconds of one core
 
 import numpy as np
 import numpy.typing as npt
@@ -34,8 +34,8 @@ _WINDOW_MS = 60.0
 _SLOWEST_RATED_MPS = 3 * MPH
 _SMALL_LIBRARY = 200
 _FOLDS_SMALL, _FOLDS = 5, 10
-_SHARES = np.linspace(0.0, 1.0, 1601)  # of the crush; a pulse changes within the last millimetre before t0
-_STRETCHES = (1.0, 3.0, 6.0, 12.0, 24.0, 48.0, 96.0)  # of the speed axis
+_SHARES = np.linspace(0.0, 1.0, 1601)  # of the crush; a pulse still changes within the last millimetre before t0
+_STRETCHES = (1.0, 3.0, 6.0, 12.0, 24.0, 48.0, 96.0)  # scale factors of the speed axis
 _INNER_FOLDS = 5
 
 Predict = Callable[[Condition], FloatArray]
@@ -44,13 +44,13 @@ Predict = Callable[[Condition], FloatArray]
 class CurveInterpolation:
     """Interpolates a(s), not a(t): the loading curves of all runs, their crush and their unloading after t0.
 
-    A curve is taken over s / crush and in units of v0² / crush. Then the area below each is ½ (energy), that of any
-    interpolated one too, and the vehicle stops where the interpolated crush says. Runs that never stop are left out.
-    How much more a step in speed counts than one in weight is chosen by what interpolates left-out runs' curves best.
+    Curves are taken over s / crush and in units of v0² / crush. Then the area below each is ½ (energy), also below an
+    interpolated curve, and the vehicle stops at the interpolated crush. Runs that never stop are left out.
+    A step in speed is weighted against one in weight by what best interpolates the curves of left-out runs.
     """
 
     def fit(self, cae: CaeLibrary) -> Self:
-        """Cut all pulses at t0 and lay a thin-plate spline through them over the standardised conditions."""
+        """Cut all pulses at t0 and fit a thin-plate spline to them over the standardised conditions."""
         vectors, rows = [], []
         for vector, pulse in zip(cae.vectors, cae.accel_mps2.astype(np.float64), strict=True):
             if vector[0] <= 0 or np.isnan((phase := loading_phase(pulse, vector[0])).t0_s):
@@ -68,7 +68,7 @@ class CurveInterpolation:
         return self
 
     def predict(self, condition: Condition) -> FloatArray:
-        """Interpolate a loading curve, move the vehicle through it, and let it unload from its t0 on."""
+        """Interpolate a loading curve, integrate the vehicle's motion, and add the unloading from its t0 on."""
         speed = condition.speed_mps
         row = self.spline_(((condition.vector - self.centre_) * self.scale_)[None])[0]
         curve, unloading, crush = row[: _SHARES.size], row[_SHARES.size : -1], speed * np.exp(row[-1])
@@ -79,7 +79,7 @@ class CurveInterpolation:
 
 
 def _curve_error(x: FloatArray, curves: FloatArray) -> float:
-    """Mean over the runs of the RMS error of a curve interpolated from the other four fifths."""
+    """Mean over the runs of the RMS error of a curve interpolated from the other four fifths of the runs."""
     errors = []
     for fold in range(_INNER_FOLDS):
         out = np.arange(len(x)) % _INNER_FOLDS == fold
@@ -120,7 +120,7 @@ class _Record:
 
 
 def main() -> None:
-    """Hold runs out, fit, predict and rate them, and print one Markdown table a campaign."""
+    """Hold runs out, fit, predict and rate them, and print one Markdown table per campaign."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("campaigns", type=Path, nargs="*", default=[Path("sample_data")])
     arguments.add_argument("--seed", type=int, default=0, help="of the choice of held-out runs")

@@ -1,9 +1,9 @@
-"""What becomes of a study that is killed, again and again, at random: ``python benchmarks/faults.py``.
+"""Kill a study at random times, again and again, and check its results: ``python benchmarks/faults.py``.
 
-Each study is begun with an empty cache and killed with SIGKILL at a moment drawn over the time that an undisturbed one
-takes: all of its processes, the parent alone, or one worker (which the study has to survive). Then the same command,
-now with ``--resume`` and now without, goes on, and may be killed in turn. What it writes in the end is compared with
-what the undisturbed one wrote, byte by byte but for seconds; processes and files that stay behind are counted.
+Each study starts with an empty cache and is killed with SIGKILL at a random time within the duration of an undisturbed
+one: all of its processes, the parent alone, or one worker (which the study must survive). Then the same command,
+sometimes with ``--resume``, continues, and may be killed in turn. Its final output is compared with
+that of the undisturbed study, byte by byte except for timings; leftover processes and files are counted.
 """
 
 import argparse
@@ -22,11 +22,11 @@ from pathlib import Path
 import psutil
 
 _WAYS = ("all processes", "the parent", "a worker")
-_GRACE_S = 10.0  # for workers to notice
+_GRACE_S = 10.0  # for workers to notice that the parent is gone
 
 
 def main() -> None:
-    """Kill and print a Markdown table."""
+    """Kill studies and print a Markdown table."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("campaign", type=Path, nargs="?", default=Path("sample_data"))
     arguments.add_argument("--kills", type=int, default=50)
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 class _Study:
-    """A study as a user starts it, in a process group and with a cache of its own."""
+    """A study as a user starts it, in its own process group and with its own cache."""
 
     def __init__(self, campaign: Path, options: list[str], folder: Path, *, resume: bool) -> None:
         folder.mkdir(exist_ok=True)
@@ -88,7 +88,7 @@ class _Study:
             )
 
     def lives(self, seconds: float) -> bool:
-        """Whether it has not ended after this time."""
+        """True if it is still running after this time."""
         try:
             self.process.wait(seconds)
         except subprocess.TimeoutExpired:
@@ -96,7 +96,7 @@ class _Study:
         return False
 
     def kill(self, way: str) -> str:
-        """Kill it, or a part of it; returns what became of it."""
+        """Kill all or part of it; returns the outcome."""
         children = psutil.Process(self.process.pid).children(recursive=True)
         workers = [child for child in children if _is_worker(child)]
         if way == "a worker" and workers:
@@ -124,7 +124,7 @@ def _is_worker(process: psutil.Process) -> bool:
 
 
 def _results(folder: Path) -> dict[str, object]:
-    """What a study wrote, but for seconds, and names that Plotly draws by lot."""
+    """The output of a study, except timings and Plotly's random names."""
     found: dict[str, object] = {path.name: path.read_bytes() for path in folder.glob("*.csv")}
     found["study.json"] = _without_seconds(json.loads((folder / "study.json").read_text(encoding="utf-8")))
     report = (folder / "report.html").read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
 """A newcomer's first minutes: ``python benchmarks/first_run.py`` (needs Chromium).
 
-With an empty cache: how long from the address to the page that says what this is, and from the click that loads the
-sample to a rated comparison of every approach, by the buttons that the pages offer.
+With an empty cache: the time from opening the address to the page that introduces the tool, and from the click that
+loads the sample to a rated comparison of every approach, using the buttons that the pages offer.
 """
 
 import tempfile
@@ -12,7 +12,7 @@ from selenium.webdriver.common.by import By
 
 
 def main() -> None:
-    """Go that way and print the times."""
+    """Follow this route and print the times."""
     with tempfile.TemporaryDirectory() as cache, served(CRASHFUSE_CACHE=cache) as dashboard, browser() as newcomer:
         start = time.perf_counter()
         newcomer.get(dashboard.address)

@@ -1,11 +1,11 @@
-"""Whether the dashboard holds under use: ``python benchmarks/load.py [--sessions 5] [--minutes 3]`` (needs Chromium).
+"""Load test of the dashboard: ``python benchmarks/load.py [--sessions 5] [--minutes 3]`` (needs Chromium).
 
-Several browsers use one server at once, on the sample campaign, all of whose studies have been run before. Each goes
-from page to page and from one held-out test to another, with a pause for reading, while the first has a prediction
-trained that nobody has asked for yet. Told are the times from a click to the whole page with its figures, whether any
-session ever saw an exception, another's test or other ratings than the study's, and the server's memory.
+Several browsers use one server at once, on the sample campaign, all of whose studies have been run before. Each moves
+from page to page and from one held-out test to another, with a pause for reading, while the first trains a prediction
+that is not in the cache. Reported are the times from a click to the complete page with its figures, whether any
+session ever saw an exception, another session's test or ratings other than the study's, and the server's memory.
 
-The browsers run on the same cores as the server: with few cores most of a page switch is the browsers' drawing.
+The browsers run on the same cores as the server: with few cores, most of the time of a page switch is their drawing.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from crashfuse.campaign import CrashTest
 from crashfuse.units import MPH
 
 _PAGES = ("Data", "Train", "Compare", "Study", "Predict")
-_PAUSE_S = (2.0, 6.0)  # a reader's
+_PAUSE_S = (2.0, 6.0)  # reading time
 
 
 @dataclass
@@ -41,7 +41,7 @@ class Session:
 
 @dataclass(frozen=True)
 class Truth:
-    """What may be seen: the tests as the sidebar calls them, and each one's ratings by the study."""
+    """Expected content: the tests as named in the sidebar, and each one's ratings in the study."""
 
     tests: tuple[str, ...]
     ratings: dict[str, set[str]]
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def _prepare() -> Truth:
-    """Have everything in the cache that the pages show, as on a server that has been in use for a while."""
+    """Fill the cache with everything that the pages show, as on a server that has been in use for a while."""
     campaign = load_campaign(ROOT / "sample_data")
     config = StudyConfig()
     study = run_study(campaign, replace(config, leave_out="both"))
@@ -79,7 +79,7 @@ def _label(test: CrashTest) -> str:
 
 def _use(dashboard: Dashboard, truth: Truth, n: int, seconds: float) -> list[Session]:
     sessions = [Session(truth.tests[(4 * i) % len(truth.tests)]) for i in range(n)]
-    with browser() as first:  # the first visit of each page reads what the others then share
+    with browser() as first:  # the first visit to each page reads what the others then share
         first.get(f"{dashboard.address}/predict")
         wait_for(first, "Pulse metrics")
         first.find_element(By.PARTIAL_LINK_TEXT, "Study").click()
@@ -124,7 +124,7 @@ def _browse(address: str, truth: Truth, session: Session, end: float, number: in
 
 
 def _train_anew(browser: WebDriver) -> None:
-    """Start what is not in the cache: the same test with another seed."""
+    """Start a computation that is not in the cache: the same test with another seed."""
     browser.find_element(By.PARTIAL_LINK_TEXT, "Train").click()
     settled(browser, "Train")
     browser.find_element(By.XPATH, "//summary[contains(., 'Advanced')]").click()
@@ -137,7 +137,7 @@ def _train_anew(browser: WebDriver) -> None:
 
 
 def _hold_out(browser: WebDriver, session: Session) -> None:
-    """Choose another test in the sidebar, and wait until Compare is whole."""
+    """Choose another test in the sidebar, and wait until Compare is complete."""
     field = browser.find_element(By.CSS_SELECTOR, '[data-testid="stSidebar"] input[aria-label*="Held-out test"]')
     field.click()
     field.send_keys(session.test)
@@ -148,7 +148,7 @@ def _hold_out(browser: WebDriver, session: Session) -> None:
 
 
 def _open(browser: WebDriver, page: str, session: Session) -> None:
-    """Click a page in the sidebar, and wait until it is whole."""
+    """Click a page in the sidebar, and wait until it is complete."""
     link = browser.find_element(By.PARTIAL_LINK_TEXT, page)
     start = time.perf_counter()
     link.click()
@@ -160,7 +160,7 @@ def _open(browser: WebDriver, page: str, session: Session) -> None:
 
 
 def _look(browser: WebDriver, page: str, session: Session, truth: Truth) -> None:
-    """Look for an exception, for another test than was asked for, and for ratings that are not this test's."""
+    """Check for an exception, a test other than the one chosen, and ratings that are not this test's."""
     if browser.find_elements(By.CSS_SELECTOR, '[data-testid="stException"]'):
         session.trouble.append(f"an exception on {page}")
     if page != "Compare":
@@ -174,7 +174,7 @@ def _look(browser: WebDriver, page: str, session: Session, truth: Truth) -> None
 
 
 def _settled_on_compare(browser: WebDriver, session: Session) -> float:
-    """As :func:`_settled`, for this session's test; who trains sees no ratings before the training has ended."""
+    """Like :func:`settled`, for this session's test; a session that trains sees no ratings before the training ends."""
     return settled(browser, "Compare", f"Test {session.test[:3]}", rated=not session.trains)
 
 

@@ -1,10 +1,10 @@
 """Time to equal validation error, the network of Table 2 against ours: ``python benchmarks/network.py CAMPAIGN``.
 
-Both are trained on the same nine tenths of the CAE runs, by the package's own training, in one process on the CPU.
-Table 2's has some CPU seconds; ours goes to its end. Every now and then both are asked for the runs held out, which
-neither learns from: the error is the root mean square over all of them and 0–100 ms at 12.5 kHz. The clock counts what
-a fit does, from the scaling on, with the loss over validation runs of its own after each epoch; it stands still for
-our looks. A network is as good as the other at the first look that finds it so.
+Both are trained on the same nine tenths of the CAE runs, with the package's own training, in one process on the CPU.
+Table 2's gets a limited CPU time; ours runs to its end. From time to time both predict the held-out runs, which
+neither learns from: the error is the root mean square over all of them and 0–100 ms at 12.5 kHz. The clock counts all
+of a fit, from the scaling on, with the loss over its own validation runs after each epoch; it is stopped during
+our evaluations. A network has reached the other's error at the first evaluation that shows it.
 """
 
 import argparse
@@ -33,8 +33,8 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.units import MPH, G
 
 _HELD_OUT = 0.1
-_PAUSE = 2  # times what a look took, until the next
-_PULSES_AT_ONCE = 25  # the hidden layers of Table 2 for all would take gigabytes
+_PAUSE = 2  # times the duration of an evaluation, until the next
+_PULSES_AT_ONCE = 25  # the hidden layers of Table 2's network for all pulses would take gigabytes
 _WINDOW_MS = 60.0
 _SLOWEST_RATED_MPS = 3 * MPH  # a parked car has no pulse worth rating
 _ROWS = 10
@@ -49,7 +49,7 @@ class _Look:
 
 
 class _Training:
-    """An LF training as the package does it, which is looked at on its way."""
+    """An LF training as the package does it, evaluated along the way."""
 
     def __init__(self, config: TcnConfig, known: CaeLibrary, unseen: CaeLibrary, cpu_s: float = np.inf) -> None:
         self.looks: list[_Look] = []
@@ -90,7 +90,7 @@ class _Training:
         return float(np.sqrt(np.mean((self._accel_mps2 - self._unseen.accel_mps2) ** 2))) / G
 
     def mean_rating(self) -> float:
-        """Of the unseen runs, as predicted at the last look."""
+        """Mean rating of the unseen runs, as predicted at the last evaluation."""
         rated = self._unseen.vectors[:, 0] >= _SLOWEST_RATED_MPS
         pairs = zip(self._unseen.accel_mps2[rated].astype(np.float64), self._accel_mps2[rated], strict=True)
         ratings = (rate_windows(Pulse(GRID_S, true), Pulse(GRID_S, found), (_WINDOW_MS,)) for true, found in pairs)
@@ -109,7 +109,7 @@ def main() -> None:
     order = np.random.default_rng(options.seed).permutation(len(cae))
     held_out, rest = np.split(order, [max(1, round(_HELD_OUT * len(cae)))])
     known, unseen = _part(cae, rest), _part(cae, held_out)
-    _Training(TcnConfig.fast(), known, unseen, cpu_s=0.0)  # what torch loads at its first use is on neither's clock
+    _Training(TcnConfig.fast(), known, unseen, cpu_s=0.0)  # keeps what torch loads at first use off both clocks
     papers = _Training(TcnConfig.paper(), known, unseen, options.seconds)
     ours = _Training(TcnConfig.fast(), known, unseen)
     print(f"### {campaign.name}: {len(held_out)} of {len(cae)} CAE runs held out, {os.cpu_count()} cores\n")
@@ -129,7 +129,7 @@ def main() -> None:
 
 
 def _print_times(papers: Sequence[_Look], ours: Sequence[_Look]) -> None:
-    """For the errors that Table 2's network reached, each lower than all before: when either had come as far."""
+    """For each error that Table 2's network reached, lower than all before: when each network got there."""
     best = [look for i, look in enumerate(papers) if all(look.error_g < past.error_g for past in papers[:i])]
     print("| error, g | Table 2: CPU-s (wall s) | crashfuse, fast preset: CPU-s (wall s) | ratio (of wall s) |")
     print("|---:|---:|---:|---:|")
@@ -144,7 +144,7 @@ def _print_times(papers: Sequence[_Look], ours: Sequence[_Look]) -> None:
 
 
 def _some(looks: Sequence[_Look]) -> list[_Look]:
-    """A few of them, evenly, the last one included."""
+    """A few of them, evenly spaced, including the last."""
     return [looks[i] for i in np.unique(np.linspace(0, len(looks) - 1, min(_ROWS, len(looks))).round().astype(int))]
 
 
@@ -154,7 +154,7 @@ def _part(cae: CaeLibrary, runs: npt.NDArray[np.intp]) -> CaeLibrary:
 
 
 def _clocks() -> FloatArray:
-    """CPU seconds of the process and wall seconds."""
+    """CPU seconds of the process, and wall seconds."""
     return np.array([time.process_time(), time.perf_counter()])
 
 

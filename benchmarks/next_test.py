@@ -1,10 +1,10 @@
-"""Whether tests chosen by their rank serve better than others: ``python benchmarks/next_test.py``.
+"""Compare tests chosen by their rank with other choices: ``python benchmarks/next_test.py``.
 
-Each seed is another vehicle: the sample campaign's, with forces, gaps and folds of the CAE model and of the truth
-drawn anew, each on its own. Three tests have been run: two near 25 mph and one near 35 mph, or with ``--start paper``
-three drawn from the eleven of Zeng et al. 2023, Table 1, most of them near 25 and 35 mph too. Then one, two and three
-more are: chosen one after the other by :func:`crashfuse.study.next_test.rank_next_tests`, drawn at random from
-the range, or spaced evenly over its speeds at the middle weights. All predict the same further tests all over the
+Each seed is another vehicle: that of the sample campaign, with forces, gaps and folds of the CAE model and of the truth
+drawn anew, independently. Three tests have been run: two near 25 mph and one near 35 mph, or with ``--start paper``
+three drawn from the eleven of Zeng et al. 2023, Table 1, most of them also near 25 and 35 mph. Then one, two and three
+more are added: chosen one by one by :func:`crashfuse.study.next_test.rank_next_tests`, drawn at random from
+the range, or spaced evenly over its speeds at the middle weights. All predict the same further tests across the
 range.
 """
 
@@ -43,7 +43,7 @@ _MEASURES = {"rating": "rating 0–60 ms", "error": "RMS error (g)", "band": "ba
 
 @dataclass(frozen=True)
 class World:
-    """A vehicle whose truth is known: it can be tested at any condition."""
+    """A vehicle whose true behaviour is known: it can be tested at any condition."""
 
     model: Vehicle
     truth: Vehicle
@@ -52,7 +52,7 @@ class World:
 
     @classmethod
     def of(cls, seed: int) -> "World":
-        """Draw a vehicle, and run its CAE model all over the range and somewhat beyond."""
+        """Draw a vehicle, and run its CAE model over the whole range and slightly beyond."""
         rng = np.random.default_rng([seed, 0])
         model, truth = _another(CAE_MODEL, rng), _another(TRUTH, rng)
         low, high = _RANGE.low.vector * [0.6, 1, 1], _RANGE.high.vector
@@ -71,7 +71,7 @@ class World:
         return CaeLibrary(ids, (*self.cae.conditions, *conditions), np.vstack([self.cae.accel_mps2, paired]))
 
     def test(self, conditions: Sequence[Condition], first: int) -> tuple[CrashTest, ...]:
-        """Test a specimen each, numbered from ``first``: equal numbers have equal scatter and noise."""
+        """Run one test per condition, numbered from ``first``: equal numbers have equal scatter and noise."""
         streams = [np.random.default_rng([self.seed, 1, first + i]) for i in range(len(conditions))]
         specimens = [scattered(self.truth, rng) for rng in streams]
         noise = np.array([rng.normal(0.0, SENSOR_NOISE_MPS2, N_SAMPLES + 2 * _BEFORE_CONTACT) for rng in streams])
@@ -83,7 +83,7 @@ class World:
 
 
 def _another(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
-    """Another vehicle like this one: each zone's forces 10 % different as a whole and 8 % at each knot, and so on."""
+    """A similar vehicle: each zone's forces differ by 10 % as a whole and 8 % at each knot, and so on."""
 
     def zone(old: CrushZone) -> CrushZone:
         factors = np.exp(0.1 * rng.standard_normal() + 0.08 * rng.standard_normal(len(old.force_n)))
@@ -114,13 +114,13 @@ def _recorded(vehicles: Sequence[Vehicle], conditions: Sequence[Condition], nois
 
 
 def _drawn(rng: np.random.Generator, n: int) -> list[Condition]:
-    """Conditions at random over the range."""
+    """Random conditions in the range."""
     vectors = rng.uniform(_RANGE.low.vector, _RANGE.high.vector, (n, 3))
     return [Condition(*vector) for vector in vectors.tolist()]
 
 
 def _start(start: str, rng: np.random.Generator) -> list[Condition]:
-    """Conditions of the tests that have been run."""
+    """Conditions of the tests already run."""
     if start == "paper":
         rows = [TABLE_1[i] for i in rng.choice(len(TABLE_1), 3, replace=False)]
         return [Condition(speed * MPH, front * LB, rear * LB) for speed, front, rear, *_ in rows]
@@ -129,7 +129,7 @@ def _start(start: str, rng: np.random.Generator) -> list[Condition]:
 
 
 def _study(seed: int, start: str) -> pd.DataFrame:
-    """One vehicle: every way to choose, with every number of further tests."""
+    """Results for one vehicle: every selection method, with every number of further tests."""
     with threadpool_limits(1):
         world, rng = World.of(seed), np.random.default_rng([seed, 2])
         begun = world.test(_start(start, rng), first=0)
@@ -164,7 +164,7 @@ def _study(seed: int, start: str) -> pd.DataFrame:
 
 
 def _evenly(n: int) -> list[Condition]:
-    """The middles of n equal parts of the speed range, at the middle weights."""
+    """Midpoints of n equal parts of the speed range, at the middle weights."""
     middle = (_RANGE.low.vector + _RANGE.high.vector) / 2
     low, high = _RANGE.low.speed_mps, _RANGE.high.speed_mps
     return [Condition(low + (i + 0.5) / n * (high - low), *middle[1:].tolist()) for i in range(n)]

@@ -1,4 +1,4 @@
-"""Speed of the ISO/TS 18571 rating against the public package objective-rating-metrics, as ratios of one run.
+"""Speed of the ISO/TS 18571 rating relative to the public package objective-rating-metrics, as ratios within one run.
 
 Run by hand: ``python benchmarks/rating.py``. Both rate the same curves of 600 samples (60 ms at 10 kHz) and must agree.
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 from crashfuse.signals.rating import rate_iso18571, rate_many
 
-warnings.simplefilter("ignore")  # the package's own
+warnings.simplefilter("ignore")  # those of that package
 
 N, N_CURVES, DT_S = 600, 500, 1e-4
 TRIES = 3
@@ -37,7 +37,7 @@ ISO18571(np.column_stack([time_s, t]), np.column_stack([time_s, 0.9 * t])).overa
 
 
 def pulses() -> tuple[np.ndarray, np.ndarray]:
-    """A reference pulse, and curves around it that differ in time (0.8 ms) and shape, as draws of a prediction do."""
+    """A reference pulse, and curves around it that differ in time (0.8 ms) and shape, like draws of a prediction."""
     rng = np.random.default_rng(0)
     time, knots = np.arange(N), np.arange(0, N + 30, 30)
 
@@ -50,7 +50,7 @@ def pulses() -> tuple[np.ndarray, np.ndarray]:
 
 
 def seconds(work: Callable[[], object], tries: int = TRIES) -> float:
-    """Shortest wall time of a few tries."""
+    """Shortest wall time of several tries."""
     times = []
     for _ in range(tries):
         begin = time.perf_counter()

@@ -1,7 +1,7 @@
-"""What a study costs, as ratios to the paper's own way, all measured in one run: ``python benchmarks/study.py``.
+"""Cost of a study, as ratios to the paper's own method, all measured in one run: ``python benchmarks/study.py``.
 
 The Gaussian process of Table 4 is fitted in full; the network of Table 2 takes a few optimiser steps, from which its
-1000 epochs are extrapolated. The study runs in a process tree of its own with an empty cache, watched from outside.
+1000 epochs are extrapolated. The study runs in its own process tree with an empty cache, monitored from outside.
 """
 
 import argparse
@@ -72,7 +72,7 @@ def _cpu_seconds(work: Callable[[], object]) -> float:
 
 
 def _paper_training_cpu_seconds(campaign: Campaign) -> float:
-    """CPU seconds of the 1000 epochs of Table 2, from as many CAE runs as make a few batches, for one epoch."""
+    """CPU seconds of the 1000 epochs of Table 2, extrapolated from one epoch on a few batches of CAE runs."""
     paper = TcnConfig.paper()
     few = _STEPS * paper.batch
     library = replace(
@@ -102,12 +102,12 @@ def _study(folder: Path, scratch: Path) -> tuple[float, float]:
 
 
 def _resident(root: psutil.Process) -> float:
-    """Proportional memory of a process and its children: what they share counts once."""
+    """Proportional memory of a process and its children: shared memory counts once."""
     total = 0.0
     for process in [root, *root.children(recursive=True)]:
         try:
             full = process.memory_full_info()
-        except psutil.Error:  # ended in between
+        except psutil.Error:  # it has ended meanwhile
             continue
         total += getattr(full, "pss", full.rss)
     return total

@@ -1,4 +1,4 @@
-"""Docstrings are written for Sphinx's roles; here they become the links and equations of this site."""
+"""Converts docstrings, which are written with Sphinx roles, to the links and equations of this site."""
 
 import re
 
@@ -31,7 +31,7 @@ def rewritten(text: str) -> str:
 
 
 def _typed(session: str) -> str:
-    """What was typed in a session at Python's prompt."""
+    """The input typed in a session at Python's prompt."""
     return re.sub(r"^( *)(?:>>>|\.\.\.) ", r"\1", session, flags=re.MULTILINE).replace("  # doctest: +SKIP", "")
 
 

@@ -1,4 +1,4 @@
-"""What the site needs beyond Markdown: equations as MathML, which needs no script, and the command line's own help."""
+"""MkDocs hooks for what Markdown lacks: equations as MathML, which needs no script, and the command line's own help."""
 
 import html
 import re
@@ -12,12 +12,12 @@ _HELP = re.compile(r"^<!-- help (\S+) -->$", re.MULTILINE)
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Put the help of a command where a page asks for it."""
+    """Insert the help of a command where a page asks for it."""
     return _HELP.sub(lambda found: f"```text\n{_help(found[1])}\n```", markdown)
 
 
 def on_page_content(content: str, **_: object) -> str:
-    """Turn LaTeX into MathML."""
+    """Convert LaTeX to MathML."""
     return _EQUATION.sub(
         lambda found: convert(html.unescape(found[2]), display="block" if found[1] == "div" else "inline"), content
     )

@@ -1,6 +1,6 @@
 """Take the README's screenshots of the dashboard on the sample campaign: ``python docs/screenshots.py``.
 
-Every page in the light theme, Compare in the dark one too. With an empty cache everything is computed first.
+Every page in the light theme, and Compare in the dark one too. With an empty cache everything is computed first.
 """
 
 import shutil
@@ -25,7 +25,7 @@ _FLAGS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync"),
     *("--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage", "--hide-scrollbars"),
 )
-_SHOTS = {  # page, height that shows it, theme, button that begins what it shows, words that end it
+_SHOTS = {  # page, height that shows it, theme, button that starts the computation, text that marks its end
     "data": ("data", 1900, "light", None, "CAE model"),
     "train": ("train", 870, "light", "Start", "are ready"),
     "compare": ("compare", 1690, "light", "Predict test", "Pulse metrics"),
@@ -68,7 +68,7 @@ def _visit(address: str, scratch: str) -> None:
             browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
             browser.get(f"{address}/{page}?{_VIEW}")
             _compute(browser, button, words)
-            time.sleep(4)  # figures fade in
+            time.sleep(4)  # until the figures have faded in
             browser.save_screenshot(str(DOCS / f"{name}.png"))
             print(f"docs/{name}.png", flush=True)
     finally:
@@ -76,7 +76,7 @@ def _visit(address: str, scratch: str) -> None:
 
 
 def _compute(browser: WebDriver, button: str | None, words: str) -> None:
-    """Press what begins the computation, if it has not been made before, and wait for its end."""
+    """Press the button that starts the computation, unless it was done before, and wait for its end."""
     waiting = WebDriverWait(browser, _LONGEST_S, ignored_exceptions=[StaleElementReferenceException])
     pressed = False
 

@@ -26,8 +26,8 @@ DRAWS_HELP = (
     "single pulse has oscillations of its own, so it rates lower than the expected pulse."
 )
 
-CARD_PX = 176  # five stand side by side on a wide page
-NO_CHANGE = 0.005  # of a rating
+CARD_PX = 176  # five fit side by side on a wide page
+NO_CHANGE = 0.005  # in rating
 
 view = frame.enter_with_campaign("Compare")
 test, campaign, config = view.held_out, view.campaign, chosen_config()
@@ -79,7 +79,7 @@ else:
 
 
 def draw() -> go.Figure:
-    """The figure that was chosen."""
+    """The chosen figure."""
     if shown == "Residuals":
         return residuals(test.pulse, predictions, view.display)
     figure = motion(test.pulse, predictions, test.condition.speed_mps, view.display)

@@ -1,4 +1,4 @@
-"""Data: open a campaign, and see what is in it."""
+"""Data: open a campaign and see its content."""
 
 import streamlit as st
 
@@ -19,7 +19,7 @@ AS_READ = "As read"
 
 
 def show_summary(view: frame.View) -> None:
-    """Say what was accepted, in numbers."""
+    """Summarise in numbers what was accepted."""
     campaign = view.campaign
     speeds = [test.condition.speed_mps / MPH for test in campaign.tests]
     paired = sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
@@ -40,7 +40,7 @@ def show_summary(view: frame.View) -> None:
 
 
 def show_tests(view: frame.View) -> None:
-    """All tests over each other, as they were read or filtered."""
+    """All tests overlaid, as read or filtered."""
     campaign, test = view.campaign, view.held_out
     st.subheader("Tests")
     choice = st.segmented_control(
@@ -71,7 +71,7 @@ def show_tests(view: frame.View) -> None:
 
 
 def show_conditions(view: frame.View) -> None:
-    """Where tests and CAE runs lie, and how the CAE model rates before any correction."""
+    """Show where tests and CAE runs lie, and how the CAE model rates before any correction."""
     campaign = view.campaign
     st.subheader("Conditions")
     show_cached_figure(

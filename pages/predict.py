@@ -47,7 +47,7 @@ shown = choose("Figure", ["Over time", "Over displacement", "Energy over crush"]
 
 
 def draw() -> go.Figure:
-    """The figure that was chosen."""
+    """The chosen figure."""
     if shown == "Over time":
         return motion(None, predictions, condition.speed_mps, view.display)
     if shown == "Over displacement":

@@ -1,4 +1,4 @@
-"""Study: every test left out in turn, alone and with all others at about its speed."""
+"""Study: every test left out in turn, alone and with all others at about the same speed."""
 
 from dataclasses import replace
 from functools import partial
@@ -30,7 +30,7 @@ st.markdown(
     "How well does each approach predict a test that it has not seen? Every test is left out in turn, predicted from "
     "all others, and rated; then again without any other test at about its speed."
 )
-if config.preset == "fast":  # a paper fit takes minutes, or a GPU
+if config.preset == "fast":  # a fit with the paper's settings takes minutes, or a GPU
     config = replace(config, leave_out="both")
 study = result_of(
     StudyRequest(campaign, campaign.test_ids, config),
@@ -43,13 +43,13 @@ study = result_of(
 
 
 def open_test(test_id: str, study: Study) -> None:
-    """Turn to a test as this study left it out."""
+    """Open a test as this study left it out."""
     frame.choose_held_out(campaign.test(test_id))
     st.session_state["leave_out"] = study.config.leave_out if study.config.leave_out == "speed group" else "test"
 
 
 def show_ratings(study: Study, way: str) -> None:
-    """Means by window, and every test by approach."""
+    """Show mean ratings by window, and every test by approach."""
     st.table(page_tables.mean_ratings(study), border="horizontal")
     overall = {
         fold.held_out: {name: by_window[view.display.window_ms].overall for name, by_window in fold.ratings.items()}

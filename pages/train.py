@@ -1,4 +1,4 @@
-"""Train: fit on all tests, to predict new conditions; or leave tests out, to see how good such predictions are."""
+"""Train: fit to all tests, to predict new conditions; or leave tests out, to see how good such predictions are."""
 
 from collections.abc import Callable
 from functools import partial
@@ -24,7 +24,7 @@ campaign = view.campaign
 
 
 def choose_held_out() -> tuple[str, ...]:
-    """Ask which tests to leave out; in the campaign's order."""
+    """Ask which tests to leave out; returned in the campaign's order."""
     chosen = st.multiselect(
         "Held-out tests, each in turn",
         campaign.test_ids,
@@ -37,7 +37,7 @@ def choose_held_out() -> tuple[str, ...]:
 
 
 def compute(request: Request[T], show_result: Callable[[T], None], *, ready: bool) -> None:
-    """Offer to start what was asked for, show how it goes, and in the end its result."""
+    """Offer to start a computation, show its progress, and finally its result."""
     job = request.find() if ready else None
     if job is None or not job.active:
         st.button(
@@ -57,7 +57,7 @@ def compute(request: Request[T], show_result: Callable[[T], None], *, ready: boo
 
 
 def show_models(fitted: Fitted) -> None:
-    """Say what the models are for, and hand them out."""
+    """Say what the models are for, and offer them for download."""
     st.success(
         f"Learned from {len(campaign.tests)} tests and {len(campaign.cae):,} CAE runs. The models are kept for next "
         "time; the page Predict answers any condition at once.",
@@ -69,7 +69,7 @@ def show_models(fitted: Fitted) -> None:
 
 
 def show_predicted(study: Study) -> None:
-    """Say that the predictions are there, and lead to each."""
+    """Say that the predictions are ready, and link to each."""
     st.success("The predictions are ready, and kept for next time.", icon=":material/check_circle:")
     with st.container(horizontal=True):
         for fold in study.folds:

@@ -1,4 +1,4 @@
-"""The command line: parse, call the library, print. Nothing is computed here."""
+"""The command line: parses arguments, calls the library and prints results; it computes nothing itself."""
 
 import argparse
 import io
@@ -16,10 +16,10 @@ _LONGEST_LINE = 2000
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code (0 done, 1 the data are wrong, 2 wrong usage)."""
+    """Run the command line; returns the exit code (0 done, 1 errors in the data, 2 wrong usage)."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a name with letters that the terminal lacks
+            stream.reconfigure(errors="backslashreplace")  # a name with characters that the terminal lacks
     argv = sys.argv[1:] if argv is None else argv
     arguments = parser().parse_args(argv)
     if any(argument == "" or (argument.startswith("--") and argument.endswith("=")) for argument in argv):
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         command(arguments)
         sys.stdout.flush()
-    except BrokenPipeError:  # whoever reads this (head, say) has seen enough
+    except BrokenPipeError:  # the reader of the output (head, say) has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CUT_OFF
     except DataError as error:
@@ -54,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _about_the_system(error: OSError) -> str:
-    """What the system refused, as a sentence."""
+    """An operating-system error as a sentence."""
     reason = (error.strerror or str(error) or type(error).__name__).rstrip(".")
     place = f"{error.filename} cannot be read or written" if error.filename else "something cannot be read or written"
     return f"{place}: {reason[:1].lower()}{reason[1:]}."

@@ -1,4 +1,4 @@
-"""What the command line takes."""
+"""Arguments of the command line."""
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -14,7 +14,7 @@ _AXES = ("--speed-mph", "--front-weight-lb", "--rear-weight-lb")
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line as argparse knows it."""
+    """The argparse parser of the command line."""
     root = argparse.ArgumentParser(
         prog="crashfuse",
         description="Fuse CAE crash pulses with physical full-frontal barrier tests; predict and rate pulses.",
@@ -131,7 +131,7 @@ def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False
 
 
 class _Approaches:
-    """Names of all approaches for the help, looked up only where it is shown: torch comes with them."""
+    """Names of all approaches, looked up only when the help is shown, since that imports torch."""
 
     def __iter__(self) -> Iterator[str]:
         from crashfuse.approaches.registry import APPROACHES
@@ -139,11 +139,11 @@ class _Approaches:
         return iter(APPROACHES)
 
     def __contains__(self, name: object) -> bool:
-        return True  # the library refuses an unknown name itself, in one sentence
+        return True  # the library itself rejects an unknown name, in one sentence
 
 
 def _listed(parse: Callable[[str], T]) -> Callable[[str], list[T]]:
-    """Parser of values separated by commas: a list of words would take the campaign after it for one more."""
+    """Parser of comma-separated values; a space-separated list would swallow the campaign that follows it."""
 
     def values(text: str) -> list[T]:
         return [parse(part) for part in text.split(",")]
@@ -152,7 +152,7 @@ def _listed(parse: Callable[[str], T]) -> Callable[[str], list[T]]:
 
 
 def _one_of(*choices: str) -> Callable[[str], str]:
-    """Parser of a word that is one of these."""
+    """Parser that accepts one of these words."""
 
     def choice(text: str) -> str:
         if text not in choices:
@@ -163,7 +163,7 @@ def _one_of(*choices: str) -> Callable[[str], str]:
 
 
 def _whole(low: int, high: int | None = None) -> Callable[[str], int]:
-    """Parser of a whole number within bounds, for argparse."""
+    """Parser of an integer within bounds, for argparse."""
 
     def whole_number(text: str) -> int:
         number = int(text)

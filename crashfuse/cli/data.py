@@ -1,4 +1,4 @@
-"""Commands on data: the dashboard, the sample, the check of a campaign, the rating of two pulses."""
+"""Commands on data: start the dashboard, write the sample, check a campaign, rate two pulses."""
 
 import argparse
 import json
@@ -25,7 +25,7 @@ def sample(arguments: argparse.Namespace) -> None:
 
 
 def check(arguments: argparse.Namespace) -> None:
-    """Say what a campaign holds."""
+    """Print what a campaign contains."""
     from crashfuse.campaign_folder.folder import load_campaign
 
     campaign = load_campaign(arguments.campaign)

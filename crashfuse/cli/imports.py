@@ -1,4 +1,4 @@
-"""The command that takes foreign files into a campaign."""
+"""The command that imports foreign files into a campaign."""
 
 import argparse
 import math
@@ -11,7 +11,7 @@ _WEIGHTS = {"mass": "of the whole vehicle", "front-weight": "on the front axle",
 
 
 def import_(arguments: argparse.Namespace) -> None:
-    """Add a source to a campaign, and say how its records were read."""
+    """Add a source to a campaign, and print how its records were read."""
     from crashfuse.importing import Choices, ColumnChoice, import_source
     from crashfuse.readers.record import PartialCondition
     from crashfuse.units import KPH, LB, MPH, MS
@@ -50,7 +50,7 @@ def import_(arguments: argparse.Namespace) -> None:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """What the command takes."""
+    """Add the command's options to its parser."""
     parser.add_argument("source", type=Path, metavar="SOURCE", help="a file, a folder or a zip, of one record or many")
     parser.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
     parser.add_argument("--format", choices=tuple(FORMATS), help="default: what the files' names say")

@@ -1,4 +1,4 @@
-"""Commands that learn from all tests of a campaign: train, predict, sweep, next-test."""
+"""Commands that fit approaches to all tests of a campaign: train, predict, sweep, next-test."""
 
 import argparse
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ _BEST = 5
 
 
 def train(arguments: argparse.Namespace) -> None:
-    """Learn from all tests and save the models."""
+    """Fit to all tests and save the models."""
     from crashfuse.campaign_folder.folder import load_campaign
     from crashfuse.cli.progress_bar import watching
     from crashfuse.study.estimate import Fit
@@ -137,7 +137,7 @@ def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mph: f
 
 
 def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
-    """The approaches that are asked for, from saved models if there is a folder of them, else trained."""
+    """Fits of the requested approaches, loaded from a folder of saved models if given, else trained."""
     from crashfuse.approaches.registry import APPROACHES
     from crashfuse.cli.progress_bar import watching
     from crashfuse.execution.cache import Cache

@@ -1,7 +1,7 @@
-"""The folder that a command writes its results to: looked at before anything is computed.
+"""Output folder of a command, checked before anything is computed.
 
-A folder holds results of one kind. Once new ones are written, what older ones of the same kind had beyond them (speed
-groups that the new study was not asked for, say) is removed, so that nothing stale lies beside what is new. Results of
+A folder holds results of one kind. Once new results are written, leftovers of older ones of the same kind (speed
+groups that the new study did not request, say) are removed, so that nothing stale is left beside them. Results of
 another kind are never touched: the command refuses their folder.
 """
 
@@ -14,7 +14,7 @@ from crashfuse.errors import UsageError
 
 
 def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
-    """Refuse a folder that is or lies in a campaign, holds results of another kind, or cannot be written."""
+    """Refuse a folder that is, or lies in, a campaign, holds results of another kind, or is not writable."""
     from crashfuse.reporting.results import RESULT_FILES
 
     if out.resolve().is_relative_to(campaign.resolve()):
@@ -35,7 +35,7 @@ def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
 
 @contextmanager
 def replacing(out: Path, kind: str) -> Iterator[None]:
-    """Write results of this kind in this context; what it leaves as it was of older ones is removed at its end."""
+    """Context for writing results of this kind; on exit, older results that were not overwritten are removed."""
     from crashfuse.reporting.results import RESULT_FILES
 
     *others, mark = (out / name for name in RESULT_FILES[kind])
@@ -49,7 +49,7 @@ def replacing(out: Path, kind: str) -> Iterator[None]:
 
 
 def say_written(out: Path, kind: str) -> None:
-    """Print which files of this kind of result are in a folder."""
+    """Print which files of this kind of result a folder contains."""
     from crashfuse.reporting.results import RESULT_FILES
 
     print(f"Written to {out}: {', '.join(name for name in RESULT_FILES[kind] if (out / name).exists())}")

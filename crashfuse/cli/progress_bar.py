@@ -1,4 +1,4 @@
-"""Progress on standard error: a bar for each step on a terminal, else a few plain lines that a log can hold."""
+"""Progress on standard error: a bar per step on a terminal, otherwise a few plain lines suitable for a log."""
 
 import sys
 from collections.abc import Iterator
@@ -8,18 +8,18 @@ from tqdm import tqdm
 
 from crashfuse.execution.progress import Progress, Watch
 
-_LINES = 4  # a step that is written as lines: at its beginning, and after each of as many parts of it
+_LINES = 4  # parts of a step written as lines: one at its start, and one after each part
 
 
 @contextmanager
 def watching() -> Iterator[Watch]:
-    """Watch whatever is computed in this context, on standard error."""
+    """Show the progress of computations in this context on standard error."""
     with ProgressBar() as bar:
         yield Watch(bar.show)
 
 
 class ProgressBar(AbstractContextManager["ProgressBar"]):
-    """Shows each :class:`Progress` that it is handed; as a context it closes its bars at the end."""
+    """Shows each :class:`Progress` passed to it; as a context manager it closes its bars on exit."""
 
     def __init__(self) -> None:
         self._bars: dict[str, tqdm[None]] = {}
@@ -31,14 +31,14 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
             bar.close()
 
     def show(self, progress: Progress) -> None:
-        """Show how far a step is."""
+        """Show the progress of a step."""
         if self._draw:
             self._move_bar(progress)
         else:
             self._write_line(progress)
 
     def _move_bar(self, progress: Progress) -> None:
-        """Move the bar of this step; a step that begins anew (for the next test) takes its line again."""
+        """Move the bar of this step; a step that starts again (for the next test) reuses its line."""
         bar = self._bars.get(progress.step)
         if bar is None:
             bar = tqdm(
@@ -52,7 +52,7 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
         bar.update(progress.done - bar.n)
 
     def _write_line(self, progress: Progress) -> None:
-        """Write a line if a step has come far enough; one that begins anew (for the next test) is not told again."""
+        """Write a line if a step has progressed enough; one that starts again (for the next test) is not repeated."""
         part = int(_LINES * progress.fraction)
         if part > self._written.get(progress.step, -1):
             self._written[progress.step] = part

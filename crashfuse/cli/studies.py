@@ -1,4 +1,4 @@
-"""The command that leaves tests out: one study, or a series over campaigns, presets and seeds."""
+"""The command that leaves tests out: a single study, or a series over campaigns, presets and seeds."""
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +22,7 @@ _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with a
 
 @dataclass(frozen=True)
 class _Run:
-    """One study of the command, checked, and where it is written."""
+    """One validated study of the command, and its output folder."""
 
     name: str
     out: Path
@@ -30,8 +30,8 @@ class _Run:
 
 
 def study(arguments: argparse.Namespace) -> None:
-    """Leave tests out, predict and rate them: of each campaign, with each preset and seed."""
-    runs = _runs(arguments)  # what is wrong with the last should be known before the first is computed
+    """Leave tests out, predict and rate them, for each campaign, preset and seed."""
+    runs = _runs(arguments)  # errors in the last run are reported before the first is computed
     if len(runs) == 1:
         _finish(runs[0], arguments)
         say_written(arguments.out, "study")
@@ -47,7 +47,7 @@ def study(arguments: argparse.Namespace) -> None:
 
 
 def _runs(arguments: argparse.Namespace) -> list[_Run]:
-    """Every study that is asked for; several have their folders within that of the command."""
+    """Every study requested; if there are several, each has a subfolder of the command's output folder."""
     given: dict[str, Any] = {
         name: value
         for name, value in (
@@ -77,20 +77,20 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
             if not alone:
                 out = out / name / f"{way.get('preset', 'fast')}-seed-{way.get('seed', 0)}"
                 require_output(out, folder, "study")
-            # of a series that was killed, some may not have been begun
+            # in a series that was killed, some may not have been started
             resume = arguments.resume and (alone or (out / "study.json").is_file())
             runs.append(_Run(name, out, _plan(campaign, way, arguments.held_out or (), out if resume else None)))
     return runs
 
 
 def _plan(campaign: "Campaign", given: Mapping[str, Any], held_out: Sequence[str], resumed: Path | None) -> "StudyPlan":
-    """What a study computes, with what is not given from the study that is to be resumed; raises if it cannot be."""
+    """Plan of a study, with settings not given taken from the study to be resumed; raises if it can't be resumed."""
     from crashfuse.reporting.results import read_record
     from crashfuse.study.config import StudyConfig
     from crashfuse.study.plan import StudyPlan
 
     if resumed is None:
-        whole = not held_out and given.get("preset") != "paper"  # a paper fit takes minutes, or a GPU
+        whole = not held_out and given.get("preset") != "paper"  # a paper-preset fit takes minutes, or a GPU
         return StudyPlan(campaign, StudyConfig(**{"leave_out": "both" if whole else "test", **given}), tuple(held_out))
     record = read_record(resumed)
     differing = [name for name, value in given.items() if getattr(record.config, name) != value]
@@ -107,7 +107,7 @@ def _plan(campaign: "Campaign", given: Mapping[str, Any], held_out: Sequence[str
 
 
 def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
-    """Campaign folders by their names, numbered where two have the same."""
+    """Campaign folders by name, numbered where two have the same name."""
     named: dict[str, Path] = {}
     for resolved, folder in {path.resolve(): path for path in campaigns}.items():
         name, number = resolved.name, 1
@@ -119,7 +119,7 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 
 
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
-    """Compute a study, write it and print what came out; returns its means."""
+    """Compute a study, write it and print its results; returns its means."""
     from crashfuse.cli.progress_bar import watching
     from crashfuse.reporting.result_tables import scores_table, studies_table
     from crashfuse.reporting.results import begin_study, write_study
@@ -145,13 +145,13 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
 
 
 def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
-    """Write the series so far, and keep what earlier series in this folder found."""
+    """Write the series so far, and keep the results of earlier series in this folder."""
     import pandas as pd
 
     study = ["campaign", "preset", "seed"]
     fresh, path = pd.concat(tables), folder / "studies.csv"
     kept = fresh.iloc[:0]
-    with suppress(OSError, ValueError, KeyError):  # there is none, or none that can be read
+    with suppress(OSError, ValueError, KeyError):  # there is none, or it can't be read
         older = pd.read_csv(path, dtype={"campaign": str, "held_out": str})
         kept = older[~pd.MultiIndex.from_frame(older[study]).isin(pd.MultiIndex.from_frame(fresh[study]))]
     with _writing(folder, last="studies.csv") as staging:
@@ -162,7 +162,7 @@ def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
 
 
 def _summary(tables: Sequence["pd.DataFrame"]) -> str:
-    """Mean ratings of a series over its longest window, a row a campaign and preset."""
+    """Mean ratings of a series over its longest window, one row per campaign and preset."""
     import pandas as pd
 
     from crashfuse.approaches.registry import LABELS
@@ -176,7 +176,7 @@ def _summary(tables: Sequence["pd.DataFrame"]) -> str:
 
 @contextmanager
 def _writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
-    """Where to write a set of results, which reach their folder together or not at all."""
+    """Temporary folder for a set of results, which reach their own folder all together or not at all."""
     try:
         with written_together(folder, last=last) as staging:
             yield staging

@@ -1,1 +1,1 @@
-"""How long computations run: kept in a cache, spread over workers, watched and cancelled."""
+"""Long computations: cached, distributed over workers, monitored and cancelled."""

@@ -1,4 +1,4 @@
-"""What is computed once is kept on disk: checksummed, written atomically, safe to delete at any time."""
+"""Disk cache of computed results: checksummed, written atomically, safe to delete at any time."""
 
 import hashlib
 import io
@@ -30,7 +30,7 @@ T = TypeVar("T")
 _WRONG_CONTENT = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 """What reading an entry raises that is whole but is not what it should be."""
 
-_PATIENCE_S = 3600.0  # with who computes the same; then it is computed twice
+_PATIENCE_S = 3600.0  # wait for another process computing the same entry; then compute it here, too
 _GLANCE_S = 0.2
 
 
@@ -40,17 +40,17 @@ def default_folder() -> Path:
 
 
 class Cache:
-    """A folder of named arrays, each entry one file: a SHA-256 line, then an ``.npz`` that is never unpickled.
+    """A folder of named arrays, one file per entry: a SHA-256 line, then an ``.npz`` that is never unpickled.
 
     Parameters
     ----------
     folder : Path, optional
-        Default: :func:`default_folder`. It is made at the first write.
+        Default: :func:`default_folder`. It is created at the first write.
 
     Attributes
     ----------
     used : set of str
-        Names of the entries that were found or kept by means of this very object.
+        Names of the entries found or stored through this object.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -58,7 +58,7 @@ class Cache:
         self.used: set[str] = set()
 
     def path(self, kind: str, key: Mapping[str, object]) -> Path:
-        """File of the entry of this kind with this key, whose parts are strings, numbers and frozen configs.
+        """File of the entry of this kind with this key, made of strings, numbers and frozen configs.
 
         The key of a computed result includes the digest of the code that computes it
         (:func:`crashfuse.execution.code_digest.code_digest`).
@@ -67,7 +67,7 @@ class Cache:
         return self.folder / kind / f"{hashlib.sha256(parts.encode()).hexdigest()[:40]}.bin"
 
     def is_cached(self, kind: str, key: Mapping[str, object]) -> bool:
-        """Whether there is an entry under this key; it is not read."""
+        """True if there is an entry under this key; it is not read."""
         return self.path(kind, key).is_file()
 
     def get_or_compute(
@@ -78,14 +78,14 @@ class Cache:
         restore: Callable[[Entry], T],
         watch: Watch = SILENT,
     ) -> T:
-        """Restore a result from the cache, or compute and store it; of several who ask at the same time, one computes.
+        """Restore a result from the cache, or compute and store it; of several concurrent callers, only one computes.
 
         Parameters
         ----------
         compute : callable
-            Returns the result, which is not None, and the arrays to store.
+            Returns the result, which must not be None, and the arrays to store.
         restore : callable
-            Makes the same result from these arrays. An entry with which it fails is discarded and computed again.
+            Rebuilds the same result from these arrays. An entry for which it fails is discarded and computed again.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class Cache:
         result = self.find(kind, key, restore)
         if result is None:
             with self.alone(kind, key, watch):
-                result = self.find(kind, key, restore)  # another process may have come first
+                result = self.find(kind, key, restore)  # another process may have stored it meanwhile
                 if result is None:
                     result, entry = compute()
                     self.put(kind, key, entry)
@@ -113,7 +113,7 @@ class Cache:
             return None
 
     def get(self, kind: str, key: Mapping[str, object]) -> Entry | None:
-        """The arrays kept under this key, or None if there are none or the file is damaged (it is then removed)."""
+        """The arrays stored under this key, or None if there are none or the file is damaged (it is then removed)."""
         path = self.path(kind, key)
         try:
             checksum, _, payload = path.read_bytes().partition(b"\n")
@@ -124,30 +124,30 @@ class Cache:
                 raise ValueError("damaged")
             with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
                 entry = {name: arrays[name] for name in arrays.files}
-        except (ValueError, zipfile.BadZipFile):  # or written by something else under our name
+        except (ValueError, zipfile.BadZipFile):  # also if something else wrote a file of this name
             self.drop(kind, key)
             return None
         self.used.add(self._name(path))
         return entry
 
     def put(self, kind: str, key: Mapping[str, object], entry: Mapping[str, npt.ArrayLike]) -> None:
-        """Keep these arrays under this key, if the folder can be written."""
+        """Store these arrays under this key, if the folder is writable."""
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **{name: np.asarray(value) for name, value in entry.items()})
         payload = buffer.getvalue()
         self._write(self.path(kind, key), hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
 
     def drop(self, kind: str, key: Mapping[str, object]) -> None:
-        """Forget what was kept under this key."""
+        """Delete the entry under this key."""
         with suppress(OSError):
             self.path(kind, key).unlink(missing_ok=True)
 
     @contextmanager
     def alone(self, kind: str, key: Mapping[str, object], watch: Watch = SILENT) -> Iterator[None]:
-        """Within this context no other process or thread is in one for the same entry: who comes second waits.
+        """Context that only one process or thread at a time can hold for an entry; the others wait.
 
-        Look for the entry again inside. The operating system ends the claim of a process that dies. Where files cannot
-        be locked, or who came first stays for an hour, the same is computed twice, and no more than that.
+        Look for the entry again inside. The operating system frees the lock of a process that dies. Where files can't
+        be locked, or the lock is held for an hour, the worst case is that the same result is computed twice.
         """
         path = self.path(kind, key).with_suffix(".lock")
         lock = FileLock(path)
@@ -158,12 +158,12 @@ class Cache:
             yield
         finally:
             if lock.is_locked:
-                with suppress(OSError):  # where open files stay, the next one takes it up
+                with suppress(OSError):  # where open files can't be deleted, the next holder reuses it
                     path.unlink(missing_ok=True)
             lock.release()
 
     def pack(self, names: Iterable[str]) -> dict[str, bytes]:
-        """Give the files of these entries, as they are, to be taken to another cache."""
+        """The raw files of these entries, to be transferred to another cache."""
         files = {}
         for name in sorted(names):
             with suppress(OSError):
@@ -171,7 +171,7 @@ class Cache:
         return files
 
     def unpack(self, files: Mapping[str, bytes]) -> None:
-        """Keep what another cache packed, if the folder can be written."""
+        """Store what another cache packed, if the folder is writable."""
         for name, content in files.items():
             if not (self.folder / name).exists():
                 self._write(self.folder / name, content)
@@ -182,14 +182,14 @@ class Cache:
     def _write(self, path: Path, content: bytes) -> None:
         try:
             write_atomically(path, content)
-        except OSError as error:  # a full disk must not cost what was computed
+        except OSError as error:  # a full disk must not lose the computed result
             log.warning("A result could not be kept in %s: %s", self.folder, error)
         else:
             self.used.add(self._name(path))
 
 
 def _acquire(lock: FileLock, watch: Watch) -> None:
-    """Wait for a lock, but not for ever."""
+    """Wait for a lock, with a time limit."""
     step, start = "Waiting for another process that computes the same", time.monotonic()
     waited = False
     while True:

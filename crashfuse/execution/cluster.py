@@ -1,8 +1,8 @@
-"""The workers of a Dask cluster.
+"""Workers of a Dask cluster.
 
-Dask sends Python objects and code by pickle, both ways: whoever can reach the scheduler, or any worker, can run code on
-all of them and on this machine. So this is for a cluster that you trust, in a network that you trust, and it is used
-where an address is given and nowhere else; the dashboard never does.
+Dask sends Python objects and code by pickle, both ways: anyone who can reach the scheduler, or any worker, can run code
+on all of them and on this machine. So use it only with a cluster and a network that you trust. It is used only where
+an address is given, never by the dashboard.
 """
 
 import logging
@@ -31,22 +31,22 @@ except ModuleNotFoundError as error:
     raise UsageError('A Dask cluster needs an extra: python -m pip install "crashfuse[dask]".') from error
 
 _ADDRESS = re.compile(r"tcp://(\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
-_ANSWER_S = 5.0  # within which a scheduler answers
-_WORKER_S = 30.0  # within which one without workers gets some
-_PACKAGES = ("numpy", "scipy", "scikit-learn", "torch")  # that decide the last bits
-_TASKS = "crashfuse.study.study"  # the module whose functions compute the tasks
+_ANSWER_S = 5.0  # time limit for a scheduler to answer
+_WORKER_S = 30.0  # time limit for a scheduler without workers to get some
+_PACKAGES = ("numpy", "scipy", "scikit-learn", "torch")  # packages that determine the last bits of the results
+_TASKS = "crashfuse.study.study"  # module whose functions compute the tasks
 
-_one_at_a_time = threading.Lock()  # how many threads compute is a setting of the whole process
+_one_at_a_time = threading.Lock()  # the number of threads is a setting of the whole process
 
 
 @contextmanager
 def connected(scheduler: str) -> Iterator["Cluster"]:
-    """Connect to the workers of the Dask scheduler at ``tcp://host:port``; raises if there are none, or unlike ones."""
+    """Connect to the workers of the Dask scheduler at ``tcp://host:port``; raises if there are none or they differ."""
     if not _ADDRESS.fullmatch(scheduler):
         raise UsageError(f"The address of a Dask scheduler looks like tcp://192.0.2.1:8786, not {scheduler!r}.")
     log = logging.getLogger("distributed")
     level = log.level
-    log.setLevel(logging.CRITICAL)  # what matters is raised
+    log.setLevel(logging.CRITICAL)  # what matters is raised as an exception
     try:
         try:
             client = distributed.Client(scheduler, timeout=_ANSWER_S, set_as_default=False)
@@ -68,20 +68,20 @@ def connected(scheduler: str) -> Iterator["Cluster"]:
 class Cluster(Workers):
     """Workers of a Dask scheduler.
 
-    The campaign and what the tasks share is sent to each worker once. A worker stores its results in the cache of its
-    own machine, and they come back into the caller's. Its process computes one task at a time, whatever its threads;
-    Dask submits the task of a worker that died to another one.
+    The campaign and the tasks' shared data are sent to each worker once. A worker stores its results in its own
+    machine's cache, and they are copied to the caller's. Its process computes one task at a time, whatever its threads;
+    Dask resubmits the task of a worker that died to another worker.
     """
 
     scheduler: str
     client: Any
-    deaths = (OSError, CancelledError)  # here: the connection was lost, and with it what had been sent
+    deaths = (OSError, CancelledError)  # the connection was lost, and with it the data sent
 
     @contextmanager
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
     ) -> Iterator[dict[int, Any]]:
-        """As :class:`Workers` has it; a task that was begun is not interrupted, and its worker stores the result."""
+        """See :class:`Workers`; a task that has started is not interrupted, and its worker stores the result."""
         self.check()
         (shared,) = self.client.scatter([(campaign, cache.pack(cache.used))], broadcast=True, hash=False)
         submit, ours = self.client.submit, versions()
@@ -97,7 +97,7 @@ class Cluster(Workers):
                 future.cancel()
 
     def check(self) -> None:
-        """Wait for a lost scheduler to answer again, and for a worker."""
+        """Wait for a lost scheduler to answer again, and for a worker to be available."""
         while self.client.status == "connecting":
             time.sleep(GLANCE_S)
         if self.client.status != "running":
@@ -109,7 +109,7 @@ class Cluster(Workers):
 
 
 def versions() -> dict[str, str]:
-    """Versions of all that decides the numbers."""
+    """Versions of everything that determines the numbers."""
     python = ".".join(platform.python_version_tuple()[:2])
     packages = {name: metadata.version(name) for name in _PACKAGES}
     return {"Python": python, "crashfuse": __version__, "crashfuse's code": code_digest(_TASKS)[:12], **packages}
@@ -126,8 +126,8 @@ def _compare(worker: str, found: Mapping[str, str], wanted: Mapping[str, str]) -
 def _at_worker(
     work: Work[T, R], shared: tuple[Campaign, Mapping[str, bytes]], task: T, wanted: Mapping[str, str]
 ) -> tuple[list[R], dict[str, bytes]]:
-    """Compute a task with what is cached on this machine; returns the caller's share of that, too."""
-    _compare(distributed.get_worker().address, versions(), wanted)  # it may have come late
+    """Compute a task with this machine's cache; also returns the files for the caller's cache."""
+    _compare(distributed.get_worker().address, versions(), wanted)  # the worker may have joined late
     campaign, files = shared
     cache = Cache()
     with _one_at_a_time:

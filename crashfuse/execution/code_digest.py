@@ -1,4 +1,4 @@
-"""Which code computes a number: a cached result is used again only by code that would compute the same."""
+"""Digest of the code that computes a number: a cached result is reused only by code that would compute the same."""
 
 import ast
 import hashlib
@@ -10,15 +10,15 @@ from pathlib import Path
 from crashfuse.execution.cache import Cache
 
 _PACKAGE = Path(__file__).parents[1]
-_NOT_COMPUTING = {"execution", "files", "errors", "version"}  # they run, store and report, but decide no number
+_NOT_COMPUTING = {"execution", "files", "errors", "version"}  # they run, store and report, but determine no numbers
 
 
 @cache
 def code_digest(module: str, package: Path = _PACKAGE) -> str:
-    """Digest of a module, named in full, and of every module of this package that it imports, directly or not.
+    """Digest of a module, given by its full name, and of every module of this package that it imports, even indirectly.
 
-    Comments, docstrings and layout do not count, nor does code that only runs or stores computations. A module outside
-    the package is represented by its name alone.
+    Comments, docstrings and layout are ignored, and so is code that only runs or stores computations. A module outside
+    the package is represented by its name only.
     """
     key = {"module": module, "sources": _sources_digest(package), "python": platform.python_version()}
 
@@ -31,12 +31,12 @@ def code_digest(module: str, package: Path = _PACKAGE) -> str:
 
 @cache
 def _sources_digest(package: Path) -> str:
-    """Digest of all files of the package as they are."""
+    """Digest of all files of the package, byte for byte."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(package.rglob("*.py")))).hexdigest()
 
 
 def _parsed_digest(module: str, package: Path) -> str:
-    """Digest of a module and of all that it imports, from their syntax trees."""
+    """Digest of a module and all its imports, from their syntax trees."""
     waiting, digests = [module], {}
     while waiting:
         name = waiting.pop()
@@ -57,14 +57,14 @@ def _source(module: str, package: Path) -> Path | None:
 
 @cache
 def _stripped(path: Path) -> tuple[str, tuple[str, ...]]:
-    """Digest of a file without comments and docstrings, and all that it might import of its package."""
+    """Digest of a file without comments and docstrings, and everything in the package that it might import."""
     tree = ast.parse(path.read_bytes())
     imports = tuple(_strip(tree))
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imports
 
 
 def _strip(node: ast.AST) -> Iterator[str]:
-    """Remove texts that stand alone from all blocks of statements; yields the names that are imported there."""
+    """Remove string statements (docstrings) from all blocks; yields the names imported there."""
     for field in ("body", "orelse", "finalbody", "handlers", "cases"):
         block = getattr(node, field, None)
         if not isinstance(block, list):  # a lambda's body, say

@@ -1,4 +1,4 @@
-"""How long computations tell what they do, and are told to stop."""
+"""Progress reports of long computations, and how they are cancelled."""
 
 import threading
 from collections.abc import Callable, Mapping
@@ -9,7 +9,7 @@ from crashfuse.errors import Cancelled
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """One report: ``done`` of ``total`` units of ``step``, and numbers worth showing (a loss, say)."""
+    """One report: ``done`` of ``total`` units of ``step``, and values worth showing (a loss, say)."""
 
     step: str
     done: int
@@ -18,12 +18,12 @@ class Progress:
 
     @property
     def fraction(self) -> float:
-        """Share of the step that is done, 0 to 1."""
+        """Fraction of the step that is done, 0 to 1."""
         return self.done / self.total if self.total else 1.0
 
 
 class Watch:
-    """Handed to everything that takes long: it reports here, and here it learns that it should stop.
+    """Passed to every long computation, which reports its progress to it and is cancelled through it.
 
     ``on_progress`` is called at each report, in the computing thread; once ``cancel`` is set, the next report raises
     :class:`crashfuse.errors.Cancelled`.
@@ -36,7 +36,7 @@ class Watch:
         self._cancel = cancel
 
     def report(self, step: str, done: int, total: int, **values: float) -> None:
-        """Tell how far ``step`` is."""
+        """Report how far ``step`` is."""
         if self._cancel is not None and self._cancel.is_set():
             raise Cancelled(f"Stopped on request during: {step}.")
         if self._on_progress is not None:

@@ -1,7 +1,7 @@
-"""Who computes the tasks of a study: this process, other processes on this machine, or a Dask cluster.
+"""Workers that compute the tasks of a study: this process, other processes on this machine, or a Dask cluster.
 
-The numbers are the same, to the bit on machines of one kind. A worker that dies costs only the task it was computing:
-another worker takes that up, and whatever was finished is in the cache.
+The numbers are identical, bit for bit on machines of the same kind. If a worker dies, only its current task is lost:
+another worker takes it over, and finished results are in the cache.
 """
 
 import logging
@@ -39,13 +39,13 @@ Work = Callable[[Campaign, T, Cache, Watch], list[R]]
 """Computes one task of a campaign; importable in another process, as its tasks can be pickled."""
 
 RESUME = "Whatever was finished is in the cache: the same command with --resume continues from there"
-_LIVES = 3  # how often in a row workers may die before anything gets done
-GLANCE_S = 0.1  # between two looks at what is awaited
+_LIVES = 3  # deaths of workers in a row, with nothing finished, before giving up
+GLANCE_S = 0.1  # interval at which pending tasks are polled
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 class Workers(ABC):
-    """Who computes tasks. Of ``deaths`` are exceptions that mean that a worker died: its task is submitted again."""
+    """Base class of workers. Exceptions in ``deaths`` mean that a worker died: its task is submitted again."""
 
     deaths: ClassVar[tuple[type[Exception], ...]]
 
@@ -53,13 +53,13 @@ class Workers(ABC):
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
     ) -> AbstractContextManager[dict[int, Any]]:
-        """Submit tasks; returns joblib's or Dask's futures. Those that are left when the context ends are cancelled.
+        """Submit tasks; returns joblib's or Dask's futures. Unfinished ones are cancelled when the context ends.
 
-        The result of a future is what the work returned, and files for the caller's cache.
+        A future's result is what the work returned, and files for the caller's cache.
         """
 
-    def check(self) -> None:  # noqa: B027 - processes of this machine can always be started
-        """Raise if no worker is left and none will come."""
+    def check(self) -> None:  # noqa: B027 - processes on this machine can always be started
+        """Raise if no worker is left and none is expected."""
 
     def completed(
         self,
@@ -67,12 +67,12 @@ class Workers(ABC):
         campaign: Campaign,
         tasks: Sequence[T],
         cache: Cache,
-        watch: Watch,  # noqa: ARG002 - what a task reports stays in its process
+        watch: Watch,  # noqa: ARG002 - progress of tasks in other processes is not reported
     ) -> Generator[list[R]]:
-        """Yield what the work returns for each task once it is done, in any order; now and then an empty list.
+        """Yield the results of each task once it is done, in any order; occasionally an empty list.
 
-        What was :attr:`~crashfuse.execution.cache.Cache.used` of the cache is what all tasks share. The watch is told
-        what a task does, if that is done in this process. Raises if workers die again and again.
+        Entries :attr:`~crashfuse.execution.cache.Cache.used` so far are what all tasks share. The watch is told
+        about tasks computed in this process only. Raises if workers die repeatedly.
         """
         left, lives = dict(enumerate(tasks)), _LIVES
         while left:
@@ -89,7 +89,7 @@ class Workers(ABC):
                         if not done:
                             self.check()
                             time.sleep(GLANCE_S)
-                            yield []  # the caller may want to stop
+                            yield []  # lets the caller stop
             except self.deaths as error:
                 lives -= 1
                 if not lives:
@@ -102,7 +102,7 @@ class Workers(ABC):
 
 @dataclass(frozen=True, slots=True)
 class Local(Workers):
-    """Processes on this machine, by default one for each core; if one is enough, it is this one."""
+    """Processes on this machine, one per core by default; if one is enough, this process itself."""
 
     processes: int | None = None
     deaths = (BrokenProcessPool,)
@@ -110,22 +110,22 @@ class Local(Workers):
     def completed(
         self, work: Work[T, R], campaign: Campaign, tasks: Sequence[T], cache: Cache, watch: Watch
     ) -> Generator[list[R]]:
-        """As :class:`Workers` has it."""
+        """See :class:`Workers`."""
         if min(self.processes or joblib.cpu_count(), len(tasks)) > 1:
             return Workers.completed(self, work, campaign, tasks, cache, watch)
-        return (work(campaign, task, cache, watch) for task in tasks)  # other processes take seconds to start
+        return (work(campaign, task, cache, watch) for task in tasks)  # starting other processes takes seconds
 
     @contextmanager
     def submitted(
         self, work: Work[T, R], campaign: Campaign, tasks: Mapping[int, T], cache: Cache
     ) -> Iterator[dict[int, Any]]:
-        """As :class:`Workers` has it; the processes share the campaign's memory, and live on for the next study."""
+        """See :class:`Workers`; the processes share the campaign's memory, and are reused by the next study."""
         n = min(self.processes or joblib.cpu_count(), len(tasks))
         executor = get_reusable_executor(n, timeout=60, initializer=_begin, initargs=(os.getpid(),), env=_ONE_THREAD)
         with tempfile.TemporaryDirectory(prefix="crashfuse-", ignore_cleanup_errors=True) as folder:
             file = Path(folder, "campaign")
             joblib.dump(campaign, file)
-            with warnings.catch_warnings():  # of workers that joblib renews when they have grown
+            with warnings.catch_warnings():  # joblib warns when it replaces workers whose memory has grown
                 warnings.filterwarnings("ignore", category=UserWarning, module="joblib")
                 try:
                     yield {n: executor.submit(_in_process, work, file, task, cache) for n, task in tasks.items()}
@@ -138,18 +138,18 @@ def _in_process(work: Work[T, R], file: Path, task: T, cache: Cache) -> tuple[li
     return work(_campaign(file), task, cache, SILENT), {}
 
 
-# arrays are read from the campaign's file when they are needed: all processes share one copy
+# arrays are read from the campaign's file on demand, so that all processes share one copy
 _campaign = lru_cache(maxsize=1)(partial(joblib.load, mmap_mode="r"))
 
 
 def _begin(parent: int) -> None:
-    """Make a worker leave Ctrl-C to its parent, and end with it."""
+    """Make a worker ignore Ctrl-C, which its parent handles, and end when its parent does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
 def _end_with(parent: int) -> None:
-    """Wait for the end of the parent, which may have been killed, and end."""
+    """Wait for the parent to end, which may have been killed, then exit."""
     if sys.platform == "win32":
         if (process := multiprocessing.parent_process()) is not None:
             process.join()

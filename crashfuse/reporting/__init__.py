@@ -1,1 +1,1 @@
-"""What a result looks like: tables, files, figures and reports."""
+"""Presentation of results: tables, files, figures and reports."""

@@ -1,4 +1,4 @@
-"""Predicted pulses in the forms that other programs read: Parquet, and ISO-MME for an occupant model."""
+"""Predicted pulses in formats for other programs: Parquet, and ISO-MME for an occupant model."""
 
 import io
 from collections.abc import Sequence
@@ -18,12 +18,12 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.version import __version__
 
 _FILTER_LETTERS = {1000.0: "A", 600.0: "B", 180.0: "C", 60.0: "D"}
-_SPECIAL = "S"  # see the channel's header
+_SPECIAL = "S"  # ISO-MME code, explained in the channel's header
 _BOUNDS = (("lower", "01"), ("upper", "02"))
 
 
 def parquet_bytes(table: pd.DataFrame) -> bytes:
-    """Return a table as a Parquet file: float64 with all digits, text as dictionaries, empty cells as nulls."""
+    """Return a table as a Parquet file: float64 at full precision, text as dictionaries, empty cells as nulls."""
     arrow = pa.Table.from_pandas(table, preserve_index=False).replace_schema_metadata(None)
     for at, field in enumerate(arrow.schema):
         if pa.types.is_string(field.type) or pa.types.is_large_string(field.type):
@@ -34,13 +34,13 @@ def parquet_bytes(table: pd.DataFrame) -> bytes:
 
 
 def isomme_prediction(campaign: Campaign, estimates: Sequence[Estimate], name: str = "prediction") -> dict[str, bytes]:
-    """Write what is predicted at one condition as an ISO-MME test that says in its header that it is none.
+    """The prediction at one condition as an ISO-MME test, whose header states that it is not a measurement.
 
-    The vehicle's X channels of each approach: acceleration (``AC``), the bounds of its central 95 % interval where it
-    has one, and velocity (``VA``) and displacement (``DV``) integrated from the acceleration. In a code such as
-    ``10VEHC000201ACXD`` the second fine location counts the approaches in their order, the third is 00 for the pulse,
+    Holds the vehicle's X channels of each approach: acceleration (``AC``), bounds of its central 95 % interval if it
+    has any, and velocity (``VA``) and displacement (``DV``) integrated from the acceleration. In a code such as
+    ``10VEHC000201ACXD`` the second fine location numbers the approaches in order, the third is 00 for the pulse,
     01 for the lower and 02 for the upper bound; the channel's name and comments say so too. The filter class is that
-    of the campaign's records (D: CFC 60), S where they were taken as they are. Codes: ISO/TS 13499, see
+    of the campaign's records (D: CFC 60), or S if they were used as they are. Codes: ISO/TS 13499, see
     :mod:`crashfuse.readers.isomme`.
 
     Returns
@@ -51,7 +51,7 @@ def isomme_prediction(campaign: Campaign, estimates: Sequence[Estimate], name: s
     Raises
     ------
     UsageError
-        If there is no estimate, or they are not all at one condition.
+        If there is no estimate, or they are at different conditions.
     """
     conditions = {estimate.prediction.condition for estimate in estimates}
     if len(conditions) != 1:
@@ -97,7 +97,7 @@ def isomme_prediction(campaign: Campaign, estimates: Sequence[Estimate], name: s
 
 
 def _channels(number: int, estimate: Estimate, campaign: Campaign) -> list[Channel]:
-    """The channels of the approach with this number."""
+    """The channels of the approach with this number in the list."""
     prediction, label = estimate.prediction, LABELS[estimate.approach]
     pulse = np.asarray(prediction.accel_mps2, dtype=np.float64)
     motion = kinematics(pulse, prediction.condition.speed_mps, DT_S)

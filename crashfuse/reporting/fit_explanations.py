@@ -1,4 +1,4 @@
-"""How a fit went and what its band is worth, in sentences and tables for pages and reports."""
+"""Explanations of a fit's quality and the reliability of its band, as sentences and tables for pages and reports."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -15,7 +15,7 @@ _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration"}
 
 
 def coverage_table(coverage: Mapping[str, Calibration]) -> pd.DataFrame:
-    """One row an approach: shares of time inside the band, and counts of tests; for people, so all text."""
+    """One row per approach: shares of time inside the band, and counts of tests; all text, for display."""
     return pd.DataFrame(
         {
             "Approach": LABELS[name],
@@ -30,7 +30,7 @@ def coverage_table(coverage: Mapping[str, Calibration]) -> pd.DataFrame:
 
 
 def fit_table(state: Mapping[str, Any]) -> pd.DataFrame:
-    """Hyperparameters of a bias model with how well they are known; empty for an approach that has none."""
+    """Hyperparameters of a bias model and their uncertainty; empty for an approach without any."""
     spread, touched = state.get("spread_factors", {}), state.get("touched_bounds", [])
     return pd.DataFrame(
         {
@@ -44,7 +44,7 @@ def fit_table(state: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:
-    """How the fit of an approach went and what its band is worth, in sentences; none for one without a fit."""
+    """Sentences on the quality of an approach's fit and the reliability of its band; empty without a fit."""
     sentences = []
     if "hyperparameters" in state:
         verdict = "no more than noise: treat the result as uncorrected" if state["dead"] else "more than noise"
@@ -74,7 +74,7 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
 
 
 def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:
-    """Remarks of the approaches, each once, with the labels of those that make it."""
+    """Each note once, with the labels of the approaches it applies to."""
     makers: dict[str, list[str]] = {}
     for estimate in estimates:
         for note in estimate.prediction.notes:

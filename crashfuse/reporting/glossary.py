@@ -1,4 +1,4 @@
-"""Terms that pages and reports explain once each."""
+"""Definitions of terms that pages and reports explain once each."""
 
 TTZV = (
     "Time of zero velocity (TTZV): the vehicle has come to rest, its crush is at its maximum, and rebound begins. "

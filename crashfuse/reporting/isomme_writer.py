@@ -1,4 +1,4 @@
-"""Writing an ISO-MME test: the files that :mod:`crashfuse.readers.isomme` reads back to the same numbers."""
+"""Writer of ISO-MME tests: :mod:`crashfuse.readers.isomme` reads the files back to the same numbers."""
 
 from collections.abc import Iterable, Iterator
 from textwrap import wrap
@@ -7,13 +7,13 @@ import numpy as np
 
 from crashfuse.readers.isomme_channels import NO_VALUE, Channel, IsommeTest, Pairs
 
-_NAME_WIDTH, _VALUE_WIDTH = 28, 51  # with the colon the 80 characters that a line may have
+_NAME_WIDTH, _VALUE_WIDTH = 28, 51  # with the colon, the 80 characters allowed in a line
 
 
 def isomme_files(test: IsommeTest) -> dict[str, bytes]:
-    """Write a test as ISO-MME files: content by relative path (with ``/``), in the order of the folder.
+    """Write a test as ISO-MME files: content by relative path (with ``/``), in folder order.
 
-    Long comments go over several lines, since a line may have 80 characters. Samples are written with all their digits.
+    Long comments are split over several lines of at most 80 characters. Samples are written at full precision.
     """
     folder = f"{test.name}/Channel/{test.name}"
     listed = [("Instrumentation standard", ""), ("Number of channels", str(len(test.channels)))]
@@ -64,7 +64,7 @@ def _channel_header(channel: Channel) -> list[tuple[str, str]]:
 
 def _lines(descriptors: Pairs) -> Iterator[str]:
     for name, value in descriptors:
-        flat = " ".join(value.split())  # a line break in a name would begin another descriptor
+        flat = " ".join(value.split())  # a line break in a name would start another descriptor
         for part in (wrap(flat, _VALUE_WIDTH, break_on_hyphens=False) if name == "Comments" else [flat]) or [""]:
             yield f"{name:<{_NAME_WIDTH}}:{part or NO_VALUE}"
 

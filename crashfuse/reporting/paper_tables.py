@@ -1,4 +1,4 @@
-"""The paper's tables of ratings: by test, approach and window, the best in bold (Tables 3 and 5)."""
+"""The paper's tables of ratings by test, approach and window, with the best in bold (Tables 3 and 5)."""
 
 from collections.abc import Mapping
 
@@ -17,17 +17,17 @@ MEAN = "Mean"
 
 
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
-    """Overall ratings in the form of the paper's Tables 3 and 5, with the mean over the tests at the foot.
+    """Overall ratings in the form of the paper's Tables 3 and 5, with the mean over the tests in the last rows.
 
     Parameters
     ----------
     rows : mapping of str to str
-        Approaches, and what they are called: :data:`TABLE_3` or :data:`TABLE_5`; those not in the study are left out.
+        Labels by approach: :data:`TABLE_3` or :data:`TABLE_5`; those not in the study are left out.
 
     Returns
     -------
     DataFrame
-        Indexed by test and approach, a column each window ("(0, 20) ms"), unrounded.
+        Indexed by test and approach, one column per window ("(0, 20) ms"), unrounded.
     """
     config = study.config
     columns = {window: f"(0, {window:g}) ms" for window in config.windows_ms}
@@ -43,6 +43,6 @@ def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
 
 
 def best(table: pd.DataFrame) -> pd.DataFrame:
-    """Which of a test's ratings over a window is the highest, as it is shown: to three digits. Same shape, bool."""
+    """Mask of the highest rating of each test and window, compared as shown, to three digits. Same shape, bool."""
     shown = table.round(3)
     return shown == shown.groupby(level=0, sort=False).transform("max")

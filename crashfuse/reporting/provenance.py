@@ -1,4 +1,4 @@
-"""Where a result comes from: data, settings, versions, and the command that reproduces it."""
+"""Provenance of a result: data, settings, versions, and the command that reproduces it."""
 
 import platform
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _PACKAGES = ("numpy", "scipy", "scikit-learn", "torch", "pandas", "plotly")
 
 
 def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> dict[str, object]:
-    """What has to be known to reproduce a result, as plain JSON values."""
+    """Everything needed to reproduce a result, as plain JSON values."""
     versions = {name: metadata.version(name) for name in _PACKAGES}
     return {
         "crashfuse": __version__,
@@ -38,7 +38,7 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
 
 
 def study_command(campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> str:
-    """The command line that reproduces a study; folders are the reader's own."""
+    """The command line that reproduces a study; the reader fills in the folders."""
     tests = "" if tuple(held_out) == campaign.test_ids else f" --held-out {' '.join(map(_quoted, held_out))}"
     windows = " ".join(f"{window:g}" for window in config.windows_ms)
     way = config.leave_out.replace(" ", "-")

@@ -1,4 +1,4 @@
-"""The numbers of a study or a prediction as the tables that are written to files."""
+"""Tables of the numbers of a study or prediction, as written to files."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
@@ -14,7 +14,7 @@ from crashfuse.units import MS, G
 
 
 def scores_table(study: Study) -> pd.DataFrame:
-    """One row a held-out test, approach and window: overall rating, its four parts, its grade."""
+    """One row per held-out test, approach and window: overall rating, its four parts, its grade."""
     return pd.DataFrame(
         {"held_out": fold.held_out, "approach": approach, "window_ms": window, **asdict(rating)}
         for fold in study.folds
@@ -24,9 +24,9 @@ def scores_table(study: Study) -> pd.DataFrame:
 
 
 def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
-    """One row a study, way to leave tests out, approach and window: mean and least overall rating of its tests.
+    """One row per study, way of leaving tests out, approach and window: mean and lowest overall rating of its tests.
 
-    Studies come with the name of their campaign.
+    Each study comes with the name of its campaign.
     """
     parts = []
     for name, study in studies:
@@ -44,7 +44,7 @@ def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
 def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
     """Predicted pulses in ms and g with the central 95 % band, empty where an approach has none.
 
-    Estimates come with the id of the held-out test, or an empty text for a new condition.
+    Each estimate comes with the id of the held-out test, or an empty string for a new condition.
     """
     return pd.concat(
         [_pulse_rows(held_out, estimate.approach, estimate.prediction) for held_out, estimate in estimates]
@@ -52,7 +52,7 @@ def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
 
 
 def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]]) -> pd.DataFrame:
-    """Pulse metrics, one row each, from (held-out test, approach or ``test``, metrics)."""
+    """Pulse metrics, one per row, from (held-out test, approach or ``test``, metrics)."""
     return pd.DataFrame(
         [
             (held_out, approach, m.name, m.value, m.lower, m.upper, m.unit)

@@ -1,4 +1,4 @@
-"""Writes the files of a study, a prediction, a sweep or a ranking: tables, settings and report."""
+"""Writers of the files of a study, prediction, sweep or ranking: tables, settings and report."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -30,7 +30,7 @@ Content = bytes | dict[str, bytes] | None
 
 @dataclass(frozen=True, slots=True)
 class StudyRecord:
-    """What ``study.json`` says of a study before it ends: enough to continue one that was killed."""
+    """Content of ``study.json`` before a study ends: enough to continue one that was killed."""
 
     fingerprint: str
     held_out: tuple[str, ...]
@@ -38,13 +38,13 @@ class StudyRecord:
 
 
 def begin_study(folder: Path, plan: StudyPlan) -> None:
-    """Note in ``study.json`` what is about to be computed, so that it can be resumed."""
+    """Record in ``study.json`` what is about to be computed, so that it can be resumed."""
     record = provenance(plan.campaign, plan.held_out, plan.config)
     write_atomically(folder / "study.json", _json({**record, "finished": False}))
 
 
 def read_record(folder: Path) -> StudyRecord:
-    """Read what was being computed in this folder; raises if it holds no study, or a damaged ``study.json``."""
+    """Read which study was being computed in this folder; raises if there is none or ``study.json`` is damaged."""
     path = folder / "study.json"
     if not path.is_file():
         raise UsageError(f"There is no study to resume in {folder}: it has no study.json. Leave out --resume.")
@@ -63,7 +63,7 @@ def write_study(study: Study, folder: str | Path) -> None:
     """Write the results of a study.
 
     ``scores.csv``, ``pulses.csv``, ``metrics.csv``, ``report.html``; ``speed_groups.csv``, the scores with whole speed
-    groups left out, if that was asked for; and, last, ``study.json``.
+    groups left out, if requested; and, last, ``study.json``.
 
     Raises
     ------
@@ -76,11 +76,11 @@ def write_study(study: Study, folder: str | Path) -> None:
 def write_prediction(
     campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig, folder: str | Path
 ) -> pd.DataFrame:
-    """Write what is predicted at one new condition; returns the metrics.
+    """Write the prediction at one new condition; returns the metrics.
 
     ``pulses.csv`` and ``.parquet``, ``metrics.csv``, ``report.html``, ``isomme/`` with the pulses as channels of an
-    ISO-MME test, and ``prediction.json`` with the condition, whether it lies outside the CAE runs, what rating may be
-    expected, and how the fits went.
+    ISO-MME test, and ``prediction.json`` with the condition, whether it lies outside the CAE runs, the expected
+    rating, and how the fits went.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""What the dashboard's pages share; the only place in the package that imports Streamlit."""
+"""Code shared by the dashboard's pages; the only part of the package that imports Streamlit."""

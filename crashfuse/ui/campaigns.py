@@ -1,4 +1,4 @@
-"""The campaigns that this server has open, each read once for all sessions."""
+"""Campaigns open on this server, each read once and shared by all sessions."""
 
 import os
 import tempfile
@@ -20,9 +20,9 @@ _opening = threading.Lock()
 
 @st.cache_resource
 def open_campaigns() -> dict[str, Path | None]:
-    """Folders that can be chosen, by their names: the sample, the one named at the start, those opened since.
+    """Folders to choose from, by name: the sample, the campaign given at start-up, and those opened since.
 
-    A link to a view can ask for one of these names, never for a path.
+    A link can ask for one of these names, never for a path.
     """
     folders: dict[str, Path | None] = {SAMPLE: None}
     if at_start := os.environ.get("CRASHFUSE_CAMPAIGN"):
@@ -36,10 +36,10 @@ def at_start() -> str | None:
 
 
 def open_folder(folder: Path) -> str:
-    """Read a folder and, if it holds a sound campaign, open it; returns its name."""
+    """Read a folder and, if it holds a valid campaign, open it; returns its name."""
     try:
         folder = folder.expanduser().resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # no such home, a name that no folder can have
+    except (OSError, RuntimeError, ValueError) as error:  # no such home directory, or an invalid folder name
         raise _unreadable(folder, error) from error
     read(folder)
     with _opening:
@@ -47,12 +47,12 @@ def open_folder(folder: Path) -> str:
 
 
 def load(name: str) -> Campaign:
-    """The open campaign of this name, read anew only if its files have changed."""
+    """The open campaign of this name, read again only if its files have changed."""
     return read(open_campaigns()[name] or _sample_folder())
 
 
 def read(folder: Path) -> Campaign:
-    """The campaign in this folder, its arrays shared by all sessions and read-only; a DataError says what is wrong."""
+    """The campaign in this folder, its arrays read-only and shared by all sessions; a DataError says what is wrong."""
     try:
         return _read(folder, _stamp(folder))
     except OSError as error:
@@ -60,12 +60,12 @@ def read(folder: Path) -> Campaign:
 
 
 def is_sample(folder: Path) -> bool:
-    """Whether a folder is the sample's or lies in it: nothing is ever added there."""
+    """True if a folder is the sample's or lies inside it: nothing may be added there."""
     return bool({folder, *folder.parents} & {_SHIPPED.resolve(), (default_folder() / SAMPLE).resolve()})
 
 
 def _put(folder: Path, folders: dict[str, Path | None]) -> str:
-    """Enter a folder under its own name, numbered if another has it; returns the name."""
+    """Register a folder under its own name, numbered if that name is taken; returns the name."""
     for name, other in folders.items():
         if other == folder:
             return name
@@ -86,7 +86,7 @@ def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001 
 
 
 def _stamp(folder: Path) -> tuple[object, ...]:
-    """Name, size and time of every file that a campaign can consist of: changes whenever one of them does."""
+    """Name, size and time of every file that can belong to a campaign: changes whenever one of them does."""
     patterns = ("tests.csv", "cae.csv", "campaign.toml", "*_pulses.*", "tests/*", "cae/*")
     files = sorted(path for pattern in patterns for path in folder.glob(pattern))
     return tuple((path.name, stat.st_size, stat.st_mtime_ns) for path in files for stat in [path.stat()])
@@ -101,5 +101,5 @@ def _sample_folder() -> Path:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
             write_sample(Path(scratch) / "sample")
-            (Path(scratch) / "sample").rename(folder)  # whole or not at all
+            (Path(scratch) / "sample").rename(folder)  # all or nothing
     return folder

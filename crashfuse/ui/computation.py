@@ -1,4 +1,4 @@
-"""What this server has computed, and how a page has something computed: the jobs behind the pages."""
+"""Jobs behind the pages: what this server has computed, and how a page requests a computation."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -29,17 +29,17 @@ from crashfuse.ui.jobs import Job, Jobs
 
 @st.cache_resource(show_spinner=False)
 def jobs() -> Jobs:
-    """The server's one queue of jobs."""
+    """The server's single job queue."""
     return Jobs()
 
 
 T = TypeVar("T")
 
-_PATIENCE_S = 3.0  # for what is in the cache; if it takes longer, its progress is shown
+_PATIENCE_S = 3.0  # to read from the cache; after that, progress is shown
 
 
 class _Lookups:
-    """Searches of the cache on disk: one at a time, and each key again only once another job has ended."""
+    """Lookups in the disk cache: one at a time, and each key again only after another job has ended."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
@@ -53,12 +53,12 @@ def _lookups() -> _Lookups:
 
 @st.cache_resource(show_spinner=False)
 def _folds() -> WeakValueDictionary[Hashable, Fold]:
-    """Folds of all studies that the server still has: one that was rated for some list of tests serves any other."""
+    """Folds of all studies still in memory, so that a fold computed for one list of tests serves any other."""
     return WeakValueDictionary()
 
 
 def chosen_config() -> StudyConfig:
-    """The settings made on the page Train, else the defaults."""
+    """The settings made on the Train page, else the defaults."""
     state = st.session_state
     return StudyConfig(
         approaches=tuple(name for name in APPROACHES if name in (state.get("approaches") or APPROACHES)),
@@ -70,38 +70,38 @@ def chosen_config() -> StudyConfig:
 
 
 class Request(ABC, Generic[T]):
-    """Something that can be computed, whoever asks for it: names one job."""
+    """A computation that any page can request; identifies one job."""
 
     @property
     @abstractmethod
     def key(self) -> Hashable:
-        """Equal for equal data and for equal settings of those that decide the result, wherever the files lie."""
+        """Equal for equal data and equal result-relevant settings, wherever the files are."""
 
     @property
     @abstractmethod
     def title(self) -> str:
-        """What the user calls it."""
+        """Title shown to the user."""
 
     @abstractmethod
     def work(self, watch: Watch) -> T:
-        """Compute it."""
+        """Compute the result."""
 
     def in_cache(self) -> bool:
-        """Whether the cache on disk has what takes long."""
+        """True if the slow part of the result is in the disk cache."""
         return False
 
     def start(self) -> None:
-        """Queue it, unless it is queued or done already."""
+        """Queue the job unless it is already queued or done."""
         jobs().start(self.key, self.title, self.work)
 
     def find(self) -> Job[T] | None:
-        """The job; if there is none, it starts at once where the cache on disk has what takes long."""
+        """The job, if any; it is started at once if the slow part of its result is in the disk cache."""
         if (job := jobs().get(self.key)) is not None:
             return job
-        with _lookups().lock:  # who comes second waits for the answer
+        with _lookups().lock:  # a second caller waits for the answer
             if _lookups().ended_before.get(self.key) == jobs().ended:
                 return jobs().get(self.key)
-            with st.spinner("Looking for earlier results …"), suppress(CrashfuseError):  # whoever starts it is told
+            with st.spinner("Looking for earlier results …"), suppress(CrashfuseError):  # starting the job shows it
                 if self.in_cache():
                     job = jobs().start(self.key, self.title, self.work, at_once=True)
                     job.wait(_PATIENCE_S)
@@ -111,7 +111,7 @@ class Request(ABC, Generic[T]):
 
 @dataclass(frozen=True)
 class StudyRequest(Request[Study]):
-    """Which tests of a campaign to leave out in turn, and how; names one job, whoever asks for it."""
+    """Which tests of a campaign to leave out in turn, and with which settings."""
 
     campaign: Campaign
     held_out: tuple[str, ...]
@@ -133,7 +133,7 @@ class StudyRequest(Request[Study]):
         return all(self._is_known(way, test_id) for way in self.config.split_configs for test_id in self.held_out)
 
     def _is_known(self, way: StudyConfig, test_id: str) -> bool:
-        """Whether another study has this fold, or its predictions are in the cache on disk."""
+        """True if another study has this fold, or its predictions are in the disk cache."""
         if fold_key(self.campaign, way, test_id) in _folds():
             return True
         training, condition = way.training_campaign(self.campaign, test_id), self.campaign.test(test_id).condition
@@ -143,22 +143,22 @@ class StudyRequest(Request[Study]):
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Approaches that have learned from all tests of a campaign and answer any condition at once."""
+    """Approaches fitted to all tests of a campaign, ready to predict any condition at once."""
 
     fits: tuple[Fit, ...]
 
     def estimates(self, condition: Condition) -> list[Estimate]:
-        """What each of them expects at a condition."""
+        """Each approach's estimate at a condition."""
         return estimates_at(self.fits, condition)
 
     def models(self, campaign: Campaign) -> bytes:
-        """The fitted approaches as files, zipped: unpacked into a folder, ``crashfuse predict --models`` takes them."""
+        """The fitted approaches as a zip; ``crashfuse predict --models`` takes the unpacked folder."""
         return zipped({model_file(fit.approach.name): model_bytes(fit, campaign) for fit in self.fits})
 
 
 @dataclass(frozen=True)
 class FitRequest(Request[Fitted]):
-    """Fit approaches on all tests of a campaign, for predictions at new conditions and for saved models."""
+    """Fit approaches to all tests of a campaign, to predict new conditions and to save the models."""
 
     campaign: Campaign
     config: StudyConfig
@@ -175,7 +175,7 @@ class FitRequest(Request[Fitted]):
     def work(self, watch: Watch) -> Fitted:  # noqa: D102
         names = self.config.approaches
         fitted = Fitted(tuple(Fit.of(self.campaign, name, self.config, watch=watch) for name in names))
-        fitted.estimates(self.campaign.tests[0].condition)  # what the first answer needs and all others share
+        fitted.estimates(self.campaign.tests[0].condition)  # computes what all later answers share
         return fitted
 
     def in_cache(self) -> bool:  # noqa: D102
@@ -184,14 +184,14 @@ class FitRequest(Request[Fitted]):
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
-def answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - who was fitted
-    """What each approach expects at a condition, kept for a while: a page asks again at every click."""
+def answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fit
+    """Each approach's estimate at a condition, cached for a while because a page asks again at every click."""
     return _fitted.estimates(condition)
 
 
 @dataclass(frozen=True)
 class SweepRequest(Request[tuple[Sweep, ...]]):
-    """Predict over impact speed with approaches that have learned from a campaign."""
+    """Predict over impact speed with approaches fitted to a campaign."""
 
     request: FitRequest
     fitted: Fitted

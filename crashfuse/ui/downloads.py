@@ -1,4 +1,4 @@
-"""Buttons that save files; each file is made when it is asked for."""
+"""Download buttons; each file is made on request."""
 
 import io
 import zipfile
@@ -9,12 +9,12 @@ import streamlit as st
 
 
 def download_table(name: str, table: Callable[[], pd.DataFrame]) -> None:
-    """Button that saves a table as a CSV file of this name."""
+    """Button that downloads a table as a CSV file of this name."""
     download_bytes(name, lambda: table().to_csv(index=False).encode(), mime="text/csv")
 
 
 def download_report(write: Callable[[], str], name: str = "report.html") -> None:
-    """Button that saves a report, which takes seconds to write."""
+    """Button that downloads a report, which takes seconds to write."""
     st.download_button(
         name, lambda: write().encode(), file_name=name, mime="text/html", icon=":material/description:",
         on_click="ignore", help="One file, opens without a network, prints on paper.",
@@ -22,12 +22,12 @@ def download_report(write: Callable[[], str], name: str = "report.html") -> None
 
 
 def download_bytes(name: str, write: Callable[[], bytes], mime: str | None = None) -> None:
-    """Button that saves a file of any kind."""
+    """Button that downloads a file of any kind."""
     st.download_button(name, write, file_name=name, mime=mime, icon=":material/download:", on_click="ignore")
 
 
 def zipped(files: Mapping[str, bytes]) -> bytes:
-    """Files by relative path, as one zip."""
+    """Zip archive of files given by relative path."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():

@@ -1,4 +1,4 @@
-"""What a page says about its numbers: recommendation, settings, terms, remarks of the approaches, how fits went."""
+"""Explanations on a page: recommendation, settings, glossary, notes of the approaches, quality of the fits."""
 
 from collections.abc import Collection, Iterable, Sequence
 
@@ -17,12 +17,12 @@ from crashfuse.ui.text import plain
 
 
 def show_recommendation(sentences: Sequence[str]) -> None:
-    """Show what is recommended and why."""
+    """Show the recommendation and the reasons for it."""
     st.info("\n\n".join(plain(sentence) for sentence in sentences), icon=":material/lightbulb:")
 
 
 def show_grade(grade: str) -> None:
-    """Show a grade word on the colour it has in every table and figure."""
+    """Show a grade word in the colour it has in every table and figure."""
     st.html(
         f'<span style="background: {GRADE_COLOURS[grade]}; color: #000; padding: 0.1rem 0.6rem; border-radius: 4px">'
         f"{grade}</span>"
@@ -30,7 +30,7 @@ def show_grade(grade: str) -> None:
 
 
 def show_settings(config: StudyConfig, *, left_out: bool = False) -> None:
-    """Say under which settings the numbers came about, and what LF stands for where it is named."""
+    """State the settings behind the numbers, and explain LF where it is mentioned."""
     terms = f" {glossary.LF}" if "lf_tcn" in config.approaches else ""
     group = left_out and config.leave_out == "speed group"
     beside = " Every test at about the speed of a held-out test is left out with it." if group else ""
@@ -40,12 +40,12 @@ def show_settings(config: StudyConfig, *, left_out: bool = False) -> None:
 
 
 def patience(config: StudyConfig, usually: str) -> str:
-    """How long a computation takes: as usual, unless the settings are the paper's."""
+    """Typical duration of a computation, adjusted if the settings are the paper's."""
     return usually if config.preset == "fast" else "With the paper's settings this takes many hours without a GPU."
 
 
 def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], unit: Unit) -> None:
-    """Show pulse metrics by column (the test, an approach), and why numbers are missing."""
+    """Show pulse metrics by column (the test, an approach), and explain missing numbers."""
     st.subheader("Pulse metrics", help=glossary.TTZV)
     st.table(page_tables.metrics(columns, unit), border="horizontal")
     for sentence in missing_sentences(columns):
@@ -54,7 +54,7 @@ def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], unit: Unit) ->
 
 
 def show_notes(estimates: Iterable[Estimate], said: Collection[str] = ()) -> None:
-    """List the approaches' remarks, each once with those who make it, without what the page has ``said`` already."""
+    """List each note once, with the approaches it applies to; notes already ``said`` on the page are left out."""
     makers = {note: names for note, names in notes_by_makers(estimates).items() if note not in said}
     if makers:
         st.subheader("Notes")
@@ -62,7 +62,7 @@ def show_notes(estimates: Iterable[Estimate], said: Collection[str] = ()) -> Non
 
 
 def show_fits(estimates: Iterable[Estimate]) -> None:
-    """Tell how the fits went, folded away: few ask, but who asks needs it all."""
+    """Show how the fits went, in a collapsed section: few readers need it, but those need all of it."""
     for estimate in estimates:
         if sentences := fit_sentences(estimate.state):
             with st.expander(f"How the fit went: {LABELS[estimate.approach].lower()}"):

@@ -1,4 +1,4 @@
-"""Figures on a page: in its theme, with a text for those who can't see them, drawn once for all sessions."""
+"""Figures on a page: in its theme, with alternative text, drawn once for all sessions."""
 
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any
@@ -17,7 +17,7 @@ _TOOLS = {
 
 
 def choose(label: str, options: Sequence[str], key: str, default: str | None = None) -> str:
-    """Ask which of some figures or tasks to show, the first by default; the choice lasts as long as the session."""
+    """Let the user choose one of some figures or tasks, the first by default; the choice lasts for the session."""
     choice: str = st.segmented_control(
         label, options, default=default or options[0], required=True, key=key, persist_state="session",
         label_visibility="collapsed",
@@ -26,17 +26,17 @@ def choose(label: str, options: Sequence[str], key: str, default: str | None = N
 
 
 def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:
-    """Show a figure with the tools of use on a curve; ``alt`` says what it shows."""
+    """Show a figure with the tools that are useful on a curve; ``alt`` is its alternative text."""
     st.plotly_chart(_in_theme(figure), alt=alt, key=key, theme=None, config=_TOOLS)
 
 
 def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable) -> None:
-    """As :func:`show_figure`, but drawn once for all sessions; ``key`` is all that decides what is drawn."""
+    """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
     st.plotly_chart(_cached(key, st.context.theme.type == "dark", draw), alt=alt, theme=None, config=_TOOLS)
 
 
 def show_clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[str], None]) -> bool:
-    """Show a figure and tell ``on_click`` what its clicked mark stands for; returns whether one was clicked."""
+    """Show a figure and pass the value of a clicked mark to ``on_click``; returns True if one was clicked."""
 
     def take() -> None:
         for point in _points(st.session_state[key]):
@@ -48,7 +48,7 @@ def show_clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[st
     return bool(_points(event))
 
 
-def _points(event: Any) -> list[str]:  # noqa: ANN401 - Streamlit gives it two forms
+def _points(event: Any) -> list[str]:  # noqa: ANN401 - Streamlit returns two forms
     return [str(point["customdata"]) for point in event["selection"]["points"] if point.get("customdata")]
 
 

@@ -1,4 +1,4 @@
-"""The frame around every page: how it begins, the choices in the sidebar, the notice of a synthetic campaign."""
+"""Frame of every page: page set-up, the sidebar's choices, and the notice that a campaign is synthetic."""
 
 from collections.abc import Iterable
 from contextvars import ContextVar
@@ -17,13 +17,13 @@ from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
 from crashfuse.units import MPH
 
-_NOT_FOUND = "not found"  # in the session: what its link asked for in vain
-REFUSED = "refused"  # in the session: what is wrong with the campaign that was last tried
+_NOT_FOUND = "not found"  # session key: what the link asked for and was not found
+REFUSED = "refused"  # session key: what is wrong with the campaign last tried
 
 
 @dataclass(frozen=True)
 class View:
-    """What the user has chosen in the sidebar."""
+    """The user's choices in the sidebar."""
 
     campaign: Campaign
     held_out: CrashTest
@@ -31,7 +31,7 @@ class View:
 
 
 class _Choice:
-    """What the sidebar found out in this run of the script: a view, or why there is none."""
+    """Outcome of the sidebar in this script run: a view, or the reason why there is none."""
 
     view: View | None = None
     problems: tuple[Problem, ...] = ()
@@ -41,9 +41,9 @@ _choice: ContextVar[_Choice | None] = ContextVar("choice", default=None)
 
 
 def route() -> None:
-    """Set up the frame and run the page that the address names; app.py does nothing else."""
+    """Set up the frame and run the page given in the address; this is all that app.py does."""
     page = navigate()
-    if not page.url_path:  # the bare address
+    if not page.url_path:  # the address without a page
         page.run()
     token = _choice.set(_sidebar())
     try:
@@ -53,10 +53,10 @@ def route() -> None:
 
 
 def enter() -> View | None:
-    """Begin a page: its view, or None while no campaign is open.
+    """Start a page and return its view, or None while no campaign is open.
 
-    On a server that nobody has used yet, Streamlit runs the page that a link names without app.py; it is sent through
-    app.py then.
+    On a server that nobody has used yet, Streamlit runs a linked page without app.py; the page is then routed through
+    app.py.
     """
     choice = _choice.get()
     if choice is None:
@@ -72,7 +72,7 @@ def enter() -> View | None:
 
 
 def enter_with_campaign(title: str) -> View:
-    """Begin a page that can do nothing without a campaign: without one it says what to do, and ends there."""
+    """Start a page that needs a campaign; without one, say what to do and stop."""
     view = enter()
     st.title(title)
     if view is None:
@@ -84,7 +84,7 @@ def enter_with_campaign(title: str) -> View:
 
 
 def offer_sample() -> None:
-    """The one button that a newcomer needs."""
+    """Show the one button that a newcomer needs: load the sample."""
     st.button(
         "Load the sample campaign",
         type="primary",
@@ -95,13 +95,13 @@ def offer_sample() -> None:
 
 
 def choose_campaign(name: str) -> None:
-    """Select one of the open campaigns; to be called from a callback, before the sidebar is drawn."""
+    """Select one of the open campaigns; call it from a callback, before the sidebar is drawn."""
     st.session_state["campaign"] = name
     _forget()
 
 
 def choose_held_out(test: CrashTest) -> None:
-    """Select the test to be held out; to be called from a callback, before the sidebar is drawn."""
+    """Select the test to hold out; call it from a callback, before the sidebar is drawn."""
     st.session_state["held_out"] = _label(test)
     _forget()
 
@@ -168,9 +168,9 @@ def _label(test: CrashTest) -> str:
 
 
 def _note_if_missing(parameter: str, known: Iterable[str], sentence: str) -> None:
-    """Note if the link that began this session asks for what is not there.
+    """Record that the link that started this session asks for something that does not exist.
 
-    Streamlit drops from an address what no widget has an option for, so this comes before the widget.
+    Streamlit removes from the address any value that a widget has no option for, so this runs before the widget.
     """
     asked, noted = st.query_params.get(parameter), f"{parameter} of the link"
     if asked and noted not in st.session_state and asked not in known:
@@ -179,16 +179,16 @@ def _note_if_missing(parameter: str, known: Iterable[str], sentence: str) -> Non
 
 
 def _forget() -> None:
-    """Drop what could not be had: the user has chosen something else."""
+    """Clear the messages about what was not found or refused: the user has chosen something else."""
     st.session_state.pop(_NOT_FOUND, None)
     st.session_state.pop(REFUSED, None)
 
 
 @st.fragment(run_every=2.0)
 def _keep_up(theme: str | None) -> None:
-    """Follow what changes without a click: what the server computes, wherever it was started, and the theme.
+    """Update what changes without a click: computations on the server, whoever started them, and the theme.
 
-    Figures are drawn on the server, in the colours of the theme that the browser had then.
+    Figures are drawn on the server, in the colours of the theme that the browser had at the time.
     """
     if st.context.theme.type != theme:
         st.rerun()

@@ -1,6 +1,6 @@
 """Computations in the background: queued, watched and cancelled from any page, shared by all sessions.
 
-A job knows nothing of Streamlit. Its thread writes plain numbers and a page reads them whenever it likes; closing or
+A job knows nothing of Streamlit. Its thread writes plain numbers, and a page reads them at any time; closing or
 reloading the page changes nothing.
 """
 
@@ -18,7 +18,7 @@ from crashfuse.execution.progress import Progress, Watch
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 T = TypeVar("T")
 
-_KEPT = 24  # finished jobs; a whole study keeps some 120 MB, one test 5 MB
+_KEPT = 24  # finished jobs; a whole study takes about 120 MB, one test 5 MB
 _CURVE_POINTS = 1000
 
 log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Step:
-    """One step of a job: how far it is, when it began, and what it has reported."""
+    """One step of a job: its progress, start time and reported values."""
 
     progress: Progress
     started: float
@@ -37,12 +37,12 @@ class Step:
 
     @property
     def finished(self) -> bool:
-        """Whether all of it is done."""
+        """True if the whole step is done."""
         return self.progress.done >= self.progress.total
 
     @property
     def remaining_s(self) -> float | None:
-        """Seconds to go at the pace so far, or None as long as that is unknown."""
+        """Seconds to go at the current pace, or None while unknown."""
         done = self.progress.done - self.first_done
         if done <= 0:
             return None
@@ -59,12 +59,12 @@ class Step:
 
 
 class Job(Generic[T]):
-    """A computation, its progress and its outcome; the title says what is computed, for the user."""
+    """A computation, its progress and its outcome; the title tells the user what is computed."""
 
     def __init__(self, title: str, work: Callable[[Watch], T]) -> None:
         self.title = title
         self.state: State = "waiting"
-        self.steps: dict[str, Step] = {}  # every step so far, in the order of their start
+        self.steps: dict[str, Step] = {}  # every step so far, in order of start
         self.result: T | None = None  # what the work returned, once done
         self.message = ""  # one sentence on why it failed
         self._work: Callable[[Watch], T] | None = work
@@ -73,25 +73,25 @@ class Job(Generic[T]):
 
     @property
     def active(self) -> bool:
-        """Whether it waits or runs."""
+        """True if it is waiting or running."""
         return self.state in ("waiting", "running")
 
     @property
     def cancelling(self) -> bool:
-        """Whether it was told to stop and has not stopped yet."""
+        """True if it was told to stop but has not stopped yet."""
         return self.active and self._cancel.is_set()
 
     def cancel(self) -> None:
-        """Ask it to stop, which it does at its next report."""
+        """Ask it to stop, which it does at its next progress report."""
         self._cancel.set()
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Wait until it has ended; False if it has not in time."""
+        """Wait until it has ended; False on timeout."""
         return self._ended.wait(timeout_s)
 
     def run(self) -> None:
-        """Compute; whatever goes wrong becomes the job's state and message."""
-        work, self._work = self._work, None  # what the work refers to is not kept alive
+        """Compute; any error becomes the job's state and message."""
+        work, self._work = self._work, None  # so that the objects the work refers to can be freed
         self.state = "running"
         try:
             if self._cancel.is_set():
@@ -112,7 +112,7 @@ class Job(Generic[T]):
 
     def _report(self, progress: Progress) -> None:
         step = self.steps.get(progress.step)
-        if step is None or progress.done < step.progress.done:  # new, or the same thing for the next test
+        if step is None or progress.done < step.progress.done:  # a new step, or the same step for the next test
             self.steps.pop(progress.step, None)
             now = time.monotonic()
             step = self.steps[progress.step] = Step(progress, now, progress.done, now)
@@ -120,9 +120,9 @@ class Job(Generic[T]):
 
 
 class Jobs:
-    """The queue: one job at a time, first come, first served; results of the latest ones are kept.
+    """The queue: one job at a time, first come, first served; the latest results are kept.
 
-    ``ended`` counts the queued jobs that have ended.
+    ``ended`` counts the jobs that were queued and have ended.
     """
 
     def __init__(self) -> None:
@@ -130,21 +130,21 @@ class Jobs:
         self._lock = threading.Lock()
         self._jobs: dict[Hashable, Job[Any]] = {}
         self._queue: queue.SimpleQueue[Job[Any]] = queue.SimpleQueue()
-        # a daemon, for Ctrl-C has to end the server even in mid-training
+        # a daemon thread, so that Ctrl-C ends the server even during training
         threading.Thread(target=self._serve, name="crashfuse-jobs", daemon=True).start()
 
     def get(self, key: Hashable) -> Job[Any] | None:
-        """The job of this key, if there is one."""
+        """The job with this key, if there is one."""
         return self._jobs.get(key)
 
     @property
     def active(self) -> list[Job[Any]]:
-        """Jobs that run or wait, in their order."""
+        """Running and waiting jobs, in order."""
         with self._lock:
             return [job for job in self._jobs.values() if job.active]
 
     def start(self, key: Hashable, title: str, work: Callable[[Watch], T], *, at_once: bool = False) -> Job[T]:
-        """Queue some work, or return the job that does it or has done it; what is short may start at once."""
+        """Queue some work, or return the job that is doing it or has done it; short work may start at once."""
         with self._lock:
             job = self._jobs.get(key)
             if job is not None and (job.state == "done" or (job.active and not job.cancelling)):

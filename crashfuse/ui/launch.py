@@ -1,4 +1,4 @@
-"""Starting the dashboard's server in this process, so that whoever ends the one ends the other."""
+"""Start of the dashboard's server in this process, so that stopping the process stops the server."""
 
 import os
 from pathlib import Path
@@ -10,13 +10,13 @@ _PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in
 
 
 def launch(port: int, campaign: Path | None) -> None:
-    """Serve the dashboard on 127.0.0.1 until it is interrupted; a campaign is a folder to open at the start."""
+    """Serve the dashboard on 127.0.0.1 until interrupted; ``campaign`` is a folder to open at start-up."""
     if "CRASHFUSE_CACHE" in os.environ:
         os.environ["CRASHFUSE_CACHE"] = str(Path(os.environ["CRASHFUSE_CACHE"]).resolve())
     if campaign is not None:
         os.environ["CRASHFUSE_CAMPAIGN"] = str(campaign.resolve())
-    os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # where the pages and settings lie
-    options = {  # those of config.toml on which safety rests, too: here no setting of the user's own outdoes them
+    os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # the folder with the pages and settings
+    options = {  # includes the security settings of config.toml, which the user's own settings can't override here
         "server.address": "127.0.0.1",
         "server.port": port,
         "server.showEmailPrompt": "false",

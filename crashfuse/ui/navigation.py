@@ -1,4 +1,4 @@
-"""The five pages, the way between them, and the look of the window around them."""
+"""The five pages, navigation between them, and the look of the window."""
 
 import streamlit as st
 from streamlit.navigation.page import Page
@@ -11,16 +11,16 @@ _PAGES = {
     "predict": ("Predict", ":material/trending_up:"),
 }
 
-# drawn here, for Streamlit would fetch an icon of its own font from the internet for the browser's tab
+# drawn here: an icon from Streamlit's own font would make the browser fetch the tab's icon from the internet
 _PULSE = '<path d="M3 7h5c3 0 3 12 6 17s3-9 5-9 3 9 5 9 2-17 5-17" fill="none" stroke="%s" stroke-width="3"/>'
 _ICON = f'<svg viewBox="0 0 32 32"><rect width="32" height="32" rx="6" fill="#0B5CAD"/>{_PULSE % "#FFFFFF"}</svg>'
-_BLUE = "#2B7CCB"  # reads on the light and on the dark page
+_BLUE = "#2B7CCB"  # legible on light and dark pages
 _LOGO = (
     f'<svg viewBox="0 0 156 32" width="156" height="32">{_PULSE % _BLUE}<text x="40" y="23" font-size="23" '
     f'font-weight="600" font-family="Helvetica, Arial, sans-serif" fill="{_BLUE}">crashfuse</text></svg>'
 )
-# Streamlit writes white on the accent colour, which in the dark is too light for it; on the first visit of a browser
-# its sidebar is narrower than asked for, and three windows would not stand side by side
+# Streamlit writes white on the accent colour, which is too light for it in the dark theme; on a browser's first visit
+# the sidebar is narrower than requested, and three windows would not fit side by side
 _STYLE = (
     '<style>button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F) }'
     '[data-testid="stSidebar"] [data-testid="stButtonGroup"] button { padding-inline: 0.6rem }</style>'
@@ -37,8 +37,8 @@ def pages() -> dict[str, Page]:
 
 
 def navigate() -> Page:
-    """Set up window and navigation; returns the page that the address names."""
-    # before the navigation, which would have the browser fetch the page's icon for its tab from the internet
+    """Set up the window and navigation; returns the page given in the address."""
+    # before the navigation, which would otherwise make the browser fetch the tab's icon from the internet
     st.set_page_config(page_icon=_ICON, layout="wide", initial_sidebar_state=_SIDEBAR_PX)
     home = st.Page(_open_first_page, title="Data", default=True, visibility="hidden")
     page = st.navigation([home, *pages().values()])
@@ -49,7 +49,7 @@ def navigate() -> Page:
 
 
 def open_page(name: str) -> None:
-    """Turn to a page; what is bound to widgets stays in the session, not in the address."""
+    """Switch to a page; widget values stay in the session, not in the address."""
     st.switch_page(pages()[name], query_params={})
 
 

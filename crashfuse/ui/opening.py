@@ -1,4 +1,4 @@
-"""The ways to open a campaign of one's own: a folder, files that are dropped, and what can be imported."""
+"""Ways to open the user's own campaign: a folder, dropped files, or files that can be imported."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -18,7 +18,7 @@ _ROUND = "uploads so far"
 
 
 def show_open_forms() -> None:
-    """Both ways to open a campaign of one's own, and what was wrong with the last."""
+    """Show both ways to open the user's own campaign, and what was wrong with the last attempt."""
     folder, upload = st.columns(2, gap="large")
     with folder.form("open folder", border=False):
         st.text_input(
@@ -58,7 +58,7 @@ def show_open_forms() -> None:
 
 
 def _attempt(open_it: Callable[[], str | Source]) -> None:
-    """Open a campaign and turn to it, or begin to import; what is wrong is kept for the page to show."""
+    """Open a campaign and switch to it, or start an import; errors are kept for the page to show."""
     st.session_state.pop(frame.REFUSED, None)
     try:
         opened = open_it()
@@ -73,13 +73,13 @@ def _attempt(open_it: Callable[[], str | Source]) -> None:
 
 def _open_folder() -> None:
     """Open the folder that was typed in."""
-    text = st.session_state["folder"].strip().strip('"')  # as file managers copy a path
+    text = st.session_state["folder"].strip().strip('"')  # file managers may copy a path in quotes
     if text:
         _attempt(lambda: _campaign_or_source(Path(text)))
 
 
 def _campaign_or_source(path: Path) -> str | Source:
-    """Open a campaign folder; a folder that is none, but can be imported, is a source."""
+    """Open a campaign folder; a folder that is not a campaign, but can be imported, is a source."""
     if _is_file(path):
         return _source_or_advice(path)
     try:
@@ -93,13 +93,13 @@ def _campaign_or_source(path: Path) -> str | Source:
 
 
 def _is_file(path: Path) -> bool:
-    with suppress(OSError, RuntimeError, ValueError):  # no such home, a name that no file can have
+    with suppress(OSError, RuntimeError, ValueError):  # no such home directory, or an invalid file name
         return path.expanduser().is_file()
     return False
 
 
 def _source_or_advice(file: Path) -> Source:
-    """Begin to import a file; what cannot be imported may be a campaign that is to be opened another way."""
+    """Start the import of a file; if it cannot be imported, it may be a campaign that has to be opened another way."""
     try:
         return source_at(file.expanduser())
     except (DataError, OSError) as error:
@@ -112,7 +112,7 @@ def _source_or_advice(file: Path) -> Source:
 
 
 def _open_upload() -> None:
-    """Open what was dropped, and empty the field if it was sound."""
+    """Open the dropped files, and empty the field if they were valid."""
     files = st.session_state[f"files {st.session_state.get(_ROUND, 0)}"]
     _attempt(lambda: open_uploads(files))
     if frame.REFUSED not in st.session_state:

@@ -1,4 +1,4 @@
-"""Tables of the pages, in the reader's words and units; the numbers come from the library."""
+"""Tables of the pages, in the reader's terms and units; the numbers come from the library."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -23,12 +23,12 @@ _PARTS = ("corridor", "phase", "magnitude", "slope")
 
 
 def window_label(window_ms: float) -> str:
-    """How a rated window is named."""
+    """Label of a rated window."""
     return f"0–{window_ms:g} ms"
 
 
 def conditions(campaign: Campaign) -> Styler:
-    """Every test with its condition, its paired CAE run and how the uncorrected run rates over each window."""
+    """Every test with its condition, its paired CAE run, and the rating of the uncorrected run over each window."""
     return _coloured(_conditions(campaign.fingerprint, campaign))
 
 
@@ -38,7 +38,7 @@ def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa:
     for test in campaign.tests:
         condition, run = test.condition, campaign.cae.paired_run(test.condition)
         row: dict[str, str] = {"Test": test.id, "Speed (mph)": f"{condition.speed_mps / MPH:.1f}"}
-        # what is asked for first: the rest may lie beyond the edge of a narrow page
+        # the most important first: the rest may be cut off on a narrow page
         by_window: dict[float, Rating] = {}
         if run is not None:
             pulse = Pulse(GRID_S, campaign.cae.accel_mps2[run])
@@ -57,7 +57,7 @@ def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa:
 
 
 def ratings(by_approach: Mapping[str, Mapping[float, Rating]], window_ms: float) -> Styler:
-    """Overall rating with its grade, approach by window, and the four parts of the rating over one of them."""
+    """Overall rating with its grade by approach and window, and the four parts of the rating over one window."""
     return _coloured(
         pd.DataFrame(
             {
@@ -74,7 +74,7 @@ def ratings(by_approach: Mapping[str, Mapping[float, Rating]], window_ms: float)
 
 
 def mean_ratings(study: Study) -> Styler:
-    """Overall rating averaged over the held-out tests, approach by window."""
+    """Overall rating averaged over the held-out tests, by approach and window."""
     return _coloured(
         pd.DataFrame(
             {
@@ -87,17 +87,17 @@ def mean_ratings(study: Study) -> Styler:
 
 
 def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
-    """Ratings by test, approach and window in the form of the paper's tables, the best in bold."""
+    """Ratings by test, approach and window in the form of the paper's tables, best in bold."""
     table = rating_table(study, rows)
     bold = best(table).reset_index(drop=True).map(lambda is_best: "font-weight: 700" if is_best else "")
     shown = table.map("{:.3f}".format).reset_index()
     marks = bold.reindex(columns=shown.columns, fill_value="")
-    shown["Test"] = shown["Test"].where(~shown["Test"].duplicated(), "")  # named once, as in the paper
+    shown["Test"] = shown["Test"].where(~shown["Test"].duplicated(), "")  # each named once, as in the paper
     return _plain(shown).apply(lambda _: marks, axis=None)
 
 
 def metrics(columns: Iterable[tuple[str, Sequence[Metric]]], unit: Unit = "g") -> Styler:
-    """Pulse metrics, a column each for the test and every approach, with the 95 % interval in brackets."""
+    """Pulse metrics, one column each for the test and every approach, with the 95 % interval in brackets."""
     table: dict[str, dict[str, str]] = {}
     for heading, values in columns:
         for metric in (_in_unit(metric, unit) for metric in values):
@@ -107,7 +107,7 @@ def metrics(columns: Iterable[tuple[str, Sequence[Metric]]], unit: Unit = "g") -
 
 
 def next_tests(ranked: Sequence[NextTest]) -> Styler:
-    """Ranked tests, what they are chosen by first."""
+    """Ranked tests, with the ranking criterion first."""
     table = next_tests_table(ranked)
     first = ["rank", "speed (mph)", "gain (%)", "extrapolation"]
     table = table[[*first, *table.columns.drop(first)]].rename(columns=str.capitalize)
@@ -117,7 +117,7 @@ def next_tests(ranked: Sequence[NextTest]) -> Styler:
 
 
 def _in_unit(metric: Metric, unit: Unit) -> Metric:
-    """A metric that is an acceleration in this unit; others as they are."""
+    """A metric in this unit if it is an acceleration; others unchanged."""
     if metric.unit != "g" or unit == "g":
         return metric
     value, lower, upper = (None if n is None else n * G for n in (metric.value, metric.lower, metric.upper))
@@ -129,7 +129,7 @@ def _graded(overall: float) -> str:
 
 
 def _coloured(table: pd.DataFrame) -> Styler:
-    """Colour every cell that ends in a grade word; the word itself stays, for those who can't see the colour."""
+    """Colour every cell that ends in a grade word; the word stays, for those who can't see the colour."""
 
     def style(cell: object) -> str:
         colour = GRADE_COLOURS.get(str(cell).rpartition(" ")[2])

@@ -1,4 +1,4 @@
-"""Progress of a job as it runs, and what a page shows until there is a result."""
+"""Progress of a running job, and what a page shows until there is a result."""
 
 from typing import Any, TypeVar
 
@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 
 def result_of(request: Request[T], *, invitation: str, button: str) -> T:
-    """The result of a request; as long as there is none, the page shows how to get it and ends."""
+    """The result of a request; until there is one, the page shows how to get it and stops."""
     result = result_or_none(request, invitation=invitation, button=button)
     if result is None:
         st.stop()
@@ -24,7 +24,7 @@ def result_of(request: Request[T], *, invitation: str, button: str) -> T:
 
 
 def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | None:
-    """As :func:`result_of`, but the page goes on without it."""
+    """Like :func:`result_of`, but the page continues without a result."""
     job = request.find()
     if job is not None and job.result is not None:
         return job.result
@@ -39,7 +39,7 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
 
 
 def stop_with_a_single_test(campaign: Campaign) -> None:
-    """End a page that leaves tests out, with an explanation, if there is only one test."""
+    """If there is only one test, end a page that leaves tests out, with an explanation."""
     if len(campaign.tests) > 1:
         return
     st.info(
@@ -52,7 +52,7 @@ def stop_with_a_single_test(campaign: Campaign) -> None:
 
 
 def show_end(job: Job[Any]) -> None:
-    """One line on how a job ended."""
+    """Show in one line how a job ended."""
     if job.state == "failed":
         st.error(job.message, icon=":material/error:")
     elif job.state == "cancelled":
@@ -63,7 +63,7 @@ def show_end(job: Job[Any]) -> None:
 
 @st.fragment(run_every=1.0)
 def show_job(job: Job[Any]) -> None:
-    """Show the progress of a job; once it has ended, the page is drawn again."""
+    """Show the progress of a job; once it has ended, the page is redrawn."""
     if not job.active:
         st.rerun()
     with st.container(border=True):
@@ -102,7 +102,7 @@ def _show_step(name: str, step: Step) -> None:
 
 
 def duration(seconds: float) -> str:
-    """A duration as a person would say it."""
+    """A duration in everyday words."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     if seconds < 5400:

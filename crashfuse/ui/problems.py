@@ -1,4 +1,4 @@
-"""What was refused and why, row by row."""
+"""Tables of data problems: what was rejected and why, row by row."""
 
 import re
 from collections.abc import Sequence
@@ -11,18 +11,18 @@ import streamlit as st
 from crashfuse.errors import Problem
 from crashfuse.ui.text import plain
 
-_MOST_ROWS = 50  # shown; the file to download has all
+_MOST_ROWS = 50  # shown; the downloaded file has all
 _OPTION = re.compile(r" \([^()]*--[^()]*\)")
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def problem_table(problems: Sequence[Problem]) -> pd.DataFrame:
-    """One row of text a problem: where it is, what was expected there, what was found, what to do."""
+    """One row of text per problem: location, what was expected, what was found, what to do."""
     return pd.DataFrame([_cells(problem, "" if problem.row is None else str(problem.row)) for problem in problems])
 
 
 def short_table(problems: Sequence[Problem]) -> pd.DataFrame:
-    """The same with neighbours that differ by the row alone in one, as rows 2–21."""
+    """The same table, with neighbouring problems that differ only in the row merged, as in rows 2–21."""
     return pd.DataFrame(
         [
             _cells(problem, _rows([same.row for same in alike if same.row is not None]))
@@ -43,7 +43,7 @@ def _cells(problem: Problem, rows: str) -> dict[str, str]:
 
 
 def advice_on_page(problem: Problem) -> str:
-    """What to do, without the command line's options: here are fields for them."""
+    """Advice without the command line's options, which are fields on the page."""
     advice = _OPTION.sub("", problem.advice)
     return advice[:1].upper() + advice[1:]
 
@@ -61,9 +61,9 @@ def show_problems(
     *,
     place: str = "",
 ) -> None:
-    """Show everything that is wrong with the data, and offer it as a file for whoever has to mend them.
+    """Show all problems in the data, and offer them as a file for whoever has to fix them.
 
-    The same problems may be shown at two places of a page.
+    The same problems may be shown in two places on a page.
     """
     count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
     st.error(f"**{what}: {count}.** {result}", icon=":material/error:")
@@ -84,5 +84,5 @@ def show_problems(
 
 
 def _no_formula(cell: str) -> str:
-    """A cell that no spreadsheet takes for a formula: it may hold a stranger's file name."""
+    """A cell that no spreadsheet takes for a formula: it may hold a file name from an untrusted source."""
     return f"'{cell}" if cell.startswith(_FORMULA) else cell

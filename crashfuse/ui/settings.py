@@ -1,4 +1,4 @@
-"""How approaches are fitted: which of them, the preset, seed and device; other pages take the same settings."""
+"""Settings of the fits: approaches, preset, seed and device; other pages use the same settings."""
 
 import streamlit as st
 import torch
@@ -11,7 +11,7 @@ from crashfuse.ui.computation import chosen_config
 
 
 def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
-    """Ask for the settings, with what is left out beside a test where tests are; whether an approach is chosen."""
+    """Ask for the settings, including what else is left out if tests are; second is whether an approach is chosen."""
     chosen = st.pills(
         "Approaches", APPROACHES, selection_mode="multi", default=APPROACHES, format_func=LABELS.__getitem__,
         key="approaches", persist_state="session",

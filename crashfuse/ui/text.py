@@ -1,4 +1,4 @@
-"""Text from strangers on a page: a file's name, a cell, a campaign's own words."""
+"""Untrusted text on a page: a file's name, a table cell, the texts of a campaign."""
 
 import string
 
@@ -6,5 +6,5 @@ _MARKS = {ord(char): f"\\{char}" for char in string.punctuation}
 
 
 def plain(text: str) -> str:
-    """Text that Markdown shows as it is, on one line: no link, image, formula, icon or HTML comes of it."""
+    """Text that Markdown shows literally, on one line: no links, images, formulas, icons or HTML."""
     return " ".join(text.split()).translate(_MARKS)

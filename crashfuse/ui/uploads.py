@@ -1,4 +1,4 @@
-"""What comes through the browser, laid out in a folder of the server's own, which goes when it ends."""
+"""Uploads from the browser, stored in a temporary folder that is deleted when the server ends."""
 
 import atexit
 import hashlib
@@ -22,21 +22,21 @@ T = TypeVar("T")
 
 
 class Upload(Protocol):
-    """A file as Streamlit hands it over."""
+    """A file as Streamlit provides it."""
 
     name: str
 
     def getvalue(self) -> bytes:
-        """All that it holds."""
+        """The file's content."""
 
 
 def open_uploads(files: Sequence[Upload]) -> str | Source:
-    """Open what was uploaded if it is a sound campaign; returns its name.
+    """Open the uploaded files if they are a valid campaign; returns its name.
 
-    Files of a foreign format are laid out to be imported instead. A DataError has everything that is wrong; nothing is
+    Files of a foreign format are stored to be imported instead. A DataError lists everything that is wrong; nothing is
     kept then.
     """
-    if not files:  # none was dropped, or the browser kept back what is too large
+    if not files:  # none was dropped, or the browser refused those that are too large
         expected = f"files of at most {st.get_option('server.maxUploadSize')} MB each"
         advice = "choose the files, and open a larger campaign as a folder"
         raise DataError(Problem("upload", expected, "none", advice))
@@ -55,12 +55,12 @@ def open_uploads(files: Sequence[Upload]) -> str | Source:
 
 
 def is_scratch(folder: Path) -> bool:
-    """Whether a folder lies where nothing outlives the server."""
+    """True if a folder is a temporary one that goes when the server ends."""
     return _scratch().resolve() in folder.parents
 
 
 def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
-    """Whether no table of a campaign is among the files, but something that can be imported."""
+    """True if no campaign table is among the files, but something that can be imported."""
     names: list[PurePath] = []
     for name, content in uploads:
         if name.lower().endswith(".zip"):
@@ -71,7 +71,7 @@ def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
 
 
 def _keep(lay_out_in: Callable[[Path], T]) -> T:
-    """Lay uploads out in a new folder, of which nothing stays if that fails."""
+    """Store uploads in a new folder, which is removed if that fails."""
     try:
         own = Path(tempfile.mkdtemp(dir=_scratch()))
         try:
@@ -86,7 +86,7 @@ def _keep(lay_out_in: Callable[[Path], T]) -> T:
 
 @st.cache_resource
 def _opened() -> dict[str, str]:
-    """Names of the campaigns that were uploaded, by their content: a file dropped twice is one campaign."""
+    """Names of uploaded campaigns by content: a file dropped twice is one campaign."""
     return {}
 
 

@@ -1,7 +1,7 @@
-"""Figures: data in, Plotly figure out; one colour for each approach everywhere.
+"""Figures: functions that take data and return a Plotly figure; each approach has the same colour everywhere.
 
-Data stay in SI up to here; figures show ms, mm, km/h and g (or m/s²). A curve has one point a sample and is handed over
+Data are in SI up to here; figures show ms, mm, km/h and g (or m/s²). A curve has one point per sample and is passed
 as float32; many pulses are shown as a band, never one by one.
 """
 
-import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it half-way, in several threads at once)
+import pandas as pd  # noqa: F401  (before Plotly, which otherwise imports it piecemeal, in several threads at once)

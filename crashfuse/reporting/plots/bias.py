@@ -1,4 +1,4 @@
-"""Figures of the CAE model's bias over displacement: what it got wrong, and the parts that explain it."""
+"""Figures of the CAE model's bias over displacement: its error, and the parts that explain it."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -24,7 +24,7 @@ _PARTS: Mapping[str, str] = {
     "own": "The test's own",
     "total": "Total, the sum of the parts below",
 }
-_IN_A_ROW = 3  # more of them, and their titles overlap on a narrow page
+_IN_A_ROW = 3  # with more, the titles overlap on a narrow page
 
 
 def bias_by_speed(
@@ -34,9 +34,9 @@ def bias_by_speed(
     highlight: str | None = None,
     display: Display = DEFAULT,
 ) -> go.Figure:
-    """Draw what the CAE model got wrong in each test, over displacement and coloured by speed (Fig. 16).
+    """Draw the CAE model's error in each test, over displacement and coloured by speed (Fig. 16).
 
-    ``biases`` are those of the tests, in their order; the test with the id ``highlight`` is drawn thick.
+    ``biases`` are in the order of the tests; the test with the id ``highlight`` is drawn thick.
     """
     figure = displacement_figure(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
@@ -53,18 +53,18 @@ def bias_parts(
     measured: BiasPoints | None = None,
     display: Display = DEFAULT,
 ) -> go.Figure:
-    """Draw the parts of the bias that is expected at a condition, and their total, each with its 95 % band.
+    """Draw the parts of the bias expected at a condition, and their total, each with its 95 % band.
 
-    The y axes hold what lies before the measured maximum crush, if there is one: bands widen beyond it.
+    The y axes cover the range up to the measured maximum crush, if there is one: bands widen beyond it.
 
     Parameters
     ----------
     parts : sequence of BiasPart
         The total last.
     displacement_m : ndarray, shape (n,)
-        Where they are given.
+        Where the parts are given.
     measured : BiasPoints, optional
-        The held-out test's own bias, black over the total.
+        The held-out test's own bias, drawn black over the total.
     """
     *some, total = parts
     rows = -(-len(some) // _IN_A_ROW)
@@ -101,7 +101,7 @@ def bias_parts(
     figure.update_xaxes(title="Displacement (mm)", row=1 + rows, col=min(2, len(some) - _IN_A_ROW * (rows - 1)))
     before = np.full(displacement_m.size, True) if measured is None else displacement_m <= measured.displacement_m.max()
     bounds = scale * np.array([[part.lower_mps2[before], part.upper_mps2[before]] for part in some])
-    figure.update_yaxes(range=_with_margin(bounds), showticklabels=False)  # to be compared
+    figure.update_yaxes(range=_with_margin(bounds), showticklabels=False)  # so that the parts can be compared
     figure.update_yaxes(title=f"Bias ({display.unit})", showticklabels=True, col=1)
     shown = [total.lower_mps2[before], total.upper_mps2[before]] + ([measured.bias_mps2] if measured else [])
     figure.update_yaxes(
@@ -111,7 +111,7 @@ def bias_parts(
 
 
 def _with_margin(values: FloatArray) -> list[float]:
-    """Range of an axis that holds these, and zero."""
+    """Range of an axis that includes these values and zero."""
     low, high = min(values.min(), 0.0), max(values.max(), 0.0)
     margin = 0.05 * (high - low)
     return [low - margin, high + margin]

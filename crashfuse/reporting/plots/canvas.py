@@ -1,4 +1,4 @@
-"""The look that all figures share: axes, units, lines, bands; how, not what."""
+"""Common style of all figures: axes, units, lines and bands, independent of their content."""
 
 import re
 from collections.abc import Iterable
@@ -13,12 +13,12 @@ from crashfuse.signals.pulse import FloatArray
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
 _SHEER = re.compile(r"rgba\((\d+), (\d+), (\d+), ([\d.]+)\)")
-_BAND_POINTS = 320  # 0.32 ms apart: a pixel or three
+_BAND_POINTS = 320  # 0.32 ms apart: one to three pixels
 _BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.25
 
 
 def new_figure(height: int) -> go.Figure:
-    """An empty figure over time in ms, in the look that all figures share: the legend above it, the tools beside it."""
+    """An empty figure over time in ms, in the common style: legend above it, tools beside it."""
     axis = {"gridcolor": GRID, "zerolinecolor": AXIS, "linecolor": AXIS, "automargin": True}
     figure = go.Figure()
     figure.update_layout(
@@ -50,14 +50,14 @@ def new_figure(height: int) -> go.Figure:
 
 
 def height_under_names(count: int) -> int:
-    """Height of a figure with so many names in a legend above it, which take rows from its curves."""
+    """Height of a figure with this many names in the legend above it, whose rows take space from the curves."""
     return 440 + 6 * count
 
 
 def darkened(figure: go.Figure) -> go.Figure:
-    """The same figure in the colours of a dark page; a report, which is printed, stays light."""
+    """The same figure in the colours of a dark page; a report, which is meant for print, stays light."""
     drawn = figure.to_plotly_json()
-    # a heat map brings its own ground, on which its dark text reads
+    # a heat map has its own background, on which its dark text is legible
     traces = [trace if trace["type"] == "heatmap" else _in_the_dark(trace) for trace in drawn["data"]]
     return go.Figure(traces, _in_the_dark(drawn["layout"]))
 
@@ -65,8 +65,8 @@ def darkened(figure: go.Figure) -> go.Figure:
 def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -> None:
     """Draw one curve, as float32.
 
-    All rows of stacked plots take the one x axis, which is what makes one cursor run through all of them; a lower row
-    is named by its ``yaxis``, as ``"y2"``.
+    All rows of stacked plots use the same x axis, so that one cursor runs through all of them; a lower row
+    is selected by its ``yaxis``, such as ``"y2"``.
     """
     figure.add_scatter(x=_single(x), y=_single(y), **{"mode": "lines", "hovertemplate": "%{y:.1f}", **style})
 
@@ -74,7 +74,7 @@ def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -
 def add_band(
     figure: go.Figure, x: FloatArray, lower: FloatArray, upper: FloatArray, *, colour: str, **style: object
 ) -> None:
-    """Shade between two curves, with a gap wherever either is unknown (NaN); its edges are smooth, so few points do."""
+    """Shade between two curves, with a gap where either is unknown (NaN); the edges are smooth: few points suffice."""
     some = np.append(np.arange(0, x.size - 1, -(-x.size // _BAND_POINTS)), x.size - 1)
     x, lower, upper = x[some], lower[some], upper[some]
     known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
@@ -98,7 +98,7 @@ def add_band(
 
 
 def shade_window(figure: go.Figure, window_ms: float, *, rows: int = 1) -> None:
-    """Shade the rated window [0, window_ms) in every row, and name it."""
+    """Shade the rated window [0, window_ms) in every row, and label it."""
     for row in range(1, rows + 1):
         figure.add_shape(
             type="rect", xref="x", yref=f"y{row if row > 1 else ''} domain", x0=0, x1=window_ms, y0=0, y1=1,
@@ -111,7 +111,7 @@ def shade_window(figure: go.Figure, window_ms: float, *, rows: int = 1) -> None:
 
 
 def share_y_range(figures: Iterable[go.Figure]) -> None:
-    """Give figures of one row the same y range, so that one can be compared with the other beside it."""
+    """Give figures shown side by side the same y range, so that they can be compared."""
     figures = list(figures)
     values = np.concatenate([trace.y for figure in figures for trace in figure.data])
     margin = 0.05 * np.ptp(values)
@@ -124,7 +124,7 @@ def _single(values: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.float
 
 
 def _in_the_dark(part: dict[str, Any]) -> dict[str, Any]:
-    """A part of a figure with every colour in it exchanged."""
+    """A part of a figure with every colour replaced by its dark counterpart."""
     return {key: _exchanged(value, is_colour=key.endswith("color")) for key, value in part.items()}
 
 

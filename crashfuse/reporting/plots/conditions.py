@@ -1,4 +1,4 @@
-"""Figure of the condition space: where the CAE runs lie, where the tests, and which of these lie outside."""
+"""Figure of the condition space: where the CAE runs and the tests lie, and which tests are outside."""
 
 from collections.abc import Sequence
 
@@ -11,9 +11,9 @@ from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import LB, MPH
 
-_MAX_RUNS = 600  # points; more only fill the same cloud, and browsers draw each one by itself
+_MAX_RUNS = 600  # more points only fill the same cloud, and browsers draw each one separately
 _UNITS = np.array([MPH, LB, LB])
-_LABEL = np.array([0.07, 0.08])  # of an axis: the size of a test's label
+_LABEL = np.array([0.07, 0.08])  # size of a test's label, as a fraction of the axis
 _SIDES = {
     "top center": np.array([0.0, 0.9]),
     "bottom center": np.array([0.0, -0.9]),
@@ -26,9 +26,9 @@ _WEIGHTS = ("front weight", "rear weight")
 def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None) -> go.Figure:
     """Draw front and rear weight over speed, one below the other: CAE runs, their range, and the tests.
 
-    A test outside the range of the CAE runs, its own paired run left aside, is drawn open where its speed or that
-    weight lies outside: predicting it is extrapolation. The range shown is that of the runs paired with no test. A ring
-    marks the test with the id ``held_out``.
+    A test outside the range of the CAE runs, not counting its own paired run, is drawn open where its speed or that
+    weight lies outside: predicting it is extrapolation. The range shown is that of the runs not paired with a test. A
+    ring marks the test with the id ``held_out``.
     """
     figure = new_figure(height=640)
     style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
@@ -44,7 +44,7 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
     bottom, top = everything.min(axis=0), everything.max(axis=0)
     margin = 0.09 * (top - bottom) + 1e-6
     figure.update_xaxes(range=[max(bottom[0] - margin[0], 0), top[0] + margin[0]])
-    for row, weight in enumerate(_WEIGHTS, start=1):  # the row is the weight's place in a condition's vector, too
+    for row, weight in enumerate(_WEIGHTS, start=1):  # the row is also the weight's index in a condition's vector
         place: dict[str, object] = {"row": row, "col": 1, "showlegend": row == 1}
         figure.add_scatter(
             x=some[:, 0], y=some[:, row], mode="markers", name=f"{len(runs):,} CAE runs", legendgroup="runs",
@@ -66,7 +66,7 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
 
 
 def _range(library: CaeLibrary, tests: Sequence[CrashTest]) -> tuple[FloatArray, FloatArray]:
-    """Least and greatest speed (mph) and weights (lb) of the runs that are paired with no test."""
+    """Minimum and maximum speed (mph) and weights (lb) of the runs not paired with a test."""
     paired = {library.paired_run(test.condition) for test in tests}
     free = [run for run in range(len(library)) if run not in paired] or list(range(len(library)))
     vectors = library.vectors[free] / _UNITS
@@ -115,13 +115,13 @@ def _draw_tests(
 
 
 def _label_sides(points: FloatArray, span: FloatArray) -> list[str]:
-    """Where each point's label is least in the way of the points and of the labels before it."""
+    """Side of each point on which its label least obstructs the points and the labels before it."""
     places = points / span / _LABEL
     taken = list(places)
     chosen = []
     for i, place in enumerate(places):
         others = np.array(taken[:i] + taken[i + 1 :]).reshape(-1, 2)
         room = {side: np.abs(others - place - off).max(axis=1).min(initial=9.0) for side, off in _SIDES.items()}
-        chosen.append(max(room, key=lambda side: min(room[side], 1.2)))  # enough is enough: then the first
+        chosen.append(max(room, key=lambda side: min(room[side], 1.2)))  # beyond this distance the first side wins
         taken.append(place + _SIDES[chosen[-1]])
     return chosen

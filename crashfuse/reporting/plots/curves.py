@@ -1,4 +1,4 @@
-"""The curves that figures share, whatever their axes: a test with its predictions, and tests by speed."""
+"""Curves common to figures over any axis: a test with its predictions, and tests by speed."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ TEST = "test"
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Curve:
-    """Values over an axis, in the units that the figure shows.
+    """Values over an axis, in the figure's units.
 
     Parameters
     ----------
     x, y : ndarray, shape (n,)
     band : tuple of ndarray of shape (m,), optional
-        Points of the same axis, and lower and upper end of the 95 % band there.
+        Points on the same axis, and the lower and upper bounds of the 95 % band there.
     remark : str
-        What the legend adds to the name.
+        Text that the legend adds to the name.
     """
 
     x: FloatArray
@@ -39,7 +39,7 @@ class Curve:
 def draw_curves(figure: go.Figure, curves: Mapping[str, Curve], yaxis: str = "y", **style: object) -> None:
     """Draw the curves of approaches and of the :data:`TEST`, each in its own colour, the last on top, above all bands.
 
-    ``yaxis`` is ``"y2"`` for the second of stacked plots; the style is that of all lines.
+    ``yaxis`` is ``"y2"`` for the second of stacked plots; the style applies to all lines.
     """
     for name, curve in curves.items():
         if curve.band is not None:
@@ -62,7 +62,7 @@ def curve_line(name: str) -> dict[str, Any]:
 
 
 def by_speed(tests: Sequence[CrashTest], highlight: str | None = None) -> Iterator[tuple[CrashTest, dict[str, Any]]]:
-    """Tests by rising speed, each with the name, colour and dash of its line; the one to highlight is thick."""
+    """Tests by increasing speed, each with the name, colour and dash of its line; the highlighted one is thick."""
     lines = speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         thick = test.id == highlight
@@ -71,7 +71,7 @@ def by_speed(tests: Sequence[CrashTest], highlight: str | None = None) -> Iterat
             {
                 "name": f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph" + (" (held out)" if thick else ""),
                 "line": {**lines[test.id], "width": 4 if thick else 1.7},
-                "legendgroup": test.id,  # names of one group each stand as close as they can
+                "legendgroup": test.id,  # in a group of its own, each name is spaced as closely as possible
             },
         )
 

@@ -1,7 +1,7 @@
-"""Figures over displacement: the bias of the CAE model, what is made of it, and the way back to time.
+"""Figures over displacement: the CAE model's bias, the corrected pulses, and the conversion back to time.
 
-A crash is shown from contact to its maximum crush, where over displacement it ends. Signs, units and colours are those
-of :mod:`crashfuse.reporting.plots.pulses`.
+A crash is shown from contact to its maximum crush, where a curve over displacement ends. Signs, units and colours are
+those of :mod:`crashfuse.reporting.plots.pulses`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,8 +20,8 @@ from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import MS
 
 _MM, _KJ = 1e-3, 1e3
-_STEP_M = 0.004  # of bands: a quarter of what a CFC 60 pulse resolves
-_MARK_S = 0.004  # between marks of what was integrated
+_STEP_M = 0.004  # of bands: a quarter of the resolution of a CFC 60 pulse
+_MARK_S = 0.004  # between marks of the integrated motion
 
 
 def over_displacement(
@@ -29,7 +29,7 @@ def over_displacement(
 ) -> go.Figure:
     """Draw acceleration over displacement: the test, the CAE model, and every correction with its 95 % band (Fig. 7).
 
-    A band at some displacement holds the draws that get so far; it ends where half of them have stopped. The mark at a
+    The band at a displacement covers the draws that reach it; it ends where half of them have stopped. The mark at a
     curve's end is the maximum dynamic crush, with its 95 % interval. Measured pulse and predictions are as in
     :func:`crashfuse.reporting.plots.pulses.overlay`.
     """
@@ -55,10 +55,10 @@ def over_displacement(
 
 
 def integration_check(measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float) -> go.Figure:
-    """Check the way over displacement: integrate each pulse's a(s) by Eq. 29, and compare with its own s(t) (Fig. 15).
+    """Check integration over displacement: integrate each pulse's a(s) by Eq. 29, and compare with its s(t) (Fig. 15).
 
-    Lines are the pulses integrated twice over time, up to zero velocity; marks are what the vehicle's motion over
-    displacement gives back. Below is the difference of the two.
+    Lines are the pulses integrated twice over time, up to zero velocity; marks are the result of integrating over
+    displacement. The lower plot shows the difference of the two.
     """
     figure = new_figure(height=520)
     phases = _loading_phases(measured, predictions, speed_mps)
@@ -90,7 +90,7 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
 def energy_over_crush(
     measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float, mass_kg: float
 ) -> go.Figure:
-    """Draw the energy that the vehicle has absorbed over its crush: the test, the CAE model, every correction."""
+    """Draw the energy absorbed by the vehicle over its crush: the test, the CAE model, every correction."""
     figure = displacement_figure(height=460)
     scale = mass_kg / _KJ
     pulses = {name: (prediction.accel_mps2, prediction.draws_mps2) for name, prediction in predictions.items()}
@@ -115,7 +115,7 @@ def displacement_figure(height: int) -> go.Figure:
 
 
 def fit_axis(figure: go.Figure) -> go.Figure:
-    """The axes begin at contact and leave some room beyond the longest curve."""
+    """Start the axes at contact and leave some room beyond the longest curve."""
     longest = max(float(np.max(trace.x)) for trace in figure.data)
     figure.update_xaxes(range=[0, 1.02 * longest])
     return figure
@@ -124,7 +124,7 @@ def fit_axis(figure: go.Figure) -> go.Figure:
 def _loading_phases(
     measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float
 ) -> dict[str, LoadingPhase]:
-    """Each crash up to zero velocity, the test's last: it is drawn on top."""
+    """Each crash up to zero velocity, the test last, so that it is drawn on top."""
     pulses = {name: prediction.accel_mps2 for name, prediction in predictions.items()}
     if measured is not None:
         pulses[TEST] = measured.accel_mps2
@@ -132,7 +132,7 @@ def _loading_phases(
 
 
 def _mark_crush(figure: go.Figure, name: str, curve: Curve, interval_mm: FloatArray | None) -> None:
-    """Mark the end of a curve, the maximum crush, with its interval."""
+    """Mark the end of a curve, its maximum crush, with its interval."""
     end, error, told = curve.x[-1], None, ""
     if interval_mm is not None:
         low, high = interval_mm
@@ -145,7 +145,7 @@ def _mark_crush(figure: go.Figure, name: str, curve: Curve, interval_mm: FloatAr
 
 
 def _band_of(draws: Sequence[LoadingPhase]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Displacements, and the middle 95 % there of the draws that get so far."""
+    """Displacements, and the central 95 % there of the draws that reach them."""
     grid = np.arange(0.0, np.median([draw.crush_m for draw in draws]), _STEP_M)
     accel = np.array([np.interp(grid, d.displacement_m, d.accel_mps2, right=np.nan) for d in draws])
     lower, upper = np.nanquantile(accel, [0.025, 0.975], axis=0)

@@ -1,4 +1,4 @@
-"""The figure of an import: the pulse that comes of a record, with what was recorded behind it."""
+"""Figure of an import: the resulting pulse over the recorded channels."""
 
 from collections.abc import Sequence
 
@@ -20,9 +20,9 @@ _MOST_CHANNELS, _MOST_POINTS = 8, 4000
 def imported_pulse(
     channels: Sequence[RecordedChannel], settled: Settled | None, display: Display = DEFAULT
 ) -> go.Figure:
-    """Draw the pulse that comes of a record over its channels as recorded, at most eight, contact at 0.
+    """Draw a record's resulting pulse over its channels as recorded, at most eight, contact at 0.
 
-    While the record cannot be settled: its channels alone, in the file's own time and unit.
+    As long as the record can't be settled, draw its channels alone, in the file's own time and unit.
     """
     figure = new_figure(height=420)
     scale = display.accel_scale

@@ -1,4 +1,4 @@
-"""Figures of how networks learn."""
+"""Figures of network training."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,16 +12,16 @@ from crashfuse.reporting.plots.palette import CURSOR
 def learning_curves(
     curves: Mapping[str, Sequence[tuple[int, float]]], *, value: str, step: str = "Step", total: int
 ) -> go.Figure:
-    """Draw what a training reports as it goes (losses, say); on a logarithmic axis where all is positive.
+    """Draw values reported during training (losses, say); on a logarithmic axis if all are positive.
 
     Parameters
     ----------
     curves : mapping of str to sequence of (int, float)
-        By the value's name: how far the step was, and the value.
+        By name of the value: position within the step, and value.
     value, step : str
-        What all of them are, and what is counted: the titles of the axes.
+        Axis titles: quantity shown, and unit of progress.
     total : int
-        How far it will go.
+        Final position of the step.
     """
     figure = new_figure(height=260)
     for (name, points), colour in zip(curves.items(), ("#0072B2", "#D55E00", "#009E73", "#CC79A7") * 3, strict=False):
@@ -36,10 +36,10 @@ def learning_curves(
 
 
 def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], chosen: str) -> go.Figure:
-    """Draw how far tests are missed for each strength of the fine-tuning: learned from, and left out in turn.
+    """Draw the test error for each strength of fine-tuning: on tests used for it, and on tests left out in turn.
 
-    Both are root mean square errors by the share that each test has to itself, strongest last: on tests that were
-    learned from, and on each as predicted from the others.
+    Both are root mean square errors by the share specific to each test, strongest last: on the tests that were
+    learned from, and on each test as predicted from the others.
     """
     figure = new_figure(height=260)
     for name, values, colour in (("Learned from", errors, "#0072B2"), ("Left out", left_out, "#D55E00")):

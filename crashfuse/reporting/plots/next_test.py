@@ -1,4 +1,4 @@
-"""The figure of the next test: what each would take off the band."""
+"""Figure of the next test: how much each candidate would narrow the band."""
 
 from collections.abc import Sequence
 
@@ -19,10 +19,10 @@ _HOVER = (
 
 
 def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Figure:
-    """Draw by how much each candidate would shrink the band, over its speed; ticks are the tests that were run.
+    """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run.
 
-    Candidates, the largest gain first, are joined by a line if all have the same weights; with several weights each is
-    a point. The best five are numbered, and what lies outside the CAE runs' range is drawn open.
+    Candidates, the largest gain first, are joined by a line if all have the same weights; otherwise each is
+    a point. The best five are numbered, and those outside the CAE runs' range are drawn open.
     """
     figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)

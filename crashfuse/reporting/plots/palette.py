@@ -1,4 +1,4 @@
-"""Colours of approaches, grades and tests by their speed, and their counterparts on a dark page."""
+"""Colours of approaches, grades and tests by speed, and their counterparts on a dark page."""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,7 +23,7 @@ GRADE_COLOURS: Mapping[str, str] = {"Poor": "#F4B183", "Fair": "#FBE3D0", "Good"
 """Colour behind each grade word of ISO/TS 18571; black text reads on all of them."""
 
 _SHADES = 64
-# the bright end of the scale is lost on white, the dark end on a dark page
+# the bright end of the scale is invisible on white, the dark end on a dark page
 _SLOW_TO_FAST = sample_colorscale("Plasma", np.linspace(0.0, 0.63, _SHADES).tolist())
 _SLOW_TO_FAST_IN_THE_DARK = sample_colorscale("Plasma", np.linspace(0.42, 0.96, _SHADES).tolist())
 
@@ -44,7 +44,7 @@ IN_THE_DARK: Mapping[str, str] = {
 
 
 def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:
-    """A line for each test: dark for slow, on a scale for colour-blind readers too; dashes tell repeats apart."""
+    """Line style of each test: dark for slow, on a scale safe for colour-blind readers; dashes distinguish repeats."""
     if not tests:
         return {}
     speeds = np.array([test.condition.speed_mps for test in tests])

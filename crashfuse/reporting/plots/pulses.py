@@ -1,4 +1,4 @@
-"""Figures over time: a test and its predictions, what these miss, all tests, the CAE library."""
+"""Figures over time: a test and its predictions, their residuals, all tests, the CAE library."""
 
 from collections.abc import Mapping, Sequence
 
@@ -18,11 +18,11 @@ from crashfuse.units import KPH, MPH, MS
 
 _GRID_MS = GRID_S / MS
 _MM = 1e-3
-_MAX_RUNS = 2000  # quantiles of that many runs don't move visibly when more are taken
+_MAX_RUNS = 2000  # more runs do not change the quantiles visibly
 
 
 def overlay(measured: Pulse | None, predictions: Mapping[str, Prediction], display: Display = DEFAULT) -> go.Figure:
-    """Draw the measured pulse, every approach's prediction and its 95 % band over each other.
+    """Overlay the measured pulse and every approach's prediction with its 95 % band.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def motion(
 ) -> go.Figure:
     """Stack acceleration, velocity and displacement over one time axis, with one cursor through all three.
 
-    As :func:`overlay`; both integrals start from the impact speed.
+    Arguments as for :func:`overlay`; both integrals start from the impact speed.
     """
     figure = new_figure(height=820)
     draw_curves(figure, _accelerations(measured, predictions, display))
@@ -66,9 +66,9 @@ def motion(
 
 
 def residuals(measured: Pulse, predictions: Mapping[str, Prediction], display: Display = DEFAULT) -> go.Figure:
-    """Draw prediction minus test, with the 95 % band about it: where the band leaves zero, the test left the band.
+    """Draw prediction minus test, with its 95 % band: where the band excludes zero, the test is outside the band.
 
-    As :func:`overlay`; the root mean square in the legend is that over the rated window.
+    Arguments as for :func:`overlay`; the root mean square in the legend is over the rated window.
     """
     figure = new_figure(height=460)
     draw_curves(figure, _accelerations(None, predictions, display, minus=measured))
@@ -81,8 +81,8 @@ def residuals(measured: Pulse, predictions: Mapping[str, Prediction], display: D
 def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT) -> go.Figure:
     """Shade both corridors over the rated window of a figure whose first row is acceleration over time.
 
-    A curve scores 1 inside the inner corridor, 0 outside the outer. Both are as wide as the test's largest acceleration
-    in the window decides. Returns the same figure.
+    A curve scores 1 inside the inner corridor, 0 outside the outer. The width of both follows from the test's largest
+    acceleration in the window. Returns the same figure.
     """
     inside = measured.time_s < display.window_ms * MS
     time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * display.accel_scale
@@ -101,10 +101,10 @@ def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT
 def measured_pulses(
     tests: Sequence[CrashTest], *, highlight: str | None = None, cfc: float | None = None, display: Display = DEFAULT
 ) -> go.Figure:
-    """Draw all tests, coloured by speed, the one with the id ``highlight`` thick.
+    """Draw all tests, coloured by speed; the one with the id ``highlight`` is thick.
 
-    If a channel filter class (SAE J211-1, at most 1000) is given, they are filtered, over the thin curves of what was
-    read.
+    If a channel filter class (SAE J211-1, at most 1000) is given, they are filtered, and the curves as read are drawn
+    thin behind them.
     """
     figure = new_figure(height_under_names(len(tests)))
     for test, style in by_speed(tests, highlight):
@@ -121,7 +121,7 @@ def measured_pulses(
 
 
 def library_band(library: CaeLibrary, tests: Sequence[CrashTest] = (), *, display: Display = DEFAULT) -> go.Figure:
-    """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired to tests on top."""
+    """Draw the CAE library as its 5, 50 and 95 % quantiles at each time, with the runs paired with tests on top."""
     figure = new_figure(height_under_names(len(tests)))
     some = library.accel_mps2[:: -(-len(library) // _MAX_RUNS)]
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * display.accel_scale
@@ -139,7 +139,7 @@ def library_band(library: CaeLibrary, tests: Sequence[CrashTest] = (), *, displa
 def _accelerations(
     measured: Pulse | None, predictions: Mapping[str, Prediction], display: Display, *, minus: Pulse | None = None
 ) -> dict[str, Curve]:
-    """Curves of a(t), or of what predictions miss of a test: then with their root mean square in the rated window."""
+    """Curves of a(t), or of the residuals from a test, then with their root mean square in the rated window."""
     curves = {}
     base, scale = 0.0 if minus is None else minus.accel_mps2, display.accel_scale
     for name, prediction in predictions.items():
@@ -155,7 +155,7 @@ def _accelerations(
 def _integrals(
     measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float
 ) -> tuple[dict[str, Curve], dict[str, Curve]]:
-    """Curves of velocity in km/h and of displacement in mm, each with the band of its draws."""
+    """Curves of velocity in km/h and displacement in mm, each with the band of its draws."""
     velocities, displacements = {}, {}
     for name, prediction in predictions.items():
         v_band = s_band = None
@@ -178,7 +178,7 @@ def _central(draws: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _join_hover(figure: go.Figure, display: Display) -> None:
-    """Let the cursor tell a, v and s of a curve on one line instead of three."""
+    """Show a, v and s of a curve in one hover line instead of three."""
     curves = [trace for trace in figure.data if trace.hoverinfo != "skip"]
     for group in {trace.legendgroup for trace in curves}:
         accel, velocity, displacement = [trace for trace in curves if trace.legendgroup == group]

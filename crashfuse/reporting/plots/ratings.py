@@ -1,4 +1,4 @@
-"""Figures of ratings, by test and approach, and of what bands are worth."""
+"""Figures of ratings by test and approach, and of the calibration of bands."""
 
 from collections.abc import Mapping
 
@@ -37,7 +37,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
         ygap=2,
         showscale=False,
     )
-    figure.add_scatter(  # cells of a heat map can't be clicked, marks can; those of the mean stand for no test
+    figure.add_scatter(  # heat-map cells can't be clicked, marks can; those of the mean belong to no test
         x=names * len(rows),
         y=[row for row in rows for _ in approaches],
         customdata=[test for test in (*tests, "") for _ in approaches],
@@ -48,7 +48,7 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
     )
     figure.update_layout(
         hovermode="closest",
-        hoverdistance=-1,  # wherever in a cell, its own mark is the nearest
+        hoverdistance=-1,  # anywhere in a cell, its own mark is the nearest
         dragmode=False,
         margin={"t": 52, "b": 8, "r": 16},
         modebar={"remove": ["zoom2d", "pan2d", "resetScale2d", "toImage"]},
@@ -59,9 +59,9 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
 
 
 def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]]) -> go.Figure:
-    """Draw each test's rating by approach, with the interval that single drawn pulses are rated in.
+    """Draw each test's rating by approach, with the interval of the ratings of single draws.
 
-    Given by test id, then by approach: overall rating, and lower and upper end of the interval.
+    ``ratings`` by test id, then approach: overall rating, and lower and upper end of the interval.
     """
     figure = new_figure(height=420)
     tests = list(ratings)
@@ -92,14 +92,14 @@ def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]
 
 
 def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -> go.Figure:
-    """Draw how much of the left-out tests lies inside bands of each level; on the diagonal a band holds what it says.
+    """Draw how much of the left-out tests lies inside bands of each level; on the diagonal a band is calibrated.
 
     Parameters
     ----------
     levels : ndarray, shape (n,)
-        What bands promise, from 0 to 1.
+        Nominal levels of the bands, from 0 to 1.
     observed : mapping of str to ndarray, shape (n,)
-        What they held, by approach.
+        Observed coverage by approach.
     """
     figure = new_figure(height=440)
     figure.add_scatter(
@@ -119,7 +119,7 @@ def calibration_curves(levels: FloatArray, observed: Mapping[str, FloatArray]) -
 
 
 def _grade_scale() -> list[tuple[float, str]]:
-    """Four flat steps between 0 and 1."""
+    """Colour scale of four flat steps between 0 and 1."""
     limits = [0.0, *sorted(limit for limit, _ in GRADES), 1.0]
     steps = zip(GRADE_COLOURS.values(), limits[:-1], limits[1:], strict=True)
     return [(limit, colour) for colour, lower, upper in steps for limit in (lower, upper)]

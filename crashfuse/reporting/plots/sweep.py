@@ -19,9 +19,9 @@ from crashfuse.units import KPH, LB, MPH
 def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign) -> go.Figure:
     """Draw a metric over impact speed: line and 95 % band of each approach, tests as black points.
 
-    Where a pulse has no such number, its record being too short, the line has a gap. Speeds without CAE runs are
-    shaded; a tick at the foot marks the speed of each test. All sweeps have the same speeds and weights;
-    tests have weights of their own.
+    The line has a gap where a pulse lacks the metric because its record is too short. Speeds without CAE runs are
+    shaded; a tick on the axis marks the speed of each test. All sweeps have the same speeds and weights;
+    the tests have their own weights.
     """
     figure = new_figure(height=460)
     readings = {sweep.approach: sweep.over_speed(metric) for sweep in sweeps}
@@ -51,7 +51,7 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign) -> go
 
 
 def _curve(speeds_mps: FloatArray, metrics: Sequence[Metric]) -> Curve:
-    """A metric over speed in mph, with gaps where it or an end of its interval is missing."""
+    """A metric over speed in mph, with gaps where it or a bound of its interval is missing."""
     value, lower, upper = (
         np.array([getattr(metric, name) for metric in metrics], dtype=np.float64)
         for name in ("value", "lower", "upper")
@@ -82,7 +82,7 @@ def _points(figure: go.Figure, tests: Sequence[CrashTest], metric: str) -> None:
 
 
 def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps: float) -> None:
-    """Shade speeds without CAE runs, and tick those of the tests."""
+    """Shade speeds without CAE runs, and mark those of the tests with ticks."""
     for number, (start, end) in enumerate(uncovered_speeds(campaign.cae, low_mps, high_mps)):
         figure.add_shape(
             type="rect", xref="x", yref="y domain", x0=start / MPH, x1=end / MPH, y0=0, y1=1, layer="below",

@@ -1,4 +1,4 @@
-"""The report: one HTML file that needs no network, opens anywhere and prints on paper."""
+"""The report: one HTML file that needs no network, opens anywhere and can be printed."""
 
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report

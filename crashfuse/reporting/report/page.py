@@ -1,4 +1,4 @@
-"""The page: a report's template, filled with what it asks for and with what all reports hold."""
+"""Rendering of a report's template with its own values and those common to all reports."""
 
 from collections.abc import Mapping, Sequence
 from itertools import count
@@ -19,7 +19,7 @@ from crashfuse.units import LB, MPH
 
 @pass_context
 def _figure(context: Context, drawn: go.Figure) -> Markup:
-    """A figure that can be zoomed; Plotly itself stands once in the page. Numbered, so that equal results are equal."""
+    """A zoomable figure; Plotly itself is embedded once per page. Ids are numbered: equal results give equal files."""
     name, config = f"figure-{next(context['numbers'])}", {"displaylogo": False, "responsive": True}
     return Markup(drawn.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=config))  # noqa: S704
 
@@ -43,7 +43,7 @@ def render(
     held_out: Sequence[str] = (),
     **own: object,
 ) -> str:
-    """The whole file, from a report's own template and values; the command is the one that repeats its results."""
+    """The complete file, from a report's own template and values; the command is the one that reproduces it."""
     cfc = campaign.channel_filter_class
     low, high = campaign.cae.vectors.min(axis=0), campaign.cae.vectors.max(axis=0)
     return _TEMPLATES.get_template(f"{template}.html.j2").render(

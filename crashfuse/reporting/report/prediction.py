@@ -1,4 +1,4 @@
-"""Reports of what was never tested: a prediction, a sweep over speed, a ranking of the tests to run next."""
+"""Reports on untested conditions: a prediction, a sweep over speed, a ranking of the tests to run next."""
 
 from collections.abc import Sequence
 
@@ -29,7 +29,7 @@ NEXT_TEST_MEANING = (
 
 
 def prediction_report(campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> str:
-    """Report of a prediction as one HTML page, from one estimate for each approach at one condition."""
+    """HTML report of a prediction, from one estimate per approach at one condition."""
     condition = estimates[0].prediction.condition
     predictions = {estimate.approach: estimate.prediction for estimate in estimates}
     return render(
@@ -49,7 +49,7 @@ def prediction_report(campaign: Campaign, estimates: Sequence[Estimate], config:
 
 
 def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig) -> str:
-    """Report of a sweep over speed as one HTML page, a figure for each metric."""
+    """HTML report of a sweep over speed, with a figure for each metric."""
     condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
     return render(
         "sweep",
@@ -66,7 +66,7 @@ def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfi
 
 
 def next_test_report(campaign: Campaign, over: ConditionRange, ranked: Sequence[NextTest], config: StudyConfig) -> str:
-    """Report of a ranking of next tests as one HTML page."""
+    """HTML report of a ranking of next tests."""
     return render(
         "next_test",
         "which test next",

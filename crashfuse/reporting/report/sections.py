@@ -1,4 +1,4 @@
-"""What reports of studies and predictions share: metrics, remarks and fits of estimates, and the CAE model's bias."""
+"""Sections common to all reports with estimates: metrics, notes and fits of the estimates, and the CAE model's bias."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ from crashfuse.study.estimate import Estimate
 
 
 def details(estimates: Sequence[Estimate], measured: Sequence[Metric] = ()) -> dict[str, object]:
-    """Metrics by approach (and of the test), remarks of the approaches, how their fits went."""
+    """Metrics by approach (and of the test), notes of the approaches, quality of their fits."""
     columns = [("Measured", measured)] if measured else []
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
     metrics = pd.DataFrame(
@@ -38,6 +38,6 @@ def details(estimates: Sequence[Estimate], measured: Sequence[Metric] = ()) -> d
 
 
 def bias(campaign: Campaign) -> go.Figure:
-    """What the CAE model got wrong in every test, by speed; its emulator is in the cache by now."""
+    """Figure of the CAE model's error in every test, by speed; its emulator is in the cache by now."""
     model = CaeModel(cache=Cache()).fit(campaign.cae)
     return bias_by_speed(campaign.tests, [measured_bias(test, model) for test in campaign.tests])

@@ -26,7 +26,7 @@ _CAPTIONS = (
 
 
 def study_report(study: Study) -> str:
-    """Report of a study as one HTML page."""
+    """HTML report of a study."""
     campaign, config, verdict = study.campaign, study.config, recommend(study)
     held_out = [fold.held_out for fold in study.folds]
     window_ms = max(config.windows_ms)
@@ -54,7 +54,7 @@ def study_report(study: Study) -> str:
 
 
 def _result(study: Study) -> dict[str, object]:
-    """Mean ratings over the tests, and every test's."""
+    """Mean ratings over the tests, and the ratings of each test."""
     window = max(study.config.windows_ms)
     means = {w: {name: study.mean_rating(name, w) for name in study.config.approaches} for w in study.config.windows_ms}
     overall = {fold.held_out: {name: own[window].overall for name, own in fold.ratings.items()} for fold in study.folds}
@@ -69,7 +69,7 @@ def _by_approach(ratings: dict[float, dict[str, float]]) -> pd.DataFrame:
 
 
 def _shown(ratings: pd.DataFrame, bold: pd.DataFrame) -> pd.DataFrame:
-    """Ratings to three digits, some in bold, behind the names in their index."""
+    """Ratings to three digits, some in bold, with the index as the first columns."""
     cells = [
         [Markup("<b>%.3f</b>") % value if chosen else f"{value:.3f}" for value, chosen in zip(*row, strict=True)]
         for row in zip(ratings.to_numpy(), bold.to_numpy(), strict=True)
@@ -78,7 +78,7 @@ def _shown(ratings: pd.DataFrame, bold: pd.DataFrame) -> pd.DataFrame:
 
 
 def _fold(study: Study, fold: Fold) -> dict[str, object]:
-    """What was recommended for a test before it was run, and what came of it."""
+    """The recommendation made for a test before it was run, and the actual outcome."""
     test = study.campaign.test(fold.held_out)
     window = max(study.config.windows_ms)
     predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
@@ -99,7 +99,7 @@ def _fold(study: Study, fold: Fold) -> dict[str, object]:
 
 
 def _weak_spots(study: Study, chosen: str) -> list[str]:
-    """Tests that the recommended approach did not predict well, and those outside the CAE runs."""
+    """Tests that the recommended approach predicted poorly, and those outside the CAE runs."""
     window = max(study.config.windows_ms)
     poor = [fold.held_out for fold in study.folds if fold.ratings[chosen][window].grade in ("Fair", "Poor")]
     outside = [test.id for test in study.campaign.tests if study.campaign.cae.extrapolation(test.condition)]

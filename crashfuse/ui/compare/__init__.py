@@ -1,1 +1,1 @@
-"""Sections of the page Compare."""
+"""Sections of the Compare page."""

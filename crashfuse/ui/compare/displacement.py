@@ -1,4 +1,4 @@
-"""Test and predictions over displacement: five figures, each computed when it is asked for."""
+"""Test and predictions over displacement: five figures, each computed on demand."""
 
 from collections.abc import Hashable, Mapping
 from functools import partial
@@ -24,15 +24,15 @@ from crashfuse.ui.frame import View
 
 _CURVES, _ENERGY, _BIAS = "Acceleration", "Energy", "Bias by speed"
 _PARTS, _CHECK = "Parts of the bias", "Check of the integration"
-_STEP_M = 0.004  # of what is drawn
-_BEYOND = 1.1  # times the CAE model's own crush: the held-out test, which may go further, has no say in it
+_STEP_M = 0.004  # grid of the drawn curves
+_BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go further, must not influence it
 
 
 @st.fragment
 def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction], key: Hashable) -> None:
-    """Show the held-out test, the CAE model and its correction over displacement; a choice says which figure.
+    """Show the held-out test, the CAE model and its correction over displacement, in the figure that the user picks.
 
-    ``key`` stands for predictions and display where figures are cached.
+    ``key`` identifies the predictions and display settings in the figure cache.
     """
     campaign, test, condition = view.campaign, view.held_out, view.held_out.condition
     st.subheader("Over displacement")
@@ -109,7 +109,7 @@ def _parts(
 
 
 def parts(rest: Campaign, condition: Condition, *, seed: int) -> tuple[FloatArray, tuple[BiasPart, ...]]:
-    """Displacements, and the parts of the bias there as the tests that were not held out tell them."""
+    """Displacements, and the parts of the bias there as estimated from the tests that were not held out."""
     unfitted = DisplacementDomain(DisplacementConfig.fast(), seed=seed, cache=Cache())
     domain, _ = fitted(unfitted, rest, Cache())
     grid = np.arange(0.0, _BEYOND * domain.model_.loading_curve(condition).own.crush_m, _STEP_M)

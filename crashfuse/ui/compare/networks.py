@@ -25,9 +25,9 @@ _MEANING = {
 
 @st.fragment
 def show(view: View, fold: Fold, key: Hashable) -> None:
-    """Show the networks before and after fine-tuning (Figs. 12 and 13), or how they were trained; a choice says which.
+    """Show the networks before and after fine-tuning (Figs. 12 and 13), or how they were trained, as the user picks.
 
-    ``key`` stands for fold and display where figures are cached.
+    ``key`` identifies the fold and display settings in the figure cache.
     """
     states: dict[str, dict[str, Any]] = {
         estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _TITLES
@@ -80,7 +80,7 @@ def _show_beside_the_cae(view: View, fold: Fold, name: str, key: Hashable) -> No
 
 
 def _beside_the_cae(view: View, fold: Fold) -> dict[str, go.Figure]:
-    """The figures before and after the tests, all with one y range."""
+    """The figures before and after fine-tuning, with a common y range."""
     predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
     figures = {
         name: overlay(

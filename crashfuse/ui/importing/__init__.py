@@ -1,1 +1,1 @@
-"""The import of foreign files on the page Data."""
+"""Import of foreign files on the Data page."""

@@ -1,4 +1,4 @@
-"""The end of an import: into which campaign, and adding it there."""
+"""Last step of an import: choose the campaign and add the records to it."""
 
 import threading
 from collections.abc import Sequence
@@ -17,14 +17,14 @@ from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
 from crashfuse.ui.uploads import is_scratch
 
-_FOLDER, _INTO = "import folder", "import into"  # in the session
+_FOLDER, _INTO = "import folder", "import into"  # session keys
 WHAT: dict[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
 _FACTOR_PX = 260
 _adding = threading.Lock()
 
 
 def show_add_form(source: Source, reading: Reading, choices: Choices, role: Role, settled: Sequence[Settled]) -> None:
-    """Where to, and the button."""
+    """Show the choice of target campaign and the Add button."""
     st.subheader("Add to a campaign")
     if refused := st.session_state.get(REFUSED):
         show_problems(refused, "Nothing was added", "The campaign is as it was.")
@@ -71,7 +71,7 @@ def _ask_folder() -> None:
 
 
 def _ask_factors(source: Source, role: Role, settled: Sequence[Settled]) -> None:
-    """Ask for what the campaign tells its tests or runs apart by besides speed and weights."""
+    """Ask for the factors, besides speed and weights, that distinguish the campaign's tests or runs."""
     known = _factors_of_target(role)
     row = st.container(horizontal=True)
     for name, values in known.items():
@@ -90,7 +90,7 @@ def _ask_factors(source: Source, role: Role, settled: Sequence[Settled]) -> None
 
 
 def _with_factors(settled: Settled, source: Source, role: Role) -> Settled:
-    """The record with what was filled in of its factors."""
+    """The record with the factors that the user filled in."""
     keys = {name: f"{source.key} factor {name}" for name in _factors_of_target(role)}
     given = {name: str(value) for name, key in keys.items() if (value := st.session_state.get(key))}
     factors = tuple({**dict(settled.condition.factors), **given}.items())
@@ -98,7 +98,7 @@ def _with_factors(settled: Settled, source: Source, role: Role) -> Settled:
 
 
 def _factors_of_target(role: Role) -> dict[str, list[str]]:
-    """Columns of the table that is added to that are factors, and the values in them."""
+    """Factor columns of the target's table, and the values in them."""
     try:
         folder = _target()
         tables = [folder / f"{role}.csv", folder / "tests.csv", folder / "cae.csv"]
@@ -118,7 +118,7 @@ def _factors_in(table: Path, changed_ns: int) -> dict[str, list[str]]:  # noqa: 
 
 
 def own_class() -> float | None:
-    """With what the campaign that is added to filters its records, as far as it is known yet."""
+    """Channel filter class that the target campaign applies to its records, as far as it is known yet."""
     try:
         return own_filter_class(_target())
     except (DataError, OSError):
@@ -126,7 +126,7 @@ def own_class() -> float | None:
 
 
 def _add(source: Source, reading: Reading, choices: Choices, role: Role) -> None:
-    """Add all that can be added, and turn to the campaign."""
+    """Add every record that can be added, and switch to the campaign."""
     st.session_state.pop(REFUSED, None)
     try:
         folder = _target()
@@ -156,24 +156,24 @@ def _turn_to(folder: Path, sentence: str) -> None:
         frame.choose_campaign(campaigns.open_folder(folder))
         st.toast(f"{sentence}; campaign.toml tells how.", icon=":material/check:")
     except DataError as error:
-        st.session_state[_FOLDER] = str(folder)  # where the rest is likely to go
+        st.session_state[_FOLDER] = str(folder)  # the likely target of the next import
         if not (folder / "cae.csv").is_file():
             st.session_state[NEXT_ROLE] = "cae"
         st.session_state[UNFINISHED] = (f"{sentence} to {plain(str(folder))}.", error.problems)
 
 
 def _open_folder() -> Path | None:
-    """The folder of the open campaign, if it is one that can be added to."""
+    """The folder of the open campaign, if records can be added to it."""
     folder = campaigns.open_campaigns().get(st.session_state.get("campaign") or "")
     return None if folder is None or is_scratch(folder) or campaigns.is_sample(folder) else folder
 
 
 def _target() -> Path:
-    """The folder to add to; a DataError if it is none that anything should be added to."""
+    """The folder to add to; raises DataError if nothing may be added to it."""
     own = _open_folder()
     if own is not None and st.session_state.get(_INTO, "open") == "open":
         return own
-    text = st.session_state.get(_FOLDER, "").strip().strip('"')  # as file managers copy a path
+    text = st.session_state.get(_FOLDER, "").strip().strip('"')  # file managers may copy a path in quotes
     expected, advice = "a new or empty folder, or a campaign", "name a folder by its whole path"
     try:
         folder = Path(text).expanduser()
@@ -187,7 +187,7 @@ def _target() -> Path:
             trouble = "a file"
         elif folder.is_dir() and not any((folder / name).is_file() for name in ("tests.csv", "cae.csv")):
             trouble = "a folder of other things" if any(folder.iterdir()) else None
-    except (OSError, RuntimeError, ValueError) as error:  # no such home, a name that no folder can have
+    except (OSError, RuntimeError, ValueError) as error:  # no such home directory, or an invalid folder name
         raise DataError(Problem("campaign folder", expected, str(error), advice)) from error
     if trouble is not None:
         raise DataError(Problem(str(folder), expected, trouble, "name another folder"))
@@ -195,5 +195,5 @@ def _target() -> Path:
 
 
 def counted(number: int, role: Role) -> str:
-    """Return so many tests or CAE runs, in words."""
+    """A count of tests or CAE runs as text."""
     return f"{number} {WHAT[role][number != 1]}"

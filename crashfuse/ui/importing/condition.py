@@ -1,4 +1,4 @@
-"""The condition in an import: in which units it is said, what was found of it, and what overrules that."""
+"""The condition in an import: its units, what was found, and the user's own values, which take precedence."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,12 +12,12 @@ from crashfuse.readers.unit_spelling import UNITS
 from crashfuse.ui.importing.session import Source
 
 _WEIGHTS = ("front weight", "rear weight", "mass")
-_LEAST_SHARE, _MOST_SHARE = 20.0, 80.0  # per cent; 0.57 is a share, but not of a hundred
+_LEAST_SHARE, _MOST_SHARE = 20.0, 80.0  # per cent; a value such as 0.57 is a fraction, not a percentage
 
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """In which units the condition is said, in the fields and in what comes of them."""
+    """Units of the condition, in the fields and in what is read from them."""
 
     speed: str
     weight: str
@@ -33,23 +33,23 @@ class Units:
         return UNITS["mass"][self.weight]
 
     def told(self, condition: Condition) -> str:
-        """A condition in these units."""
+        """A condition as text in these units."""
         front, rear = (f"{kg / self.weight_kg:.0f}" for kg in (condition.front_weight_kg, condition.rear_weight_kg))
         speed = f"{condition.speed_mps / self.speed_mps:.1f} {self.speed}"
         return f"{speed}, front {front} {self.weight}, rear {rear} {self.weight}"
 
 
 def units_of(source: Source) -> Units:
-    """Ask for the units; numbers that are there already are converted when they change."""
+    """Ask for the units; numbers already entered are converted when the units change."""
     left, right = st.columns(2)
     speed = _unit(left, "Speed in", "speed", ("km/h", "mph", "m/s"), ("speed",), source)
     return Units(speed, _unit(right, "Weights in", "mass", ("kg", "lb"), _WEIGHTS, source))
 
 
 def condition_of(source: Source, records: Sequence[Record], units: Units) -> tuple[PartialCondition, float | None]:
-    """Ask for what is to overrule the condition that was found; second is the front axle's share of the mass.
+    """Ask for values that replace the condition found; second is the front axle's share of the mass.
 
-    What follows from the numbers that are filled in is found, too.
+    Values that follow from the numbers filled in are derived, too.
     """
     kg = units.weight_kg
     speed, share = _typed("speed", units.speed_mps, source), _typed("front share", 0.01, source)
@@ -91,7 +91,7 @@ def _unit(
 
 
 def _convert(unit_key: str, was: float, quantity: str, keys: Sequence[str]) -> None:
-    """Say the numbers that are filled in in the unit that was just chosen."""
+    """Convert the numbers already filled in to the unit just chosen."""
     for key in keys:
         if (value := st.session_state.get(key)) is not None:
             st.session_state[key] = float(f"{value * was / UNITS[quantity][st.session_state[unit_key]]:.7g}")

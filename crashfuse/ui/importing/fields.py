@@ -1,4 +1,4 @@
-"""The fields of an import: what was found stands in them in grey, what is filled in overrules it."""
+"""Fields of an import: detected values are shown in grey, values filled in take precedence."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,7 +31,7 @@ _OF_CONDITIONS: dict[ColumnRole, str] = {
     "factor": "Other columns to keep",
 }
 _SEVERAL: tuple[ColumnRole, ...] = ("acceleration", "factor")
-_MOST_FORMS, _MOST_COLUMNS = 4, 30  # shown; the rest is read as proposed
+_MOST_FORMS, _MOST_COLUMNS = 4, 30  # shown; the others are read as proposed
 _UNIT_PX = 110
 _CLASSES: dict[str, float | str] = {
     **{f"CFC {cfc}": float(cfc) for cfc in (60, 180, 600, 1000)},
@@ -41,7 +41,7 @@ _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positiv
 
 
 def reading_of(source: Source) -> Reading:
-    """Ask how a source is to be read: of tables what their columns are, else which table has the conditions."""
+    """Ask how to read a source: for tables the meaning of the columns, otherwise which table has the conditions."""
     forms = forms_of(source)
     if source.fmt == TABLES:
         columns = tuple(choice for form in forms[:_MOST_FORMS] for choice in _columns(form, source.key))
@@ -54,7 +54,7 @@ def reading_of(source: Source) -> Reading:
             chosen = st.radio(
                 "Accelerations in one table are",
                 ["each", "averaged"],
-                # one crash that is taken for several tests would be predicted from itself
+                # one crash taken for several tests would be predicted from itself
                 index=0 if any(form.proposed.kind == "conditions" for form in forms) else 1,
                 format_func={"each": "Each a record of its own", "averaged": "Sensors of one record"}.__getitem__,
                 key=f"{source.key} together",
@@ -84,7 +84,7 @@ def reading_of(source: Source) -> Reading:
 
 
 def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
-    """Ask what the columns of tables with these headers are."""
+    """Ask for the meaning of the columns of tables with these headers."""
     key = f"{source_key} {hash(form.columns)}"
     rest = f" and {len(form.names) - 1} more with the same columns" if len(form.names) > 1 else ""
     with st.container(border=True):
@@ -143,9 +143,9 @@ def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, 
 def choices_of(
     source: Source, records: Sequence[Record], first: Record, role: Role, own_class: float | None
 ) -> tuple[Choices, Units]:
-    """Ask for everything that is not to be left to be detected, and for the units that the condition is said in.
+    """Ask for everything that should not be detected automatically, and for the units of the condition.
 
-    It holds for all records; ``first`` is the one that is looked at. With ``own_class`` the campaign filters its
+    The answers hold for all records; ``first`` is the one shown. With ``own_class`` the campaign filters its
     records itself.
     """
     channels = _channels(source, records, first)
@@ -216,7 +216,7 @@ def _field(place: DeltaGenerator, label: str, options: list[str], found: str | N
 
 
 def _found(record: Record, choices: Choices, role: Role) -> Settled | None:
-    """What is detected of a record where nothing overrules it."""
+    """What is detected in a record without any of the user's values."""
     try:
         return settle(record, choices, role=role)
     except (DataError, UsageError):

@@ -1,4 +1,4 @@
-"""A source of foreign files that is being imported, and reading it once for all that is drawn of it."""
+"""The source of foreign files being imported in a session; it is read once for everything drawn from it."""
 
 import shutil
 import uuid
@@ -17,9 +17,9 @@ from crashfuse.importing.table_forms import TableForm, table_forms
 from crashfuse.readers.formats import TABLES
 from crashfuse.readers.record import Record
 
-_SOURCE = "import"  # in the session, as the next two
+_SOURCE = "import"  # session key, like the next two
 REFUSED, UNFINISHED = "import refused", "import unfinished"
-NEXT_ROLE = "import next"  # what the campaign that was begun still lacks
+NEXT_ROLE = "import next"  # what the campaign started by an import still lacks
 _MOST_FILES = 20_000
 
 
@@ -30,9 +30,9 @@ class Source:
     Parameters
     ----------
     key : str
-        Of this import: begins the keys of its widgets.
+        Identifies this import: prefix of the keys of its widgets.
     scratch : Path, optional
-        What to delete when the import is over; None for files of the user's own.
+        Folder to delete when the import is over; None for the user's own files.
     """
 
     path: Path
@@ -42,31 +42,31 @@ class Source:
 
     @property
     def several(self) -> bool:
-        """Whether these are several uploads, which have no name in common."""
+        """True if these are several uploads, which have no common name."""
         return self.scratch is not None and self.path.parent == self.scratch
 
 
 def source_at(path: Path, scratch: Path | None = None) -> Source:
-    """Begin an import of this file or folder; a DataError if nothing there is of a known format, or far too much."""
+    """Start the import of this file or folder; a DataError if it has no known format, or far too many files."""
     if path.is_dir() and sum(1 for _ in islice(path.rglob("*"), _MOST_FILES + 1)) > _MOST_FILES:
         advice = "name the folder of the tests or runs itself, or use crashfuse import"
         raise DataError(Problem(str(path), f"at most {_MOST_FILES} files", "more", advice))
     fmt = format_of(path)
-    if fmt == TABLES and path.suffix.lower() == ".zip":  # its tables' columns are asked for one by one
+    if fmt == TABLES and path.suffix.lower() == ".zip":  # so that the columns of each table can be asked for
         advice = "upload it, or unpack it and name its folder"
         raise DataError(Problem(path.name, "a file or folder to import", "tables in a zip", advice))
     return Source(path, fmt, uuid.uuid4().hex, scratch)
 
 
 def begin(source: Source) -> None:
-    """Turn the page Data to the import of a source; to be called from a callback."""
+    """Switch the Data page to the import of a source; call it from a callback."""
     leave()
     st.session_state[_SOURCE] = source
     st.query_params[_SOURCE] = source.key
 
 
 def leave() -> None:
-    """End the import, and delete what was laid out for it."""
+    """End the import, and delete its temporary files."""
     source = st.session_state.get(_SOURCE)
     st.query_params.pop(_SOURCE, None)
     for key in (_SOURCE, REFUSED, UNFINISHED):
@@ -79,7 +79,7 @@ def leave() -> None:
 
 
 def running() -> Source | None:
-    """The source that is being imported in this session, or was before the browser loaded its page anew."""
+    """The source being imported in this session, or before the browser reloaded the page."""
     source: Source | None = st.session_state.get(_SOURCE)
     if source is None:
         source, filled_in = _begun().get(st.query_params.get(_SOURCE, ""), (None, {}))
@@ -96,19 +96,19 @@ def running() -> Source | None:
 
 @st.cache_resource
 def _begun() -> dict[str, tuple[Source, dict[str, Any]]]:
-    """Imports that are under way, by their keys, with what is filled in: a new session may go on with one."""
+    """Imports in progress by key, with the fields filled in, so that a new session can continue one."""
     return {}
 
 
 @st.cache_resource(max_entries=4, show_spinner="Looking at the tables …")
 def forms_of(source: Source) -> tuple[TableForm, ...]:
-    """Tables in a source by their headers."""
+    """Tables of a source, grouped by header."""
     return table_forms(tables_of(source.path))
 
 
 @st.cache_resource(max_entries=4, show_spinner="Reading …")
 def records_of(source: Source, reading: Reading) -> tuple[tuple[Record, ...], tuple[Problem, ...]]:  # noqa: ARG001
-    """Records of a source, as :func:`read_each` has them; the source is part of the key, so each import reads anew."""
+    """Records of a source, from :func:`read_each`; the source is part of the key, so each import reads anew."""
     return read_each(reading)
 
 
@@ -116,7 +116,7 @@ def records_of(source: Source, reading: Reading) -> tuple[tuple[Record, ...], tu
 def settled_of(
     source: Source, reading: Reading, choices: Choices, role: Role, *, raw: bool = False
 ) -> tuple[tuple[Settled, ...], tuple[Problem, ...]]:
-    """What comes of the records of a source, as :func:`settle_each` has it."""
+    """Settled records of a source, from :func:`settle_each`."""
     records, problems = records_of(source, reading)
     refused: list[Problem] = []
     settled = settle_each(records, refused, choices, role=role, raw=raw, tolerant=True)

@@ -1,4 +1,4 @@
-"""The step between foreign files and a campaign: what was recognised, what comes of it, and adding it."""
+"""The step between foreign files and a campaign: what was recognised, the resulting records, and adding them."""
 
 from collections.abc import Sequence
 
@@ -26,7 +26,7 @@ from crashfuse.units import MS, G
 
 _MOST_ROWS = 100
 _KEY = "import-step"
-# fields and figure stand side by side only where both have room; Streamlit looks at the window, not at what is left
+# fields and figure sit side by side only where both fit; Streamlit considers the window, not the space left
 _STACKED = f"""<style>
 .st-key-{_KEY} > [data-testid="stLayoutWrapper"] > [data-testid="stHorizontalBlock"] > [data-testid="stColumn"] {{
     min-width: min(100%, 23rem);
@@ -35,7 +35,7 @@ _STACKED = f"""<style>
 
 
 def show_unfinished() -> None:
-    """Say what a campaign that was begun by an import still needs before it can be opened."""
+    """Say what a campaign started by an import still needs before it can be opened."""
     if UNFINISHED in st.session_state:
         sentence, problems = st.session_state[UNFINISHED]
         needs = "\n".join(f"- {plain(str(problem))}" for problem in problems)
@@ -44,7 +44,7 @@ def show_unfinished() -> None:
 
 
 def show(source: Source, view: frame.View | None) -> None:
-    """Show the step."""
+    """Show the import step."""
     st.html(_STACKED)
     with st.container(key=_KEY):
         _show_step(source, view)
@@ -126,7 +126,7 @@ def _preview(record: Record, choices: Choices, settled: Settled | None, view: fr
 
 
 def _table(settled: Sequence[Settled], units: Units) -> None:
-    """What comes of many records."""
+    """Table of the results for many records."""
     rows = []
     for one in settled[:_MOST_ROWS]:
         motion = kinematics(one.pulse.accel_mps2, one.condition.speed_mps, one.pulse.dt_s)

@@ -1,1 +1,1 @@
-"""Sections of the page Predict."""
+"""Sections of the Predict page."""

@@ -11,7 +11,7 @@ from crashfuse.units import LB, MPH
 
 
 def choose_condition(campaign: Campaign) -> Condition:
-    """Ask for a condition, and warn where it lies outside the CAE runs; factors that are not given are left out."""
+    """Ask for a condition, and warn if it lies outside the CAE runs; factors not given are left out."""
     left, middle, right = st.columns(3)
     columns = st.columns(max(len(campaign.factors), 3))
     factors = {
@@ -49,12 +49,12 @@ def _field(
     step: float,
     digits: int,
 ) -> float:
-    """Slider over the CAE runs' range, and a number field, kept in the address, for values around it; returns SI."""
+    """Slider over the CAE runs' range, and a number field, kept in the address, for values beyond it; returns SI."""
     values = campaign.cae.vectors[:, axis] / unit
     low, high = max(float(np.floor(values.min())), step), float(np.ceil(values.max()))
-    least, most = max(low / 2, step), 2 * high  # who types a decimal comma means a tenth of what arrives
+    least, most = max(low / 2, step), 2 * high  # a decimal comma typed by mistake gives ten times the intended value
     slider = f"slider {name}"
-    if not least <= st.session_state.get(name, least) <= most:  # of another campaign
+    if not least <= st.session_state.get(name, least) <= most:  # left from another campaign
         del st.session_state[name]
 
     def take_slider() -> None:

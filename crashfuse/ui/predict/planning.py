@@ -26,7 +26,7 @@ _BEST = 5
 
 
 def show_over_speed(view: View, request: FitRequest, fitted: Fitted, condition: Condition) -> None:
-    """Show every metric over speed, at the weights that were chosen above."""
+    """Show every metric over speed, at the weights chosen above."""
     st.markdown("Predictions of every approach over impact speed, at the weights above, with the tests as points.")
     sweeps = result_or_none(
         SweepRequest(request, fitted, condition),
@@ -51,7 +51,7 @@ def show_over_speed(view: View, request: FitRequest, fitted: Fitted, condition: 
 
 
 def show_next_test(view: View, request: FitRequest, fitted: Fitted, factors: tuple[tuple[str, str], ...]) -> None:
-    """Show which test would narrow the band most, over a range that is set here."""
+    """Show which test would narrow the band most, over a range chosen here."""
     domains = [fit.approach for fit in fitted.fits if isinstance(fit.approach, DisplacementDomain)]
     if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
         st.info("Ranking next tests needs the displacement domain with the fast settings.")
