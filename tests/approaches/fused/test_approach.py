@@ -25,6 +25,15 @@ def fused(campaign: Campaign, quick_networks: None) -> Fused:  # noqa: ARG001
     return Fused().fit(campaign.without(["T3"]))
 
 
+def test_the_band_is_checked_around_the_mixture(fused: Fused) -> None:
+    """Every left-out test lies inside the band of its own mixture, without that being widened."""
+    check = fused.calibration_
+    assert len(check.tests) == 3
+    assert check.holds
+    assert check.widening <= 1
+    assert min(test.accel for test in check.tests) > 0.9
+
+
 def test_the_expected_pulse_is_the_weighted_mean_of_its_components(campaign: Campaign, fused: Fused) -> None:
     """In the acceleration; so are velocity and displacement, which are linear in it."""
     condition = campaign.test("T3").condition
