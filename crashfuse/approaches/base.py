@@ -168,10 +168,10 @@ class Approach(ABC):
         """Predict as :meth:`predict` does, given the predictions of its :attr:`parts` at this condition."""
         return self.predict(condition)
 
-    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:  # noqa: ARG002 - others need it
-        """Prediction for each test of the fitted campaign, as if that test had not been run.
+    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:  # noqa: ARG002 - others need it
+        """Prediction for each test of the fitted campaign, as if that test had not been run, by test id.
 
-        Pulses in m/s², shape (1250,), by test id; empty where not available, as under the paper's preset.
+        With fewer draws than other predictions; empty where not available, as under the paper's preset.
         """
         return {}
 

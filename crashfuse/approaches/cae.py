@@ -9,7 +9,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.pulse import FloatArray
 
 
 class Cae(Approach):
@@ -49,10 +48,9 @@ class Cae(Approach):
         self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         return self
 
-    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
         """The CAE pulse at every test, since no test is learned from."""
-        self._require("model_")
-        return {test.id: self.model_.pulse(test.condition).accel_mps2 for test in campaign.tests}
+        return {test.id: self.predict(test.condition) for test in campaign.tests}
 
     def learned(self) -> FittedState:
         """An empty state: the emulator is not stored, as it trains in a second."""

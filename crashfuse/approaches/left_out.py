@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from crashfuse.approaches.base import FittedState
-from crashfuse.campaign import Campaign
+from crashfuse.approaches.base import FittedState, Prediction
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.signals.pulse import GRID_S, FloatArray
 
 STRIDE = 10  # samples of the study grid: a CFC 60 pulse contains no finer detail
@@ -41,11 +41,10 @@ class LeftOut:
             np.array([pulses[1:] for pulses in some], dtype=np.float32),
         )
 
-    def expected(self, campaign: Campaign) -> dict[str, FloatArray]:
-        """The expected pulses on the study grid in m/s², by test id."""
-        return {
-            campaign.tests[number].id: in_full(mean) for number, mean in zip(self.numbers, self.mean_mps2, strict=True)
-        }
+    def predictions(self, campaign: Campaign) -> dict[str, Prediction]:
+        """The predictions on the study grid, by test id; the campaign is the one that was learned from."""
+        rows = zip(self.numbers, self.mean_mps2, self.draws_mps2, strict=True)
+        return {test.id: predicted(test, mean, draws) for n, mean, draws in rows for test in [campaign.tests[n]]}
 
     def learned(self) -> FittedState:
         """These predictions as a state to store."""
@@ -55,6 +54,11 @@ class LeftOut:
     def restored(cls, learned: FittedState) -> "LeftOut":
         """Restore from the state that :meth:`learned` returned."""
         return cls(learned.arrays["numbers"], learned.arrays["mean"], learned.arrays["draws"])
+
+
+def predicted(test: CrashTest, mean_mps2: FloatArray, draws_mps2: FloatArray) -> Prediction:
+    """A test's prediction from every tenth sample of its expected pulse and of draws."""
+    return Prediction(test.condition, in_full(mean_mps2), in_full(draws_mps2.astype(np.float64)))
 
 
 def in_full(thinned_mps2: FloatArray) -> FloatArray:

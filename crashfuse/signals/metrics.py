@@ -130,6 +130,19 @@ METRIC_LABELS = {name: reading.label for name, reading in _READINGS.items()}
 """Labels of the metrics in tables."""
 
 
+def metric_values(accel_mps2: FloatArray, speed_mps: float, *, dt_s: float = DT_S) -> dict[str, FloatArray]:
+    """All metrics of pulses, shape (..., n), in the units of :func:`pulse_metrics`; each of shape (...).
+
+    If the record ends too early: infinite (t0, max_crush), minus infinity (mean, olc), or NaN, which is either (vpi).
+    """
+    motion = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
+    return {name: reading.function(motion) / reading.in_si for name, reading in _READINGS.items()}
+
+
+METRIC_UNITS = {name: reading.unit for name, reading in _READINGS.items()}
+"""Units of the metrics in tables."""
+
+
 def pulse_metrics(
     accel_mps2: FloatArray, speed_mps: float, *, dt_s: float = DT_S, draws_mps2: FloatArray | None = None
 ) -> tuple[Metric, ...]:
@@ -167,14 +180,10 @@ def pulse_metrics(
     One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
     more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """
-    pulse = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
-    draws = None if draws_mps2 is None else kinematics(np.asarray(draws_mps2, dtype=np.float64), speed_mps, dt_s)
-    metrics = []
-    for name, reading in _READINGS.items():
-        value = _finite(reading.function(pulse) / reading.in_si)
-        lower, upper = (None, None) if draws is None else _interval(reading.function(draws) / reading.in_si)
-        metrics.append(Metric(name, value, lower, upper, reading.unit))
-    return tuple(metrics)
+    values = metric_values(accel_mps2, speed_mps, dt_s=dt_s)
+    drawn = None if draws_mps2 is None else metric_values(draws_mps2, speed_mps, dt_s=dt_s)
+    intervals = {name: (None, None) if drawn is None else _interval(drawn[name]) for name in values}
+    return tuple(Metric(n, _finite(value), *intervals[n], METRIC_UNITS[n]) for n, value in values.items())
 
 
 def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:

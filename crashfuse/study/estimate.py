@@ -12,22 +12,23 @@ from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.fit_cache import fitted, settings
+from crashfuse.approaches.metric_calibration import Errors, calibrated_metrics, metric_errors
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.metrics import Metric, pulse_metrics
-from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.metrics import Metric
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
 """Upper limits of the conditions predicted, far beyond any barrier test."""
 
-_KIND = "predictions"  # kind of cache entry
-_LEFT_OUT = "left out "  # prefix of a test id in the names of arrays there
+_KIND, _JUDGED = "predictions", "metric errors"  # kinds of cache entries
+_LEFT_OUT, _ERRORS = "left out ", "error of "  # prefixes of a test's id, and of a metric, in the names of arrays there
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,8 @@ class Estimate:
         Fit results as plain JSON values.
     left_out_mps2 : mapping of str to ndarray, shape (1250,)
         Prediction for each test that it learned from, as if that test had not been run; empty if unknown.
+    metric_errors : mapping of str to ndarray
+        Standardised errors of these predictions, by metric.
     """
 
     approach: str
@@ -47,25 +50,27 @@ class Estimate:
     state: dict[str, object]
     seconds: float
     left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)
+    metric_errors: Errors = field(default_factory=dict)
 
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
-        """Pulse metrics of the prediction, with intervals if it has draws."""
-        p = self.prediction
-        return pulse_metrics(p.accel_mps2, p.condition.speed_mps, dt_s=DT_S, draws_mps2=p.draws_mps2)
+        """Pulse metrics of the prediction, with intervals, calibrated on left-out tests, if it has draws."""
+        return calibrated_metrics(self.prediction, self.metric_errors)
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """An approach fitted to a campaign, with the duration of the fit; it predicts at any condition.
 
-    ``left_out_mps2`` is as in :class:`Estimate`.
+    ``left_out`` are its predictions for the tests that it learned from, as if each had not been run; ``metric_errors``
+    is as in :class:`Estimate`.
     """
 
     approach: Approach
     config: StudyConfig
     seconds: float
-    left_out_mps2: Mapping[str, FloatArray]
+    left_out: Mapping[str, Prediction]
+    metric_errors: Errors
 
     @classmethod
     def of(
@@ -88,7 +93,15 @@ class Fit:
         """
         cache = cache or Cache()
         learned, seconds = fitted(config.create(approach, cache), campaign, cache, watch)
-        return cls(learned, config, seconds, learned.left_out(campaign))
+        left_out = learned.left_out(campaign)
+
+        def judge() -> tuple[Errors, Errors]:
+            errors = metric_errors(left_out, campaign)
+            return errors, errors
+
+        key = {**settings(learned), "campaign": campaign.fingerprint, "code": code_digest(__name__)}
+        errors = cache.get_or_compute(_JUDGED, key, judge, dict[str, FloatArray], watch)
+        return cls(learned, config, seconds, left_out, errors)
 
     @cached_property
     def state(self) -> dict[str, object]:
@@ -131,7 +144,8 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
         seconds = fit.seconds + time.perf_counter() - start
-        estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, fit.left_out_mps2))
+        left_out_mps2 = {test: own.accel_mps2 for test, own in fit.left_out.items()}
+        estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, left_out_mps2, fit.metric_errors))
     return estimates
 
 
@@ -187,6 +201,7 @@ def _entry(estimate: Estimate) -> Entry:
     text = json.dumps({"notes": prediction.notes, "state": estimate.state, "seconds": estimate.seconds})
     entry = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
     entry |= {f"{_LEFT_OUT}{test}": pulse for test, pulse in estimate.left_out_mps2.items()}
+    entry |= {f"{_ERRORS}{metric}": errors for metric, errors in estimate.metric_errors.items()}
     if prediction.draws_mps2 is not None:
         entry["draws_mps2"] = prediction.draws_mps2
     return entry
@@ -195,8 +210,11 @@ def _entry(estimate: Estimate) -> Entry:
 def _restored(condition: Condition, approach: str, entry: Entry) -> Estimate:
     text = json.loads(str(entry["text"]))
     prediction = Prediction(condition, entry["accel_mps2"], entry.get("draws_mps2"), tuple(text["notes"]))
-    left_out = {name.removeprefix(_LEFT_OUT): entry[name] for name in entry if name.startswith(_LEFT_OUT)}
-    return Estimate(approach, prediction, text["state"], text["seconds"], left_out)
+    left_out, errors = (
+        {name.removeprefix(prefix): entry[name] for name in entry if name.startswith(prefix)}
+        for prefix in (_LEFT_OUT, _ERRORS)
+    )
+    return Estimate(approach, prediction, text["state"], text["seconds"], left_out, errors)
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:

@@ -17,6 +17,7 @@ import safetensors
 from safetensors.numpy import save
 
 from crashfuse.approaches.base import Approach, FittedState
+from crashfuse.approaches.metric_calibration import metric_errors
 from crashfuse.campaign import Campaign
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import Cache, Entry
@@ -94,7 +95,8 @@ def load_model(path: str | Path, campaign: Campaign, *, cache: Cache | None = No
         if json.loads(json.dumps(_settings(approach))) != record["settings"]:
             raise ValueError("settings that are not those of its preset")
         approach.restore(campaign, FittedState(record["learned"], arrays))
-        return Fit(approach, config, float(record["seconds"]), approach.left_out(campaign))
+        left_out = approach.left_out(campaign)
+        return Fit(approach, config, float(record["seconds"]), left_out, metric_errors(left_out, campaign))
     except (LookupError, TypeError, ValueError, RuntimeError, ArithmeticError, AttributeError, UsageError) as error:
         raise _unfit(path, f"{type(error).__name__}: {(str(error).splitlines() or [''])[0]}") from error
 

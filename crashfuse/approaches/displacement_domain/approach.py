@@ -229,10 +229,10 @@ class DisplacementDomain(Approach):
         self.left_out_ = LeftOut.of(pulses)
         return calibration
 
-    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
         """Predictions of the tests from the check of the band."""
         self._require("left_out_")
-        return self.left_out_.expected(campaign.evenly_over_speed(MOST_TESTS))
+        return self.left_out_.predictions(campaign.evenly_over_speed(MOST_TESTS))
 
     def bias_parts(self, condition: Condition, displacement_m: FloatArray) -> tuple[BiasPart, ...]:
         """Split the expected bias at a condition into its parts; empty for Table 4, which has none."""

@@ -10,7 +10,7 @@ from crashfuse.approaches.calibration import WIDENINGS, Calibration, Coverage, c
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.fused.weights import Pool, Scores
-from crashfuse.approaches.left_out import STRIDE, in_full
+from crashfuse.approaches.left_out import STRIDE, in_full, predicted
 from crashfuse.approaches.settings import Device, Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
@@ -190,17 +190,21 @@ class Fused(Approach):
         weights = self.pool_.weights(self._nearness(condition.speed_mps))
         components = [Component(said.accel_mps2, said.draws_mps2) for said in parts if said.draws_mps2 is not None]
         mixture = self._mix([*components, Component(cae, cae_draws)], weights)
-        draws = mixture.mean + self.calibration_.widening * (mixture.draws - mixture.mean)
         notes = dict.fromkeys(
             (self._reason(condition, weights), *self._thinning, *(n for part in parts for n in part.notes))
         )
-        return Prediction(condition, mixture.mean, draws, tuple(notes))
+        return Prediction(condition, mixture.mean, self._widened(mixture), tuple(notes))
 
-    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
         """Predictions of both approaches for tests that they have not seen, mixed with the learned weights."""
         self._require("pool_")
         tests = campaign.evenly_over_speed(MOST_TESTS).tests
-        return {tests[number].id: in_full(mixture.mean) for number, mixture in self._left_out_mixtures().items()}
+        mixed = self._left_out_mixtures().items()
+        return {tests[n].id: predicted(tests[n], mix.mean, self._widened(mix)) for n, mix in mixed}
+
+    def _widened(self, mixture: Component) -> FloatArray:
+        """The draws of a mixture, as far from its mean as left-out tests show that they have to be."""
+        return mixture.mean + self.calibration_.widening * (mixture.draws - mixture.mean)
 
     def _reason(self, condition: Condition, weights: FloatArray) -> str:
         """A sentence on the weights and what determines them."""

@@ -219,10 +219,10 @@ class TimeDomain(TcnApproach):
         notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 
-    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
+    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
         """Predictions of the tests from the check of the band; empty after fine-tuning by Adam."""
         self._require("network_")
-        return self.left_out_.expected(campaign.evenly_over_speed(MOST_TESTS)) if hasattr(self, "left_out_") else {}
+        return self.left_out_.predictions(campaign.evenly_over_speed(MOST_TESTS)) if hasattr(self, "left_out_") else {}
 
     @property
     def state(self) -> dict[str, object]:

@@ -130,9 +130,9 @@ class LfTcn(TcnApproach):
         self._library, self.scaling_ = cae, Scaling.of(vectors, accel, self.config)
         return vectors, accel
 
-    def left_out(self, campaign: Campaign) -> dict[str, FloatArray]:
-        """The predicted pulse at every test, since no test is learned from."""
-        return {test.id: self.predict(test.condition).accel_mps2 for test in campaign.tests}
+    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
+        """The prediction at every test, since no test is learned from."""
+        return {test.id: self.predict(test.condition) for test in campaign.tests}
 
     def learned(self) -> FittedState:
         """Fitted state: weights and learning curves."""

@@ -152,7 +152,9 @@ def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign
     expected = fused.left_out(rest)
     assert tuple(expected) == rest.test_ids
     for test, near, said in zip(rest.tests, nearness, means, strict=True):
-        np.testing.assert_allclose(expected[test.id][::10], fused.pool_.weights(near) @ np.array(said), atol=1e-6)
+        np.testing.assert_allclose(
+            expected[test.id].accel_mps2[::10], fused.pool_.weights(near) @ np.array(said), atol=1e-6
+        )
     state = fused.state
     for key, near in (("weights_far_from_tests", 0.0), ("weights_beside_a_test", 1.0)):
         told = state[key]
