@@ -15,6 +15,7 @@ ROOMS = (
     "cli",
     "ui",
     "reporting",
+    "certification",
     "study",
     "approaches",
     "cae",

@@ -51,7 +51,7 @@ class StudyPlan:
             if not 10 <= window <= 100:
                 raise UsageError(f"A rating window of {window:g} ms is not possible; choose 10 to 100 ms.")
             for test_id in self.held_out:
-                _check_window(campaign.test(test_id), window)
+                check_window(campaign.test(test_id), window)
 
     @property
     def configs(self) -> tuple[StudyConfig, ...]:
@@ -66,7 +66,7 @@ class StudyPlan:
         return len(campaign.speed_group(campaign.test_ids[0])) < len(campaign.tests)
 
 
-def _check_window(test: CrashTest, window_ms: float) -> None:
+def check_window(test: CrashTest, window_ms: float) -> None:
     """Raise if a test cannot be rated over a window."""
     if window_ms / 1e3 > test.recorded_s + _SLOWEST_S:
         found, advice = f"{test.recorded_s * 1e3:.4g} ms", "rate a shorter window, or hold out other tests"

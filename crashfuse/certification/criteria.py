@@ -1,0 +1,73 @@
+"""Acceptance criteria: limits of pulse metrics, or of the rating, and the confidence they have to be met with."""
+
+from dataclasses import dataclass
+
+from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
+
+RATING = "rating"
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Criterion:
+    """One limit, or two, on a pulse metric or on the rating of the prediction against a test.
+
+    Parameters
+    ----------
+    metric : str
+        A metric of :func:`crashfuse.signals.metrics.pulse_metrics`, or ``rating``.
+    at_least, at_most : float or None
+        In the metric's unit; at least one of them.
+    window_ms : float or None
+        Of the rating, over [0, window_ms); None for a metric.
+    """
+
+    name: str
+    metric: str
+    at_least: float | None = None
+    at_most: float | None = None
+    window_ms: float | None = None
+
+    @property
+    def unit(self) -> str:
+        """The metric's unit; empty for the rating."""
+        return METRIC_UNITS.get(self.metric, "")
+
+    @property
+    def label(self) -> str:
+        """The metric in words."""
+        rating = "" if self.window_ms is None else f"ISO/TS 18571 rating over 0–{self.window_ms:g} ms"
+        return METRIC_LABELS.get(self.metric, rating)
+
+    @property
+    def limits(self) -> str:
+        """The limits in words, such as ``at most 650 mm``."""
+        ends = (("at least", self.at_least), ("at most", self.at_most))
+        return " and ".join(f"{word} {self.shown(end)}" for word, end in ends if end is not None)
+
+    def shown(self, value: float | None) -> str:
+        """A value of the metric as displayed, with its unit."""
+        if value is None:
+            return "–"
+        return f"{value:.2f}" if self.metric == RATING else f"{value:.4g} {self.unit}"
+
+    def is_met_by(self, value: float) -> bool:
+        """Whether a value lies within the limits."""
+        return (self.at_least is None or value >= self.at_least) and (self.at_most is None or value <= self.at_most)
+
+    def margin(self, value: float) -> float:
+        """Distance of a value from the nearest limit."""
+        return min(abs(value - end) for end in (self.at_least, self.at_most) if end is not None)
+
+
+@dataclass(frozen=True, slots=True)
+class Criteria:
+    """Criteria with unique names, and the probability from which one counts as met, or as not met by its complement."""
+
+    items: tuple[Criterion, ...]
+    confidence: float = CONFIDENCE
+
+    @property
+    def windows_ms(self) -> tuple[float, ...]:
+        """All windows of ratings, ascending."""
+        return tuple(sorted({c.window_ms for c in self.items if c.window_ms is not None}))

@@ -1,0 +1,145 @@
+"""Reading and checking of acceptance criteria: ``criteria.toml``, or mappings with the same keys."""
+
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria, Criterion
+from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.csv_text import text_from
+from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
+
+_WINDOW_MS = 60.0
+_LARGEST_FILE = 1 << 20  # characters
+_MOST_CRITERIA = 100
+_KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
+
+
+def read_criteria(path: Path) -> Criteria:
+    """Read ``criteria.toml``.
+
+    Raises
+    ------
+    DataError
+        If it is not such a file, or a criterion cannot be judged; with every problem.
+    """
+    if not path.is_file():
+        raise DataError(Problem(path.name, "this file", "no such file", "declare the acceptance criteria in it"))
+    try:
+        with text_from(path, path.name) as stream:
+            text = stream.read(_LARGEST_FILE + 1)
+        if len(text) > _LARGEST_FILE:
+            raise DataError(Problem(path.name, "a file of at most 1 MiB", "more", "keep the criteria alone"))
+        values = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        found = "brackets too deep" if isinstance(error, RecursionError) else str(error)
+        raise DataError(Problem(path.name, "a TOML file in UTF-8", found, "correct the file")) from error
+    confidence, items = values.pop("confidence", CONFIDENCE), values.pop("criterion", [])
+    problems = []
+    if values:
+        problems.append(Problem(path.name, "confidence and [[criterion]]", ", ".join(values), "remove or rename it"))
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise DataError(Problem(path.name, "tables [[criterion]]", "another value", "begin each with [[criterion]]"))
+    return _checked(items, confidence, path.name, problems)
+
+
+def criteria_of(criteria: Sequence[Mapping[str, Any]], confidence: float = CONFIDENCE) -> Criteria:
+    """Create criteria from mappings with the keys of ``criteria.toml``; raises as :func:`read_criteria`."""
+    return _checked([dict(item) for item in criteria], confidence, "the criteria", [])
+
+
+def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:
+    if not _is_number(confidence) or not 0.5 <= float(str(confidence)) < 1:
+        expected, advice = "a confidence from 0.5 to below 1", "0.95 is usual; no prediction is certain"
+        problems.append(Problem(where, expected, _shown(confidence), advice, "confidence"))
+    if not items:
+        problems.append(Problem(where, "at least one criterion", "none", "add a table [[criterion]]"))
+    if len(items) > _MOST_CRITERIA:
+        expected = f"at most {_MOST_CRITERIA} criteria"
+        raise DataError(Problem(where, expected, str(len(items)), "leave out those that matter least"))
+    found: dict[str, Criterion] = {}
+    for number, item in enumerate(items, start=1):
+        own = f"criterion {number}"
+        criterion = _Check(where, own, problems).criterion(item)
+        if criterion is not None and criterion.name in found:
+            advice = "give one of them another name"
+            problems.append(Problem(where, "each name once", f"{criterion.name!r} a second time", advice, own))
+        elif criterion is not None:
+            found[criterion.name] = criterion
+    if problems:
+        raise DataError(problems)
+    return Criteria(tuple(found.values()), float(str(confidence)))
+
+
+class _Check:
+    """Check of one criterion; its problems are appended to a list."""
+
+    def __init__(self, where: str, own: str, problems: list[Problem]) -> None:
+        self.where, self.own, self.problems = where, own, problems
+
+    def wrong(self, expected: str, found: object, advice: str) -> None:
+        self.problems.append(Problem(self.where, expected, _shown(found), advice, self.own))
+
+    def criterion(self, item: dict[str, Any]) -> Criterion | None:
+        """The criterion, or None if it cannot be judged."""
+        before = len(self.problems)
+        for key in [key for key in item if key not in _KEYS]:
+            self.wrong(f"the keys {', '.join(_KEYS)}", key, _advice_on(key))
+        metric = item.get("metric")
+        if metric is None or (metric not in METRIC_LABELS and metric != RATING):
+            self.wrong(f"a metric of {', '.join(METRIC_LABELS)} or {RATING}", metric, "choose one of them")
+            return None
+        unit = METRIC_UNITS.get(metric, "")
+        if item.get("unit", unit) != unit:
+            expected = f"limits of {metric} in {unit}" if unit else f"no unit for the {RATING}"
+            self.wrong(expected, item["unit"], f"convert the limits to {unit}" if unit else "remove the unit")
+        name = item.get("name", metric)
+        if not isinstance(name, str) or not name.strip() or len(name) > 100 or printable(name) != name:
+            self.wrong("a name of at most 100 characters in one line", name, "rename it")
+        at_least, at_most = (self._limit(item, key, metric) for key in ("at_least", "at_most"))
+        if "at_least" not in item and "at_most" not in item:
+            self.wrong("at_least or at_most", "neither", "add a limit")
+        if at_least is not None and at_most is not None and at_most < at_least:
+            self.wrong(
+                f"at_most of at least {at_least:g}, which is at_least", at_most, "correct or exchange the limits"
+            )
+        window = self._window(item, metric)
+        return Criterion(name.strip(), metric, at_least, at_most, window) if len(self.problems) == before else None
+
+    def _limit(self, item: dict[str, Any], key: str, metric: str) -> float | None:
+        limit, highest = item.get(key), 1.0 if metric == RATING else math.inf
+        if limit is None:
+            return None
+        if not _is_number(limit) or not 0 <= limit <= highest:
+            scale = f"in {METRIC_UNITS[metric]}" if metric != RATING else "up to 1"
+            self.wrong(f"a number of 0 or more for {key}, {scale}", limit, "correct the limit")
+            return None
+        return float(limit)
+
+    def _window(self, item: dict[str, Any], metric: str) -> float | None:
+        window = item.get("window_ms", _WINDOW_MS if metric == RATING else None)
+        if metric == RATING and (not _is_number(window) or not 10 <= window <= 100):
+            self.wrong("a window_ms from 10 to 100", window, "correct the window")
+            return None
+        if metric != RATING and window is not None:
+            self.wrong(
+                f"no window_ms, which only the {RATING} has", window, "remove it: a metric is of the whole pulse"
+            )
+        return float(window) if metric == RATING else None
+
+
+def _advice_on(key: str) -> str:
+    known = next((known for known in ("at_most", "at_least") if key.startswith(known)), None)
+    return "remove or rename it" if known is None else f"write {known}, with the limit in the metric's own unit"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, str):
+        return value
+    return "nothing" if value is None else printable(repr(value), 60)

@@ -1,0 +1,108 @@
+"""The validated domain of a campaign: the conditions at which its tests, left out one speed at a time, check it."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.condition import Condition
+from crashfuse.units import LB, MPH
+
+FEWEST_TESTS = 4
+"""Fewest tests that check a campaign: with fewer, a left-out test is predicted from one or two others."""
+
+_BESIDE_MPS = 2 * MPH  # speeds this near belong to one group
+_BEYOND_MPS = 5 * MPH  # farthest beyond the slowest or fastest test
+_SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
+
+
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """Where the campaign's own tests, left out with all others at about their speed, checked predictions.
+
+    Attributes
+    ----------
+    n_tests : int
+    speeds_mps : tuple of float
+        Of the tests, ascending.
+    reach_mps : float
+        Largest distance in speed from a left-out group to the nearest remaining test.
+    below_mps, above_mps : float
+        How far below the slowest and above the fastest test a condition may be: as far as the group there was from the
+        others, but not more than 5 mph.
+    masses_kg : tuple of float
+        Smallest and largest mass that counts as checked: beyond the tests' by as much as these differ, 2 % at least.
+    factors : dict of str to tuple of str
+        Values of each factor that were tested.
+    """
+
+    n_tests: int
+    speeds_mps: tuple[float, ...]
+    reach_mps: float
+    below_mps: float
+    above_mps: float
+    masses_kg: tuple[float, float]
+    factors: dict[str, tuple[str, ...]]
+    cae: CaeLibrary
+
+    @classmethod
+    def of(cls, campaign: Campaign) -> Self:
+        """The domain of a campaign with one test or more."""
+        tests = sorted(campaign.tests, key=lambda test: test.condition.speed_mps)
+        speeds = np.array([test.condition.speed_mps for test in tests])
+        gaps = []
+        for test in tests:
+            group = campaign.speed_group(test.id)
+            rest = [t.condition.speed_mps for t in tests if t.id not in group]
+            gaps.append(float(np.abs(np.array(rest) - test.condition.speed_mps).min()) if rest else 0.0)
+        masses = np.array([test.condition.mass_kg for test in tests])
+        slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
+        below, above = (min(max(gap, _BESIDE_MPS), _BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
+        ends = float(masses.min()) - slack, float(masses.max()) + slack
+        return cls(
+            len(tests),
+            tuple(speeds.tolist()),
+            max(*gaps, _BESIDE_MPS),
+            below,
+            above,
+            ends,
+            campaign.factors,
+            campaign.cae,
+        )
+
+    def exceeded_by(self, condition: Condition) -> tuple[str, ...]:
+        """Sentences on why a condition lies outside; empty if it lies inside."""
+        if self.n_tests < FEWEST_TESTS:
+            n = f"{self.n_tests} test{'s' * (self.n_tests > 1)}"
+            return (f"{n} are too few to check verdicts by leaving tests out, which takes {FEWEST_TESTS}.",)
+        found = [*self._speed(condition), *self._mass(condition)]
+        for name, value in condition.factors:
+            if value and name in self.factors and value not in self.factors[name]:
+                found.append(f"No test has {name} {value}; tested: {', '.join(self.factors[name])}.")
+        return (*found, *self.cae.extrapolation(condition))
+
+    def _speed(self, condition: Condition) -> list[str]:
+        speed, low, high = condition.speed_mps, self.speeds_mps[0], self.speeds_mps[-1]
+        for end, beyond, most, word in (
+            ("slowest", low - speed, self.below_mps, "below"),
+            ("fastest", speed - high, self.above_mps, "above"),
+        ):
+            if beyond > most + 1e-9:
+                return [
+                    f"{speed / MPH:.1f} mph is {beyond / MPH:.1f} mph {word} the {end} test; checked up to "
+                    f"{most / MPH:.1f} mph {word} it."
+                ]
+        away = float(np.abs(np.array(self.speeds_mps) - speed).min())
+        if low <= speed <= high and away > self.reach_mps + 1e-9:
+            return [
+                f"{speed / MPH:.1f} mph is {away / MPH:.1f} mph from the nearest test; checked up to "
+                f"{self.reach_mps / MPH:.1f} mph away."
+            ]
+        return []
+
+    def _mass(self, condition: Condition) -> list[str]:
+        low, high = self.masses_kg
+        if low <= condition.mass_kg <= high:
+            return []
+        return [f"{condition.mass_kg / LB:.0f} lb in all; checked from {low / LB:.0f} to {high / LB:.0f} lb."]

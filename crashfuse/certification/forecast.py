@@ -1,0 +1,153 @@
+"""Forecasts: what an approach predicts for a single test, as calibrated distributions of all metrics and the rating."""
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from operator import itemgetter
+from typing import Self
+
+import numpy as np
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.fit_cache import settings
+from crashfuse.approaches.metric_calibration import Distribution, drawn_metrics, standardised_error
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.certification.criteria import RATING, Criterion
+from crashfuse.condition import Condition
+from crashfuse.execution.cache import Cache, Entry
+from crashfuse.execution.code_digest import code_digest
+from crashfuse.signals.metrics import METRIC_LABELS, metric_values
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
+from crashfuse.signals.rating import rate_windows
+from crashfuse.study.estimate import Fit
+
+_RATED_DRAWS = 25
+_UNKNOWN = (np.nan,) * 6
+
+
+def quantity(criterion: Criterion) -> str:
+    """What a criterion limits, as a key: the metric, or the rating over its window."""
+    return _rating(criterion.window_ms) if criterion.window_ms is not None else criterion.metric
+
+
+def _rating(window_ms: float) -> str:
+    return f"{RATING} {window_ms:g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """What an approach predicts for a test at a condition.
+
+    Attributes
+    ----------
+    accel_mps2 : ndarray, shape (1250,)
+        The predicted pulse.
+    values : dict of str to float or None
+        Metrics of that pulse, and the expected rating by window; None where the record is too short.
+    distributions : dict of str to Distribution or None
+        The same for a single test; None where unknown.
+    """
+
+    accel_mps2: FloatArray
+    values: dict[str, float | None]
+    distributions: dict[str, Distribution | None]
+
+    def measured(self, criterion: Criterion, test: CrashTest) -> float | None:
+        """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
+        if criterion.window_ms is not None:
+            return _overall(test.pulse, self.accel_mps2, criterion.window_ms)
+        values = metric_values(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
+        value = float(values[criterion.metric])
+        return value if np.isfinite(value) else None
+
+    @property
+    def entry(self) -> dict[str, FloatArray]:
+        """As arrays, for the cache."""
+        rows = [
+            (np.nan if (value := self.values[name]) is None else value, *(_UNKNOWN if own is None else astuple(own)))
+            for name, own in self.distributions.items()
+        ]
+        names = np.array(list(self.values))
+        return {"accel_mps2": self.accel_mps2, "names": names, "numbers": np.array(rows)}  # type: ignore[dict-item]
+
+    @classmethod
+    def restored(cls, entry: Entry) -> Self:
+        """Restore from :attr:`entry`."""
+        values, distributions = {}, {}
+        for name, (value, *own) in zip(entry["names"].tolist(), entry["numbers"].tolist(), strict=True):
+            values[name] = None if np.isnan(value) else value
+            distributions[name] = None if np.isnan(own[0]) else Distribution(*own)
+        return cls(entry["accel_mps2"], values, distributions)
+
+
+@dataclass(frozen=True, eq=False)
+class Forecaster:
+    """A fitted approach, and how its predictions of tests that it had not seen rated.
+
+    Attributes
+    ----------
+    rated : dict of float to ndarray, shape (2, n_tests)
+        By window in ms: the ratings, and their errors in units of the drawn ratings' spread; NaN without draws.
+    """
+
+    fit: Fit
+    rated: dict[float, FloatArray]
+
+    @classmethod
+    def of(cls, fit: Fit, campaign: Campaign, windows_ms: Sequence[float], cache: Cache) -> Self:
+        """Rate the left-out predictions of a fit over windows; the campaign is the one that it learned from."""
+
+        def rate(window_ms: float) -> FloatArray:
+            rows = []
+            for test_id, prediction in fit.left_out.items():
+                rating = _overall(campaign.test(test_id).pulse, prediction.accel_mps2, window_ms)
+                has_draws = prediction.draws_mps2 is not None
+                error = standardised_error(drawn_ratings(prediction, window_ms), rating) if has_draws else np.nan
+                rows.append((rating, error))
+            return np.array(rows, dtype=np.float64).reshape(-1, 2).T
+
+        rated = {}
+        for window in windows_ms:
+            key = {**settings(fit.approach), "campaign": campaign.fingerprint, "window": window}
+            key["code"] = code_digest(__name__)
+
+            def compute(window: float = window) -> tuple[FloatArray, Entry]:
+                found = rate(window)
+                return found, {"rated": found}
+
+            rated[window] = cache.get_or_compute("left-out ratings", key, compute, itemgetter("rated"))
+        return cls(fit, rated)
+
+    def at(self, condition: Condition) -> Forecast:
+        """The forecast at a condition."""
+        prediction = self.fit.estimate(condition).prediction
+        values = metric_values(prediction.accel_mps2, condition.speed_mps)
+        known = {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
+        drawn, errors = drawn_metrics(prediction), self.fit.metric_errors
+        found = {name: Distribution.of(drawn[name], errors.get(name, np.empty(0))) for name in METRIC_LABELS}
+        for window in self.rated:
+            rating = found[_rating(window)] = self._rating_at(prediction, window)
+            known[_rating(window)] = None if rating is None else rating.median
+        return Forecast(prediction.accel_mps2, known, found)
+
+    def _rating_at(self, prediction: Prediction, window_ms: float) -> Distribution | None:
+        """Distribution of the rating against a test here; without draws, that of left-out tests."""
+        rated, errors = self.rated[window_ms]
+        if prediction.draws_mps2 is not None:
+            return Distribution.of(drawn_ratings(prediction, window_ms), errors)
+        if rated.size < 2:
+            return None
+        spread = float(rated.std(ddof=1))
+        return Distribution(float(rated.mean()), spread, spread, rated.size - 1)
+
+
+def drawn_ratings(prediction: Prediction, window_ms: float) -> FloatArray:
+    """Ratings of a predicted pulse against some of its draws, each in the place of a test."""
+    n, draws = round(window_ms / 1e3 / DT_S), prediction.draws_mps2
+    assert draws is not None  # noqa: S101 - asked for by callers
+    some = np.asarray(draws[:: -(-len(draws) // _RATED_DRAWS), :n], dtype=np.float64)
+    return np.array([_overall(Pulse(GRID_S[:n], draw), prediction.accel_mps2[:n], window_ms) for draw in some])
+
+
+def _overall(reference: Pulse, accel_mps2: FloatArray, window_ms: float) -> float:
+    comparison = Pulse(GRID_S[: accel_mps2.size], accel_mps2)
+    return rate_windows(reference, comparison, [window_ms])[window_ms].overall

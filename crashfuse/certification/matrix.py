@@ -1,0 +1,107 @@
+"""The matrix of conditions that verdicts are wanted for: from a table, or as a grid."""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Self
+
+import pandas as pd
+
+from crashfuse.campaign_folder.condition_tables import read_conditions
+from crashfuse.condition import Condition
+from crashfuse.errors import DataError, Problem, UsageError, shortened
+from crashfuse.study.estimate import FASTEST_MPS, HEAVIEST_KG
+from crashfuse.units import LB, MPH
+
+_MOST = 10_000  # each costs a prediction
+
+
+@dataclass(frozen=True, slots=True)
+class Matrix:
+    """Conditions with unique ids, none of them twice.
+
+    Raises
+    ------
+    UsageError
+        If there is none, or more than 10,000.
+    """
+
+    ids: tuple[str, ...]
+    conditions: tuple[Condition, ...]
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.ids) <= _MOST:
+            raise UsageError(f"A matrix has 1 to {_MOST:,} conditions, not {len(self.ids):,}.")
+
+    @classmethod
+    def read(cls, path: Path, factors: Mapping[str, Sequence[str]]) -> Self:
+        """Read ``matrix.csv``, a table like ``tests.csv``; ``factors`` are those of the campaign.
+
+        Raises
+        ------
+        DataError
+            With every problem of the table, a condition that stands there twice included.
+        """
+        problems: list[Problem] = []
+        table = read_conditions(path, standstill_allowed=False, problems=problems)
+        if table is None or problems:
+            raise DataError(shortened(problems))
+        if len(table.ids) > _MOST:
+            expected, advice = f"at most {_MOST:,} conditions", "split the table"
+            raise DataError(Problem(path.name, expected, f"{len(table.ids):,}", advice))
+        unknown = [name for name, _ in table.conditions[0].factors if name not in factors]
+        if unknown:
+            known = f"no further columns than those of tests.csv ({', '.join(factors) or 'none'})"
+            problems.append(Problem(path.name, known, ", ".join(unknown), "rename or remove the column"))
+        first: dict[Condition, str] = {}
+        for test_id, condition, row in zip(table.ids, table.conditions, table.rows, strict=True):
+            if condition in first:
+                advice = "remove one of them"
+                found = f"that of {first[condition]} a second time"
+                problems.append(Problem(path.name, "each condition once", found, advice, "id", row))
+            elif condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG:
+                most = f"at most {FASTEST_MPS / MPH:.0f} mph and {HEAVIEST_KG / LB:.0f} lb in all"
+                problems.append(Problem(path.name, most, str(condition), "correct the cell", "id", row))
+            first.setdefault(condition, test_id)
+        if problems:
+            raise DataError(shortened(problems))
+        return cls(table.ids, table.conditions)
+
+    @classmethod
+    def of(cls, frame: pd.DataFrame, factors: Mapping[str, Sequence[str]]) -> Self:
+        """Create from a table with the columns of ``matrix.csv``; raises as :meth:`read`."""
+        with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
+            path = Path(folder, "matrix.csv")
+            frame.to_csv(path, index=False)
+            return cls.read(path, factors)
+
+    @classmethod
+    def grid(
+        cls,
+        speeds_mps: Sequence[float],
+        front_weights_kg: Sequence[float],
+        rear_weights_kg: Sequence[float],
+        factors: Mapping[str, Sequence[str]],
+    ) -> Self:
+        """Every combination of speeds, weights and values of factors, numbered from ``M001``.
+
+        Raises
+        ------
+        UsageError
+            If a value is given twice, is not above 0, or there are too many combinations.
+        """
+        for name, values in (
+            ("speed", speeds_mps),
+            ("front weight", front_weights_kg),
+            ("rear weight", rear_weights_kg),
+        ):
+            if len(set(values)) < len(values) or not all(0 < value < float("inf") for value in values):
+                raise UsageError(f"A grid takes each {name} once, as a number above 0.")
+        kinds = [tuple(zip(factors, values, strict=True)) for values in product(*factors.values())]
+        axes = list(product(speeds_mps, front_weights_kg, rear_weights_kg, kinds))
+        if len(axes) > _MOST:
+            raise UsageError(f"A matrix has at most {_MOST:,} conditions; this grid has {len(axes):,}.")
+        ids = tuple(f"M{number:03d}" for number in range(1, len(axes) + 1))
+        return cls(ids, tuple(Condition(v, front, rear, kind) for v, front, rear, kind in axes))

@@ -1,0 +1,198 @@
+"""The track record: the verdicts that left-out tests got from the others alone, compared with what was measured."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from scipy.stats import beta
+
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.verdict import WORDS, Verdict, Word
+
+LeftOut = Literal["test", "speed group"]
+
+_BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+_LEVEL = 0.95
+
+
+def share_bounds(count: int, n: int, level: float = _LEVEL) -> tuple[float, float]:
+    """Exact two-sided bounds of a share of which ``count`` in ``n`` were seen (Clopper & Pearson 1934)."""
+    tail = (1 - level) / 2
+    lower = float(beta.ppf(tail, count, n - count + 1)) if count else 0.0
+    upper = float(beta.ppf(1 - tail, count + 1, n - count)) if count < n else 1.0
+    return lower, upper
+
+
+def largest_share(count: int, n: int, level: float = _LEVEL) -> float:
+    """Exact one-sided upper bound of such a share."""
+    return float(beta.ppf(level, count + 1, n - count)) if count < n else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A left-out test's verdict on one criterion, and what was measured.
+
+    Attributes
+    ----------
+    left_out : {"test", "speed group"}
+        What was left out with it.
+    measured : float
+        In the criterion's unit.
+    cae_probability : float or None
+        That the raw CAE model gives, with the error that it had in the other tests as its band; None for ratings.
+    near : bool
+        Whether the measured value lies within one width of the 95 % interval of the limit.
+    """
+
+    held_out: str
+    left_out: LeftOut
+    verdict: Verdict
+    measured: float
+    cae_probability: float | None
+
+    @property
+    def met(self) -> bool:
+        """Whether the test met the criterion."""
+        return self.verdict.criterion.is_met_by(self.measured)
+
+    @property
+    def wrong(self) -> bool:
+        """Whether a verdict was given that the test contradicts."""
+        return self.verdict.decided and (self.verdict.word == "met") != self.met
+
+    @property
+    def near(self) -> bool:
+        """Whether the measured value lies within one width of the 95 % interval of the limit."""
+        lower, upper = self.verdict.lower, self.verdict.upper
+        return lower is None or upper is None or self.verdict.criterion.margin(self.measured) <= upper - lower
+
+
+@dataclass(frozen=True, slots=True)
+class Bin:
+    """Left-out verdicts whose probabilities lie in one bin.
+
+    Attributes
+    ----------
+    probability, met : float
+        Mean probability, and share of tests that met the criterion.
+    lower, upper : float
+        Exact 95 % bounds of that share.
+    """
+
+    low: float
+    high: float
+    n: int
+    probability: float
+    met: float
+    lower: float
+    upper: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the mean probability lies within the bounds."""
+        return self.lower <= self.probability <= self.upper
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """What the record says of one criterion, from its own trials and those of all criteria with a test near the limit.
+
+    Attributes
+    ----------
+    decided, wrong : int
+        Verdicts *met* and *not met*, and those that a test contradicted.
+    near : bool
+        Whether a test came near the limit.
+    """
+
+    decided: int
+    wrong: int
+    near: bool
+
+    @property
+    def confidence(self) -> float:
+        """Highest confidence that the record supports: the expected share of right verdicts (Jeffreys' prior)."""
+        return 1 - (self.wrong + 0.5) / (self.decided + 1)
+
+    def shortfall(self, confidence: float) -> str | None:
+        """A sentence on what record would support this confidence; None if this one does."""
+        if self.confidence >= confidence - 1e-12:
+            return None
+        needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
+        of = f"{self.wrong} of {self.decided} left-out verdicts wrong" if self.decided else "no left-out verdict"
+        return (
+            f"The campaign's record ({of}) supports a confidence of {self.confidence:.2f}, not {confidence:g}; "
+            f"it would take {needed} left-out verdicts with no more than {self.wrong} wrong."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TrackRecord:
+    """All trials of a campaign. Groups of a single test, whose verdict is the test's own, count once."""
+
+    trials: tuple[Trial, ...]
+
+    @cached_property
+    def counted(self) -> tuple[Trial, ...]:
+        """Trials without those that repeat another, because nothing else was left out with the test."""
+        alone = {(t.held_out, t.verdict.criterion.name): t for t in self.trials if t.left_out == "test"}
+
+        def repeats(trial: Trial) -> bool:
+            own = alone.get((trial.held_out, trial.verdict.criterion.name))
+            return trial.left_out != "test" and own is not None and own.verdict == trial.verdict
+
+        return tuple(trial for trial in self.trials if not repeats(trial))
+
+    def of(self, criterion: Criterion) -> tuple[Trial, ...]:
+        """The counted trials of a criterion."""
+        return tuple(trial for trial in self.counted if trial.verdict.criterion == criterion)
+
+    def counts(self, trials: Sequence[Trial] | None = None) -> dict[Word, tuple[int, int]]:
+        """Number of verdicts by word, and of those that a test contradicted."""
+        some = self.counted if trials is None else trials
+        return {
+            word: (sum(t.verdict.word == word for t in some), sum(t.wrong for t in some if t.verdict.word == word))
+            for word in WORDS
+        }
+
+    @property
+    def decided(self) -> tuple[int, int]:
+        """Number of verdicts *met* and *not met*, and of the wrong ones."""
+        return sum(trial.verdict.decided for trial in self.counted), sum(trial.wrong for trial in self.counted)
+
+    def support(self, criterion: Criterion) -> Support:
+        """What the record says of a criterion."""
+        own = self.of(criterion)
+        names = {trial.verdict.criterion.name for trial in self.counted if trial.near}
+        others = [t for t in self.counted if t.verdict.criterion != criterion and t.verdict.criterion.name in names]
+        decided = [trial for trial in (*own, *others) if trial.verdict.decided]
+        return Support(len(decided), sum(trial.wrong for trial in decided), any(trial.near for trial in own))
+
+    @property
+    def brier(self) -> tuple[float, float] | None:
+        """Mean squared error of the probabilities, and of the raw CAE's, over all pulse metrics; None without any."""
+        pairs = [
+            (own.verdict.probability, own.cae_probability, own.met)
+            for own in self.counted
+            if own.verdict.probability is not None and own.cae_probability is not None
+        ]
+        if not pairs:
+            return None
+        ours, cae, met = np.array(pairs, dtype=np.float64).T
+        return float(((ours - met) ** 2).mean()), float(((cae - met) ** 2).mean())
+
+    @property
+    def reliability(self) -> tuple[Bin, ...]:
+        """Probabilities in bins, against the share of tests that met the criterion."""
+        known = [(t.verdict.probability, t.met) for t in self.counted if t.verdict.probability is not None]
+        said, met = np.array(known, dtype=np.float64).reshape(-1, 2).T
+        bins = []
+        number = np.clip(np.searchsorted(_BINS, said, side="right") - 1, 0, len(_BINS) - 2)
+        for i, (low, high) in enumerate(pairwise(_BINS)):
+            if n := int((number == i).sum()):
+                count = int(met[number == i].sum())
+                bins.append(Bin(low, high, n, float(said[number == i].mean()), count / n, *share_bounds(count, n)))
+        return tuple(bins)

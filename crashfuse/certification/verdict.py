@@ -1,0 +1,83 @@
+"""The verdict on one criterion at one condition, with its reason."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.domain import Domain
+from crashfuse.certification.forecast import Forecast, quantity
+from crashfuse.condition import Condition
+
+Word = Literal["met", "not met", "open", "outside"]
+WORDS: tuple[Word, ...] = get_args(Word)
+"""A test there would meet the criterion, or not, with the confidence asked for; the interval straddles the limit, so
+only a test or another design can tell; the condition is beyond what the campaign's tests check."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Verdict on a criterion at a condition.
+
+    Attributes
+    ----------
+    value : float or None
+        Of the predicted pulse, or the expected rating, in the criterion's unit.
+    lower, upper : float or None
+        Central 95 % interval for a single test there.
+    probability : float or None
+        That a test there meets the criterion; None if the record is too short to tell.
+    reason : str
+        In a sentence or two.
+    """
+
+    condition: Condition
+    criterion: Criterion
+    value: float | None
+    lower: float | None
+    upper: float | None
+    probability: float | None
+    word: Word
+    reason: str
+
+    @property
+    def decided(self) -> bool:
+        """Whether no test is needed to tell."""
+        return self.word in ("met", "not met")
+
+
+def judge(forecast: Forecast, condition: Condition, criteria: Criteria, domain: Domain) -> tuple[Verdict, ...]:
+    """Verdicts on all criteria at a condition, as the forecast alone supports them."""
+    outside = domain.exceeded_by(condition)
+    return tuple(_verdict(forecast, condition, criterion, criteria.confidence, outside) for criterion in criteria.items)
+
+
+def _verdict(
+    forecast: Forecast, condition: Condition, criterion: Criterion, confidence: float, outside: tuple[str, ...]
+) -> Verdict:
+    value, own = (found[quantity(criterion)] for found in (forecast.values, forecast.distributions))
+    lower, upper = (None, None) if own is None else own.interval()
+    if criterion.window_ms is not None and upper is not None:
+        upper = min(upper, 1.0)
+    probability = None if own is None else own.probability(criterion.at_least, criterion.at_most)
+    word, reason = _word(criterion, probability, confidence, (value, lower, upper))
+    if outside:
+        word, reason = "outside", " ".join(outside)
+    return Verdict(condition, criterion, value, lower, upper, probability, word, reason)
+
+
+def _word(
+    criterion: Criterion, probability: float | None, confidence: float, found: tuple[float | None, ...]
+) -> tuple[Word, str]:
+    if probability is None:
+        return "open", f"The record is too short to predict the {criterion.label} here; only a longer one can tell."
+    value, lower, upper = (criterion.shown(each) for each in found)
+    told = f"{value} expected, {lower} to {upper} in 95 % of tests; the limit is {criterion.limits}"
+    if probability >= confidence:
+        return "met", f"{told}, met with probability {_share(probability)}."
+    if probability <= 1 - confidence:
+        return "not met", f"{told}, missed with probability {_share(1 - probability)}."
+    return "open", f"{told}, met with probability {_share(probability)} only: test it, or redesign."
+
+
+def _share(probability: float) -> str:
+    return "over 0.999" if probability > 0.999 else f"{probability:.3f}"

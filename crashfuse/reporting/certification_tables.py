@@ -1,0 +1,74 @@
+"""Tables of a certification: ``certification.csv``, ``track_record.csv``, and the counts of ``certification.json``."""
+
+import pandas as pd
+
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.track_record import TrackRecord, largest_share
+from crashfuse.certification.verdict import WORDS
+from crashfuse.units import LB, MPH
+
+
+def certification_table(certification: Certification) -> pd.DataFrame:
+    """All verdicts, one row a condition and criterion."""
+    factors = dict.fromkeys(name for c in certification.matrix.conditions for name, _ in c.factors)
+    return pd.DataFrame(
+        {
+            "id": cell,
+            "speed_mph": verdict.condition.speed_mps / MPH,
+            "front_weight_lb": verdict.condition.front_weight_kg / LB,
+            "rear_weight_lb": verdict.condition.rear_weight_kg / LB,
+            **{name: dict(verdict.condition.factors).get(name, "") for name in factors},
+            "criterion": verdict.criterion.name,
+            "metric": verdict.criterion.metric,
+            "window_ms": verdict.criterion.window_ms,
+            "at_least": verdict.criterion.at_least,
+            "at_most": verdict.criterion.at_most,
+            "unit": verdict.criterion.unit,
+            "value": verdict.value,
+            "lower": verdict.lower,
+            "upper": verdict.upper,
+            "probability": verdict.probability,
+            "verdict": verdict.word,
+            "reason": verdict.reason,
+        }
+        for cell, verdict in certification.cells
+    )
+
+
+_TRIAL_COLUMNS = ("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met")
+
+
+def track_record_table(record: TrackRecord) -> pd.DataFrame:
+    """All verdicts on left-out tests, one row a test, what was left out with it, and criterion."""
+    rows = [
+        (t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower, v.upper)
+        for t in record.trials
+        for v in [t.verdict]
+    ]
+    return pd.DataFrame(rows, columns=[*_TRIAL_COLUMNS, "value", "lower", "upper"])
+
+
+def verdict_counts(certification: Certification) -> dict[str, int]:
+    """Number of verdicts of each kind over the matrix."""
+    words = [verdict.word for _, verdict in certification.cells]
+    return {word: words.count(word) for word in WORDS}
+
+
+def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, object]]:
+    """Left-out verdicts of each kind, wrong ones and the exact 95 % upper bound of their share; *decided* is both."""
+    trials = record.counted if criterion is None else record.of(criterion)
+    counts = record.counts(trials)
+    pairs = {**counts, "decided": tuple(sum(n) for n in zip(counts["met"], counts["not met"], strict=True))}
+    return {
+        word: {"n": n, **({"wrong": wrong, "wrong_at_most": bound(wrong, n)} if word in _JUDGED else {})}
+        for word, (n, wrong) in pairs.items()
+    }
+
+
+_JUDGED = ("met", "not met", "decided")
+
+
+def bound(wrong: int, n: int) -> float | None:
+    """Exact one-sided 95 % upper bound of the share of wrong verdicts; None without any."""
+    return round(largest_share(wrong, n), 4) if n else None

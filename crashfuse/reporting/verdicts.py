@@ -1,0 +1,70 @@
+"""Certification as the library offers it: files, mappings or tables in, tables out."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
+from crashfuse.certification.criteria import CONFIDENCE
+from crashfuse.certification.criteria_file import criteria_of, read_criteria
+from crashfuse.certification.matrix import Matrix
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.reporting.certification_tables import certification_table, track_record_table
+from crashfuse.study.config import StudyConfig
+
+
+@dataclass(frozen=True, eq=False)
+class Verdicts:
+    """Verdicts of a certification as tables; ``certification`` has them as objects."""
+
+    certification: Certification
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a condition and criterion, as ``certification.csv``."""
+        return certification_table(self.certification)
+
+    @property
+    def track_record(self) -> pd.DataFrame:
+        """One row a left-out test and criterion, as ``track_record.csv``."""
+        return track_record_table(self.certification.record)
+
+
+def certify(
+    campaign: Campaign,
+    criteria: str | Path | Sequence[Mapping[str, Any]],
+    matrix: str | Path | pd.DataFrame,
+    *,
+    confidence: float = CONFIDENCE,
+    approach: str = APPROACH,
+    seed: int = 0,
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+    workers: int | None = None,
+) -> Verdicts:
+    """Judge acceptance criteria at every condition of a matrix, and the record of the tests, left out in turn.
+
+    Parameters
+    ----------
+    criteria : path or sequence of mappings
+        ``criteria.toml``, or its tables: name, metric, window_ms, at_least, at_most.
+    matrix : path or DataFrame
+        ``matrix.csv``, or its columns: id, speed, weights, factors, each name ending in its unit.
+    confidence : float
+        Of criteria that are not in a file.
+
+    Raises
+    ------
+    DataError, UsageError
+        If the criteria or the matrix are wrong, or the campaign cannot be judged by them.
+    """
+    frame = isinstance(matrix, pd.DataFrame)
+    asked = Matrix.of(matrix, campaign.factors) if frame else Matrix.read(Path(matrix), campaign.factors)
+    declared = read_criteria(Path(criteria)) if isinstance(criteria, str | Path) else criteria_of(criteria, confidence)
+    config = StudyConfig(approaches=(approach,), seed=seed)
+    return Verdicts(certify_matrix(campaign, declared, asked, config, cache=cache, watch=watch, workers=workers))
