@@ -17,8 +17,10 @@ from crashfuse.signals.metrics import METRIC_LABELS, Metric, metric_values, puls
 from crashfuse.signals.pulse import FloatArray
 
 _TAIL = 0.1  # draws beyond the central 80 % do not count: in a mixture they may all be those of one component
-_PRIOR_SCALE, _PRIOR_TESTS = 0.85, 8.0  # t with 8 degrees of freedom and this scale has the 95 % of the normal
-_WORST = 4.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
+_PRIOR_TESTS = 8.0
+_PRIOR_SCALE = 0.88  # t with 8 degrees of freedom and this scale has about the 95 % interval of the normal
+_PRIOR_SCALES = {"peak_time": 1.4}  # it jumps from one peak to another, farther than draws around either say
+_WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95
 
 Errors = Mapping[str, FloatArray]
@@ -27,48 +29,49 @@ Errors = Mapping[str, FloatArray]
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """Distribution of a positive number at a single test: Student's t with a scale on either side of the median.
+    """Distribution of a positive number at a single test: Student's t.
 
     Parameters
     ----------
-    median : float
-    below, above : float
-        Scale below and above the median.
+    centre, scale : float
+        Location, in the unit of the number, and scale; 0 if there is no doubt.
     freedom : float
         Degrees of freedom.
     lowest, highest : float
         Probability that it is smaller, or larger, than the record can show.
     """
 
-    median: float
-    below: float
-    above: float
+    centre: float
+    scale: float
     freedom: float
     lowest: float = 0.0
     highest: float = 0.0
 
     @classmethod
-    def of(cls, values: FloatArray, errors: FloatArray) -> Self | None:
+    def of(cls, values: FloatArray, errors: FloatArray, metric: str = "") -> Self | None:
         """Calibrate draws, shape (n_draws,), by the standardised errors of left-out tests, shape (n_tests,).
 
-        A single value has no spread of its own: errors are shares of it, and left-out tests alone tell how large.
+        The draws' median moves by the mean error of the left-out tests, the half width of their central 80 % is scaled
+        by the size of these errors; both are shrunk as if 8 more tests had come out as draws usually do.
+        A single value has no spread of its own: its error is a share of it, and left-out tests alone tell how large.
         None if the record ends too early for more than one draw in ten, or a single value has no left-out tests.
         """
-        quantiles = _quantiles(values)
+        spread = _spread(values)
         known = np.clip(errors[~np.isnan(errors)], -_WORST, _WORST)
-        prior = _PRIOR_TESTS if values.size > 1 else 0.0
+        alone = values.size == 1
+        prior, moved = (0.0, 0.0) if alone else (_PRIOR_TESTS, float(known.sum()) / (known.size + _PRIOR_TESTS))
         freedom = prior + known.size
-        if quantiles is None or not freedom:
+        if spread is None or not freedom:
             return None
-        scale = float(np.sqrt((prior * _PRIOR_SCALE**2 + (known**2).sum()) / freedom))
-        median, below, above = quantiles
-        lowest, highest = float(_share(values, -np.inf)), float(_share(values, np.inf))
-        return cls(median, scale * below, scale * above, freedom, lowest, highest)
+        usual = _PRIOR_SCALES.get(metric, _PRIOR_SCALE)
+        scale = float(np.sqrt((prior * usual**2 + ((known - moved) ** 2).sum()) / freedom))
+        median, unit = spread
+        return cls(median + moved * unit, scale * unit, freedom, _share(values, -np.inf), _share(values, np.inf))
 
     def cdf(self, x: float) -> float:
         """Probability of a value of at most ``x``."""
-        side = self.below if x < self.median else self.above
-        within = float(t.cdf((x - self.median) / side, self.freedom)) if side else float(x >= self.median)
+        away = x - self.centre
+        within = float(t.cdf(away / self.scale, self.freedom)) if self.scale else float(away >= 0)
         return self.lowest + (1 - self.lowest - self.highest) * within
 
     def probability(self, at_least: float | None, at_most: float | None) -> float:
@@ -82,8 +85,7 @@ class Distribution:
         within = (share - self.lowest) / (1 - self.lowest - self.highest)
         if not 0 < within < 1:
             return None
-        step = float(t.ppf(within, self.freedom))
-        return max(self.median + step * (self.below if step < 0 else self.above), 0.0)
+        return max(self.centre + self.scale * float(t.ppf(within, self.freedom)), 0.0)
 
     def interval(self, level: float = _LEVEL) -> tuple[float | None, float | None]:
         """Central interval; an end is None if it lies beyond the record."""
@@ -92,12 +94,11 @@ class Distribution:
 
 def standardised_error(values: FloatArray, measured: float) -> float:
     """Error of a left-out test in units of its draws' spread, or of the single value; NaN where unknown."""
-    quantiles = _quantiles(values)
-    if quantiles is None or not np.isfinite(measured):
+    spread = _spread(values)
+    if spread is None or not np.isfinite(measured) or not spread[1]:
         return float("nan")
-    median, below, above = quantiles
-    side = below if measured < median else above
-    return (measured - median) / side if side else float("nan")
+    median, unit = spread
+    return (measured - median) / unit
 
 
 def metric_errors(left_out: Mapping[str, Prediction], campaign: Campaign) -> Errors:
@@ -124,26 +125,25 @@ def calibrated_metrics(prediction: Prediction, errors: Errors) -> tuple[Metric, 
     if prediction.draws_mps2 is None:
         return metrics
     drawn = drawn_metrics(prediction)
-    found = {name: Distribution.of(drawn[name], errors.get(name, np.empty(0))) for name in drawn}
+    found = {name: Distribution.of(drawn[name], errors.get(name, np.empty(0)), name) for name in drawn}
     intervals = {name: (None, None) if own is None else own.interval() for name, own in found.items()}
     return tuple(Metric(m.name, m.value, *intervals[m.name], m.unit) for m in metrics)
 
 
-def _quantiles(values: FloatArray) -> tuple[float, float, float] | None:
-    """Median and the scale on either side, from the central 80 % of draws; None if that reaches beyond the record.
+def _spread(values: FloatArray) -> tuple[float, float] | None:
+    """Median and normal scale of the central 80 % of draws; None if that reaches beyond the record.
 
     The scale of a single value is the value itself.
     """
     if values.size == 1:
         value = float(values[0])
-        return (value, abs(value), abs(value)) if np.isfinite(value) else None
+        return (value, abs(value)) if np.isfinite(value) else None
     lowest, highest = (np.where(np.isnan(values), beyond, values) for beyond in (-np.inf, np.inf))
-    ends = np.quantile(lowest, _TAIL, method="lower"), np.quantile(highest, 1 - _TAIL, method="higher")
-    median = np.quantile(lowest, 0.5, method="higher")
-    if not np.isfinite([*ends, median]).all():
+    low, median = np.quantile(lowest, [_TAIL, 0.5], method="higher")
+    high = np.quantile(highest, 1 - _TAIL, method="lower")
+    if not np.isfinite([low, median, high]).all():
         return None
-    unit = float(norm.ppf(1 - _TAIL))
-    return float(median), float(median - ends[0]) / unit, float(ends[1] - median) / unit
+    return float(median), float(high - low) / (2 * float(norm.ppf(1 - _TAIL)))
 
 
 def _share(values: FloatArray, end: float) -> float:

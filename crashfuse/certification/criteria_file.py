@@ -4,7 +4,7 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria, Criterion
 from crashfuse.errors import DataError, Problem, printable
@@ -51,7 +51,7 @@ def criteria_of(criteria: Sequence[Mapping[str, Any]], confidence: float = CONFI
 
 
 def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:
-    if not _is_number(confidence) or not 0.5 <= float(str(confidence)) < 1:
+    if not _is_number(confidence) or not 0.5 <= confidence < 1:
         expected, advice = "a confidence from 0.5 to below 1", "0.95 is usual; no prediction is certain"
         problems.append(Problem(where, expected, _shown(confidence), advice, "confidence"))
     if not items:
@@ -68,9 +68,9 @@ def _checked(items: list[dict[str, Any]], confidence: object, where: str, proble
             problems.append(Problem(where, "each name once", f"{criterion.name!r} a second time", advice, own))
         elif criterion is not None:
             found[criterion.name] = criterion
-    if problems:
+    if problems or not _is_number(confidence):
         raise DataError(problems)
-    return Criteria(tuple(found.values()), float(str(confidence)))
+    return Criteria(tuple(found.values()), float(confidence))
 
 
 class _Check:
@@ -127,7 +127,7 @@ class _Check:
             self.wrong(
                 f"no window_ms, which only the {RATING} has", window, "remove it: a metric is of the whole pulse"
             )
-        return float(window) if metric == RATING else None
+        return float(window) if _is_number(window) else None
 
 
 def _advice_on(key: str) -> str:
@@ -135,7 +135,7 @@ def _advice_on(key: str) -> str:
     return "remove or rename it" if known is None else f"write {known}, with the limit in the metric's own unit"
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 

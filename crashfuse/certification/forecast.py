@@ -21,7 +21,7 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.study.estimate import Fit
 
 _RATED_DRAWS = 25
-_UNKNOWN = (np.nan,) * 6
+_UNKNOWN = (np.nan,) * 5
 
 
 def quantity(criterion: Criterion) -> str:
@@ -67,7 +67,7 @@ class Forecast:
             for name, own in self.distributions.items()
         ]
         names = np.array(list(self.values))
-        return {"accel_mps2": self.accel_mps2, "names": names, "numbers": np.array(rows)}  # type: ignore[dict-item]
+        return {"accel_mps2": self.accel_mps2, "names": names, "numbers": np.array(rows)}
 
     @classmethod
     def restored(cls, entry: Entry) -> Self:
@@ -123,10 +123,10 @@ class Forecaster:
         values = metric_values(prediction.accel_mps2, condition.speed_mps)
         known = {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
         drawn, errors = drawn_metrics(prediction), self.fit.metric_errors
-        found = {name: Distribution.of(drawn[name], errors.get(name, np.empty(0))) for name in METRIC_LABELS}
+        found = {name: Distribution.of(drawn[name], errors.get(name, np.empty(0)), name) for name in METRIC_LABELS}
         for window in self.rated:
             rating = found[_rating(window)] = self._rating_at(prediction, window)
-            known[_rating(window)] = None if rating is None else rating.median
+            known[_rating(window)] = None if rating is None else rating.centre
         return Forecast(prediction.accel_mps2, known, found)
 
     def _rating_at(self, prediction: Prediction, window_ms: float) -> Distribution | None:
@@ -137,7 +137,7 @@ class Forecaster:
         if rated.size < 2:
             return None
         spread = float(rated.std(ddof=1))
-        return Distribution(float(rated.mean()), spread, spread, rated.size - 1)
+        return Distribution(float(rated.mean()), spread, rated.size - 1)
 
 
 def drawn_ratings(prediction: Prediction, window_ms: float) -> FloatArray:

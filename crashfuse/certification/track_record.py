@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import beta
 
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.verdict import WORDS, Verdict, Word
+from crashfuse.certification.verdict import WORDS, Verdict
 
 LeftOut = Literal["test", "speed group"]
 
@@ -150,7 +150,7 @@ class TrackRecord:
         """The counted trials of a criterion."""
         return tuple(trial for trial in self.counted if trial.verdict.criterion == criterion)
 
-    def counts(self, trials: Sequence[Trial] | None = None) -> dict[Word, tuple[int, int]]:
+    def counts(self, trials: Sequence[Trial] | None = None) -> dict[str, tuple[int, int]]:
         """Number of verdicts by word, and of those that a test contradicted."""
         some = self.counted if trials is None else trials
         return {

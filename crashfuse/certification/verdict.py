@@ -54,7 +54,7 @@ def judge(forecast: Forecast, condition: Condition, criteria: Criteria, domain: 
 def _verdict(
     forecast: Forecast, condition: Condition, criterion: Criterion, confidence: float, outside: tuple[str, ...]
 ) -> Verdict:
-    value, own = (found[quantity(criterion)] for found in (forecast.values, forecast.distributions))
+    value, own = forecast.values[quantity(criterion)], forecast.distributions[quantity(criterion)]
     lower, upper = (None, None) if own is None else own.interval()
     if criterion.window_ms is not None and upper is not None:
         upper = min(upper, 1.0)

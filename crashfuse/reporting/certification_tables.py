@@ -59,7 +59,8 @@ def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> di
     """Left-out verdicts of each kind, wrong ones and the exact 95 % upper bound of their share; *decided* is both."""
     trials = record.counted if criterion is None else record.of(criterion)
     counts = record.counts(trials)
-    pairs = {**counts, "decided": tuple(sum(n) for n in zip(counts["met"], counts["not met"], strict=True))}
+    (met, wrongly_met), (missed, wrongly_missed) = counts["met"], counts["not met"]
+    pairs: dict[str, tuple[int, int]] = {**counts, "decided": (met + missed, wrongly_met + wrongly_missed)}
     return {
         word: {"n": n, **({"wrong": wrong, "wrong_at_most": bound(wrong, n)} if word in _JUDGED else {})}
         for word, (n, wrong) in pairs.items()
