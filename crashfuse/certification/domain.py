@@ -71,6 +71,23 @@ class Domain:
             campaign.cae,
         )
 
+    @property
+    def speed_ranges_mps(self) -> tuple[tuple[float, float], ...]:
+        """Checked stretches of speed, ascending, within the CAE runs'; empty if the tests are too few to check any."""
+        if self.n_tests < FEWEST_TESTS or not len(self.cae):
+            return ()
+        runs = self.cae.vectors[:, 0]
+        low = max(self.speeds_mps[0] - self.below_mps, float(runs.min()))
+        high = min(self.speeds_mps[-1] + self.above_mps, float(runs.max()))
+        found: list[tuple[float, float]] = []
+        for speed in self.speeds_mps:
+            start, end = max(speed - self.reach_mps, low), min(speed + self.reach_mps, high)
+            if found and start <= found[-1][1]:
+                start, end = found.pop()[0], end
+            if start < end:
+                found.append((start, end))
+        return tuple(found)
+
     def exceeded_by(self, condition: Condition) -> tuple[str, ...]:
         """Sentences on why a condition lies outside; empty if it lies inside."""
         if self.n_tests < FEWEST_TESTS:

@@ -22,6 +22,9 @@ DASHES: Mapping[str, str] = {name: approach.dash for name, approach in CLASSES.i
 GRADE_COLOURS: Mapping[str, str] = {"Poor": "#F4B183", "Fair": "#FBE3D0", "Good": "#CFE3F2", "Excellent": "#7FB6DC"}
 """Colour behind each grade word of ISO/TS 18571; black text reads on all of them."""
 
+VERDICT_COLOURS: Mapping[str, str] = {"met": "#7FB6DC", "not met": "#F4B183", "open": "#FFF0AE", "outside": "#D5D9DF"}
+"""Colour behind each verdict; black text reads on all of them, and their words or marks tell them apart as well."""
+
 _SHADES = 64
 # the bright end of the scale is invisible on white, the dark end on a dark page
 _SLOW_TO_FAST = sample_colorscale("Plasma", np.linspace(0.0, 0.63, _SHADES).tolist())

@@ -1,0 +1,192 @@
+"""Figures of a certification: the matrix of verdicts, and the validated domain."""
+
+from collections.abc import Sequence
+from textwrap import wrap
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.colors import hex_to_rgb
+
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.verdict import WORDS, Verdict, Word
+from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.palette import COLOURS, INK, MEASURED_COLOUR, VERDICT_COLOURS
+from crashfuse.units import LB, MPH
+
+FEW_CONDITIONS = 40
+"""More rows than these are drawn narrower."""
+
+_MOST_WORDS = 200  # conditions; of more, only colours can be made out
+_ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
+_WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
+_SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "triangle-up"}
+_MAX_RUNS = 600  # more points only fill the same cloud
+_CHECKED = "#0072B2"
+
+
+def verdict_matrix(certification: Certification) -> go.Figure:
+    """Draw verdicts as a table of conditions, sorted by speed, by criteria: colour, word and probability of being met.
+
+    A cell's mark carries ``"<condition> | <criterion>"``. Beyond 200 conditions only colours are drawn.
+    """
+    ids, rows = _by_speed(certification)
+    names = [_header(criterion) for criterion in certification.criteria.items]
+    labels = [f"{i} · {row[0].condition.speed_mps / MPH:.1f} mph" for i, row in zip(ids, rows, strict=True)]
+    with_words = len(rows) <= _MOST_WORDS
+    row_px = _ROW_PX if len(rows) <= FEW_CONDITIONS else _NARROW_ROW_PX
+    figure = new_figure(height=110 + row_px * len(rows) if with_words else _ALL_ROWS_PX)
+    hover = [[_hover(i, verdict) for verdict in row] for i, row in zip(ids, rows, strict=True)]
+    figure.add_heatmap(
+        z=np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8),
+        x=names,
+        y=labels,
+        colorscale=_verdict_scale(),
+        zmin=-0.5,
+        zmax=len(WORDS) - 0.5,
+        xgap=2,
+        ygap=2 if with_words else 0,
+        showscale=False,
+    )
+    if with_words:
+        figure.update_traces(
+            text=[[_cell(verdict) for verdict in row] for row in rows],
+            texttemplate="%{text}",
+            textfont={"color": "#000000"},
+            hoverinfo="skip",
+        )
+        figure.add_scatter(  # heat-map cells can't be clicked, marks can
+            x=names * len(rows),
+            y=[label for label in labels for _ in names],
+            customdata=[cell_name(i, v) for i, row in zip(ids, rows, strict=True) for v in row],
+            hovertext=[text for row in hover for text in row],
+            hovertemplate="%{hovertext}<extra></extra>",
+            mode="markers",
+            marker={"size": 20, "opacity": 0},
+            showlegend=False,
+        )
+    else:
+        figure.update_traces(hovertext=hover, hovertemplate="%{hovertext}<extra></extra>")
+    words = [verdict.word for row in rows for verdict in row]
+    for word in WORDS:
+        figure.add_scatter(
+            x=[None], y=[None], mode="markers", name=f"{word} ({words.count(word)})", hoverinfo="skip",
+            marker={"color": VERDICT_COLOURS[word], "symbol": "square", "size": 13, "line": {"width": 1}},
+        )  # fmt: skip
+    figure.update_layout(
+        hovermode="closest",
+        hoverdistance=-1,  # anywhere in a cell, its own mark is the nearest
+        hoverlabel={"align": "left"},
+        dragmode=False,
+        margin={"t": 52, "b": 36, "r": 16},
+        modebar={"remove": ["zoom2d", "pan2d", "resetScale2d"]},
+        legend={"y": 0, "yref": "container", "yanchor": "bottom"},
+    )
+    figure.update_xaxes(side="top", title=None, range=None, ticks="", showline=False, showgrid=False, showspikes=False)
+    figure.update_yaxes(autorange="reversed", type="category", ticks="", showline=False, zeroline=False, showgrid=False)
+    figure.update_yaxes(tickmode="linear" if with_words else "auto", dtick=1 if with_words else None)
+    return figure
+
+
+def cell_name(condition_id: str, verdict: Verdict) -> str:
+    """Name of a cell of the matrix."""
+    return f"{condition_id} | {verdict.criterion.name}"
+
+
+def validated_domain(certification: Certification) -> go.Figure:
+    """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
+    figure, domain, campaign = new_figure(height=480), certification.domain, certification.campaign
+    mass_low, mass_high = (end / LB for end in domain.masses_kg)
+    for number, (low, high) in enumerate(domain.speed_ranges_mps):
+        low, high = low / MPH, high / MPH
+        figure.add_scatter(
+            x=[low, high, high, low, low], y=[mass_low, mass_low, mass_high, mass_high, mass_low], mode="lines",
+            name="Checked by leaving tests out", legendgroup="checked", showlegend=number == 0, fill="toself",
+            fillcolor=f"rgba{(*hex_to_rgb(_CHECKED), 0.18)}", line={"color": _CHECKED, "width": 1, "dash": "dash"},
+            hoverinfo="skip",
+        )  # fmt: skip
+    runs = campaign.cae.vectors[:: -(-len(campaign.cae) // _MAX_RUNS)]
+    figure.add_scatter(
+        x=np.float32(runs[:, 0] / MPH), y=np.float32(runs[:, 1:].sum(axis=1) / LB), mode="markers", hoverinfo="skip",
+        name=f"{len(campaign.cae):,} CAE runs", marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.3},
+    )  # fmt: skip
+    rows = list(zip(certification.matrix.ids, certification.verdicts, strict=True))
+    for word in _WORST_FIRST:
+        own = [(i, row) for i, row in rows if worst(row) == word]
+        if own:
+            figure.add_scatter(
+                x=np.array([row[0].condition.speed_mps / MPH for _, row in own], dtype=np.float32),
+                y=np.array([row[0].condition.mass_kg / LB for _, row in own], dtype=np.float32),
+                mode="markers",
+                name=f"Worst verdict: {word} ({len(own)})",
+                marker={
+                    "color": VERDICT_COLOURS[word],
+                    "symbol": _SYMBOLS[word],
+                    "size": 13,
+                    "line": {"width": 1.5, "color": INK},
+                },
+                customdata=[[i, str(row[0].condition), _summary(row)] for i, row in own],
+                hovertemplate="<b>%{customdata[0]}</b><br>%{customdata[1]}<br>%{customdata[2]}<extra></extra>",
+            )
+    figure.add_scatter(
+        x=np.array([test.condition.speed_mps / MPH for test in campaign.tests], dtype=np.float32),
+        y=np.array([test.condition.mass_kg / LB for test in campaign.tests], dtype=np.float32),
+        mode="markers",
+        name=f"{len(campaign.tests)} tests",
+        marker={"color": MEASURED_COLOUR, "symbol": "cross-thin", "size": 11, "line": {"width": 2}},
+        customdata=[[test.id, str(test.condition)] for test in campaign.tests],
+        hovertemplate="<b>Test %{customdata[0]}</b><br>%{customdata[1]}<extra></extra>",
+    )
+    figure.update_traces(marker_line_color=MEASURED_COLOUR, selector={"name": f"{len(campaign.tests)} tests"})
+    figure.update_layout(hovermode="closest")
+    figure.update_xaxes(title="Impact speed (mph)", range=None, showspikes=False, unifiedhovertitle=None)
+    figure.update_yaxes(title="Front and rear weight together (lb)")
+    return figure
+
+
+def worst(verdicts: Sequence[Verdict]) -> Word:
+    """The worst word among verdicts on one condition."""
+    return min((verdict.word for verdict in verdicts), key=_WORST_FIRST.index)
+
+
+def _by_speed(certification: Certification) -> tuple[list[str], list[tuple[Verdict, ...]]]:
+    """Ids of the conditions and their verdicts, slow before fast, in the order of the matrix where as fast."""
+    rows = zip(certification.matrix.ids, certification.verdicts, strict=True)
+    ids, verdicts = zip(*sorted(rows, key=lambda row: row[1][0].condition.speed_mps), strict=True)
+    return list(ids), list(verdicts)
+
+
+def _header(criterion: Criterion) -> str:
+    return "<br>".join([f"<b>{line}</b>" for line in wrap(criterion.name, 22)] + wrap(criterion.limits, 22))
+
+
+def _cell(verdict: Verdict) -> str:
+    if verdict.word == "outside" or verdict.probability is None:
+        return verdict.word
+    p = verdict.probability
+    return f"{verdict.word}  {'>0.99' if p > 0.995 else '<0.01' if p < 0.005 else f'{p:.2f}'}"
+
+
+def _hover(condition_id: str, verdict: Verdict) -> str:
+    criterion = verdict.criterion
+    value, lower, upper = (criterion.shown(each) for each in (verdict.value, verdict.lower, verdict.upper))
+    p = verdict.probability
+    return "<br>".join(
+        [
+            f"<b>{condition_id}, {criterion.name}: {verdict.word}</b>",
+            str(verdict.condition),
+            f"{value}, 95 % of tests {lower} to {upper}; limit {criterion.limits}",
+            "probability of being met unknown" if p is None else f"probability of being met {p:.3f}",
+            *wrap(verdict.reason, 78),
+        ]
+    )
+
+
+def _summary(row: Sequence[Verdict]) -> str:
+    return "<br>".join(f"{verdict.criterion.name}: {verdict.word}" for verdict in row[:12]) + "<br>…" * (len(row) > 12)
+
+
+def _verdict_scale() -> list[tuple[float, str]]:
+    """Colour scale of one flat step a word."""
+    n = len(WORDS)
+    return [(end / n, VERDICT_COLOURS[word]) for i, word in enumerate(WORDS) for end in (i, i + 1)]

@@ -1,0 +1,176 @@
+"""Figures of the track record: what left-out tests were predicted to show, and how often probabilities came true."""
+
+from collections.abc import Sequence
+from textwrap import wrap
+
+import numpy as np
+import plotly.graph_objects as go
+
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.track_record import TrackRecord, Trial
+from crashfuse.certification.verdict import WORDS
+from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, VERDICT_COLOURS
+from crashfuse.signals.pulse import FloatArray
+
+_AGREES, _DISAGREES = "#0072B2", "#D55E00"
+_INTERVAL = "#868D98"
+
+
+def reliability(record: TrackRecord) -> go.Figure:
+    """Draw the share of left-out tests that met a criterion over the probability that was given, with exact bounds.
+
+    Lines are Clopper and Pearson's 95 % bounds of the share; a bin whose probability lies outside them is drawn open.
+    """
+    figure = new_figure(height=440)
+    figure.add_scatter(
+        x=[0, 1], y=[0, 1], mode="lines", name="As promised", line={"color": AXIS, "dash": "dot"}, hoverinfo="skip"
+    )
+    for name, colour, symbol, holds in (
+        ("Within its bounds", _AGREES, "circle", True),
+        ("Outside its bounds", _DISAGREES, "circle-open", False),
+    ):
+        bins = [each for each in record.reliability if each.holds is holds]
+        if not bins:
+            continue
+        met = np.array([each.met for each in bins], dtype=np.float64)
+        figure.add_scatter(
+            x=np.array([each.probability for each in bins], dtype=np.float64),
+            y=met,
+            error_y={
+                "array": np.array([each.upper for each in bins]) - met,
+                "arrayminus": met - np.array([each.lower for each in bins]),
+                "thickness": 1.5,
+                "width": 4,
+            },
+            text=[f"{each.n}" for each in bins],
+            textposition=["middle left" if each.probability > 0.9 else "middle right" for each in bins],
+            mode="markers+text",
+            cliponaxis=False,
+            name=name,
+            marker={"color": colour, "symbol": symbol, "size": 11, "line": {"width": 2, "color": colour}},
+            customdata=[
+                [each.low, each.high, each.n, round(each.met * each.n), each.lower, each.upper] for each in bins
+            ],
+            hovertemplate="said %{customdata[0]:.2f} to %{customdata[1]:.2f}, %{x:.3f} on average<br>"
+            "%{customdata[3]} of %{customdata[2]} met: %{y:.3f} (95 %: %{customdata[4]:.3f} to %{customdata[5]:.3f})"
+            "<extra></extra>",
+        )
+    if not record.reliability:
+        _say(figure, "No test was left out: nothing to compare with.")
+    figure.update_layout(hovermode="closest", showlegend=True)
+    axis = {"range": [-0.04, 1.04], "dtick": 0.2, "zeroline": False}
+    figure.update_xaxes({**axis, "title": "Probability given that the test meets the criterion"})
+    figure.update_xaxes(showspikes=False, unifiedhovertitle=None)
+    figure.update_yaxes({**axis, "title": "Share of tests that met it"})
+    return figure
+
+
+def record_figure(record: TrackRecord) -> go.Figure:
+    """Draw by criterion what left-out tests were predicted to show, with intervals, what they showed, and the limits.
+
+    Tests stand in order of speed. A ring marks a verdict that the test contradicts.
+    """
+    trials = sorted(record.counted, key=lambda trial: trial.verdict.condition.speed_mps)
+    criteria = list(dict.fromkeys(trial.verdict.criterion for trial in record.counted))
+    tests = list(dict.fromkeys(trial.held_out for trial in trials))
+    figure = new_figure(height=max(120 + 210 * len(criteria), 330))
+    if not criteria:
+        _say(figure, "No test was left out: nothing to compare with.")
+        return figure
+    x_style, y_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
+    figure.set_subplots(len(criteria), 1, shared_xaxes=True, vertical_spacing=0.24 / (len(criteria) + 0.6))
+    figure.update_xaxes({**x_style, "title": None, "showspikes": False, "zeroline": False, "unifiedhovertitle": None})
+    figure.update_xaxes(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=tests)
+    figure.update_yaxes(y_style)
+    for row, criterion in enumerate(criteria, start=1):
+        _draw_trials(figure, [t for t in trials if t.verdict.criterion == criterion], criterion, tests, row)
+    for word in WORDS:
+        _legend(figure, f"predicted, {word}", color=VERDICT_COLOURS[word], symbol="square", line_color=INK)
+    _legend(figure, "left out with its speed group", color="rgba(0, 0, 0, 0)", symbol="diamond", line_color=INK)
+    _legend(figure, "measured", color=MEASURED_COLOUR, symbol="circle", line_color=MEASURED_COLOUR)
+    if any(trial.wrong for trial in trials):
+        _legend(figure, "wrong verdict", color=_DISAGREES, symbol="circle-open", line_color=_DISAGREES)
+    figure.update_layout(hovermode="closest", hoverlabel={"align": "left"}, margin={"t": 90})
+    figure.update_xaxes(title="Left-out test, in order of speed", row=len(criteria))
+    return figure
+
+
+def _draw_trials(figure: go.Figure, trials: Sequence[Trial], criterion: Criterion, tests: list[str], row: int) -> None:
+    """One row of the record: predictions with intervals, measured values, rings around wrong verdicts, limits."""
+    for left_out, symbol in (("test", "square"), ("speed group", "diamond")):
+        own = [trial for trial in trials if trial.left_out == left_out and trial.verdict.value is not None]
+        value, lower, upper = _numbers([(t.verdict.value, t.verdict.lower, t.verdict.upper) for t in own])
+        figure.add_scatter(
+            x=[_place(trial, tests) for trial in own],
+            y=value,
+            error_y={"array": upper - value, "arrayminus": value - lower, "width": 0, "color": _INTERVAL},
+            mode="markers",
+            marker={
+                "color": [VERDICT_COLOURS[trial.verdict.word] for trial in own],
+                "symbol": symbol,
+                "size": 10,
+                "line": {"width": 1, "color": INK},
+            },
+            hovertext=[_told(trial) for trial in own],
+            hovertemplate="%{hovertext}<extra></extra>",
+            showlegend=False,
+            row=row,
+            col=1,
+        )
+    wrong = [trial for trial in trials if trial.wrong]
+    for name, some, marker in (
+        ("measured", trials, {"color": MEASURED_COLOUR, "size": 6}),
+        ("wrong", wrong, {"color": _DISAGREES, "symbol": "circle-open", "size": 20, "line": {"width": 2.5}}),
+    ):
+        figure.add_scatter(
+            x=[_place(trial, tests) for trial in some],
+            y=np.array([trial.measured for trial in some], dtype=np.float64),
+            mode="markers",
+            name=name,
+            marker=marker,
+            hovertext=[_told(trial) for trial in some],
+            hovertemplate="%{hovertext}<extra></extra>",
+            showlegend=False,
+            row=row,
+            col=1,
+        )
+    for limit in (criterion.at_least, criterion.at_most):
+        if limit is not None:
+            figure.add_hline(y=limit, line={"color": CURSOR, "width": 1.5, "dash": "dash"}, row=row, col=1)
+    figure.add_annotation(
+        text=f"<b>{criterion.name}</b>: {criterion.limits} (dashed)", x=0, xref="x domain", xanchor="left",
+        y=1, yref="y domain", yanchor="bottom", showarrow=False, row=row, col=1,
+    )  # fmt: skip
+    title = "Rating" if criterion.window_ms is not None else f"{criterion.label} ({criterion.unit})"
+    figure.update_yaxes(title="<br>".join(wrap(title, 24)), row=row)
+
+
+def _told(trial: Trial) -> str:
+    verdict, alone = trial.verdict, trial.left_out == "test"
+    shown = verdict.criterion.shown
+    return "<br>".join(
+        [
+            f"<b>{trial.held_out}</b>, left out {'alone' if alone else 'with its speed group'}",
+            f"predicted {shown(verdict.value)}, 95 % of tests {shown(verdict.lower)} to {shown(verdict.upper)}",
+            f"measured {shown(trial.measured)}: {'met' if trial.met else 'not met'}",
+            f"verdict: {verdict.word}{', wrong' * trial.wrong}",
+        ]
+    )
+
+
+def _place(trial: Trial, tests: list[str]) -> float:
+    return tests.index(trial.held_out) + (-0.14 if trial.left_out == "test" else 0.14)
+
+
+def _numbers(rows: Sequence[tuple[float | None, ...]]) -> FloatArray:
+    return np.array([[np.nan if each is None else each for each in row] for row in rows]).reshape(-1, 3).T
+
+
+def _legend(figure: go.Figure, name: str, *, color: str, symbol: str, line_color: str) -> None:
+    marker = {"color": color, "symbol": symbol, "size": 10, "line": {"width": 1, "color": line_color}}
+    figure.add_scatter(x=[None], y=[None], mode="markers", name=name, marker=marker, hoverinfo="skip", row=1, col=1)
+
+
+def _say(figure: go.Figure, words: str) -> None:
+    figure.add_annotation(text=words, x=0.5, y=0.5, xref="paper", yref="paper", showarrow=False)
