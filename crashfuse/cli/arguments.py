@@ -5,11 +5,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from crashfuse.cli import data, imports, models, studies
+from crashfuse.cli import certification, data, imports, models, studies
 from crashfuse.version import __version__
 
 T = TypeVar("T")
 
+_DEVICES = ("auto", "cpu", "cuda")
+_DEVICE_HELP = "where networks are trained (default: auto, CUDA if any)"
 _AXES = ("--speed-mph", "--front-weight-lb", "--rear-weight-lb")
 
 
@@ -61,12 +63,25 @@ def parser() -> argparse.ArgumentParser:
         help="leave each test out alone, with all tests at about its speed, or both, one study after the other "
         "(default: both, but only test with --held-out or --preset paper)",
     )
-    where = study.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one for each core)")
-    where.add_argument(
-        "--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster that you trust, to compute on its workers"
-    )
+    _add_workers(study)
     study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
+
+    certify = command("certify", certification.certify, "give a verdict on each criterion at each condition of a matrix")
+    certify.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    certify.add_argument(
+        "--criteria", type=Path, metavar="FILE.toml", help="acceptance criteria (default: CAMPAIGN/criteria.toml)"
+    )
+    certify.add_argument(
+        "--matrix", type=Path, metavar="FILE.csv", help="conditions, as in tests.csv (default: CAMPAIGN/matrix.csv)"
+    )
+    for flag in _AXES:
+        certify.add_argument(flag, nargs="+", type=float, metavar=flag[2].upper(), help="of a grid, not a file")
+    certify.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of a grid; several values of a name, too")
+    certify.add_argument(
+        "--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)"
+    )
+    _add_settings(certify)
+    _add_workers(certify)
 
     predict = command("predict", models.predict, "predict the pulse at a condition that was never tested")
     for flag in _AXES:
@@ -111,11 +126,15 @@ def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
-    preset, seed = _one_of("fast", "paper"), _whole(0, 2**32 - 1)
-    more = "; several separated by commas" if several else ""
     parser.add_argument(
         "--approach", nargs="+", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: all)"
     )
+    _add_settings(parser, several=several)
+
+
+def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
+    preset, seed = _one_of("fast", "paper"), _whole(0, 2**32 - 1)
+    more = "; several separated by commas" if several else ""
     parser.add_argument(
         "--preset",
         type=_listed(preset) if several else preset,
@@ -125,8 +144,14 @@ def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False
     parser.add_argument(
         "--seed", type=_listed(seed) if several else seed, help=f"seed of everything random (default: 0){more}"
     )
-    parser.add_argument(
-        "--device", choices=("auto", "cpu", "cuda"), help="where networks are trained (default: auto, CUDA if any)"
+    parser.add_argument("--device", choices=_DEVICES, help=_DEVICE_HELP)
+
+
+def _add_workers(parser: argparse.ArgumentParser) -> None:
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one for each core)")
+    where.add_argument(
+        "--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster that you trust, to compute on its workers"
     )
 
 

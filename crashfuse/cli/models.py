@@ -26,7 +26,7 @@ def train(arguments: argparse.Namespace) -> None:
 
     require_output(arguments.out, arguments.campaign)
     campaign = load_campaign(arguments.campaign)
-    config = _config(arguments)
+    config = settings(arguments)
     with watching() as watch:
         for name in config.approaches:
             fit = Fit.of(campaign, name, config, watch=watch)
@@ -109,11 +109,11 @@ def next_test(arguments: argparse.Namespace) -> None:
             ends = [replace(end, **{name: x * unit}) for end, x in zip((over.low, over.high), limits, strict=True)]
             over = ConditionRange(*ends)
     if arguments.factor:
-        factors = tuple(_factor(text, campaign.factors) for text in arguments.factor)
+        factors = tuple(factor(text, campaign.factors) for text in arguments.factor)
         over = ConditionRange(replace(over.low, factors=factors), replace(over.high, factors=factors))
     candidates = read_candidates(arguments.candidates) if arguments.candidates else None
     with watching() as watch:
-        fit = Fit.of(campaign, DisplacementDomain.name, _config(arguments), watch=watch)
+        fit = Fit.of(campaign, DisplacementDomain.name, settings(arguments), watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
     ranked = rank_next_tests(fit.approach, over, candidates)
     write_next_tests(campaign, over, ranked, fit.config, arguments.out)
@@ -132,7 +132,7 @@ def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mph: f
     from crashfuse.condition import Condition
     from crashfuse.units import LB, MPH
 
-    factors = tuple(_factor(text, campaign.factors) for text in arguments.factor or ())
+    factors = tuple(factor(text, campaign.factors) for text in arguments.factor or ())
     return Condition(speed_mph * MPH, arguments.front_weight_lb * LB, arguments.rear_weight_lb * LB, factors)
 
 
@@ -145,7 +145,7 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     from crashfuse.study.saved_models import load_model, model_file
 
     if arguments.models is None:
-        config = _config(arguments)
+        config = settings(arguments)
         with watching() as watch:
             return [Fit.of(campaign, name, config, watch=watch) for name in config.approaches]
     if any(value is not None for value in (arguments.preset, arguments.seed, arguments.device)):
@@ -160,7 +160,8 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     return fits
 
 
-def _config(arguments: argparse.Namespace) -> "StudyConfig":
+def settings(arguments: argparse.Namespace) -> "StudyConfig":
+    """The settings that the options ask for, checked."""
     from crashfuse.study.config import StudyConfig
 
     given = {name: getattr(arguments, name, None) for name in ("preset", "seed", "device")}
@@ -171,7 +172,8 @@ def _config(arguments: argparse.Namespace) -> "StudyConfig":
     return config
 
 
-def _factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:
+def factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:
+    """Name and value of a factor that tests have; raises if none has it."""
     name, _, value = text.partition("=")
     if value not in known.get(name, ()):
         choices = "; ".join(f"{name}={value}" for name, values in known.items() for value in values) or "none"

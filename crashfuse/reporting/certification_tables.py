@@ -55,6 +55,15 @@ def verdict_counts(certification: Certification) -> dict[str, int]:
     return {word: words.count(word) for word in WORDS}
 
 
+def counts_table(certification: Certification) -> pd.DataFrame:
+    """Number of verdicts of each kind by criterion, with its limits."""
+    rows = [[row[column].word for row in certification.verdicts] for column in range(len(certification.criteria.items))]
+    return pd.DataFrame(
+        {"criterion": criterion.name, "limit": criterion.limits, **{word: words.count(word) for word in WORDS}}
+        for criterion, words in zip(certification.criteria.items, rows, strict=True)
+    )
+
+
 def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, object]]:
     """Left-out verdicts of each kind, wrong ones and the exact 95 % upper bound of their share; *decided* is both."""
     trials = record.counted if criterion is None else record.of(criterion)

@@ -65,6 +65,11 @@ def next_test_command(low: Condition, high: Condition, config: StudyConfig) -> s
     return f"crashfuse next-test CAMPAIGN{over}{_factors(low)} --out DIR --seed {config.seed}"
 
 
+def certify_command(config: StudyConfig) -> str:
+    """The command line that reproduces a certification from its criteria and matrix as files."""
+    return f"crashfuse certify CAMPAIGN --criteria criteria.toml --matrix matrix.csv --out DIR{_settings(config)}"
+
+
 def _vehicle(condition: Condition) -> str:
     front, rear = condition.front_weight_kg / LB, condition.rear_weight_kg / LB
     return f" --front-weight-lb {front:.10g} --rear-weight-lb {rear:.10g}{_factors(condition)}"

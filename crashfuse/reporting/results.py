@@ -1,4 +1,4 @@
-"""Writers of the files of a study, prediction, sweep or ranking: tables, settings and report."""
+"""Writers of the files of a study, prediction, sweep, ranking or certification: tables, settings and report."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -9,11 +9,20 @@ from typing import Any
 import pandas as pd
 
 from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import Certification
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
+from crashfuse.reporting.certification_record import certification_record
+from crashfuse.reporting.certification_tables import certification_table, track_record_table
 from crashfuse.reporting.exports import isomme_prediction, parquet_bytes
 from crashfuse.reporting.provenance import provenance
-from crashfuse.reporting.report import next_test_report, prediction_report, study_report, sweep_report
+from crashfuse.reporting.report import (
+    certification_report,
+    next_test_report,
+    prediction_report,
+    study_report,
+    sweep_report,
+)
 from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, study_metrics
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -101,6 +110,17 @@ def write_next_tests(
 ) -> None:
     """Write ``next_tests.csv``, the best first, and ``report.html``."""
     _write(_NEXT_TESTS, folder, campaign, over, ranked, config)
+
+
+def write_certification(certification: Certification, folder: str | Path) -> None:
+    """Write ``certification.csv``, ``track_record.csv``, ``report.html`` and, last, ``certification.json``.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    _write(_CERTIFICATION, folder, certification)
 
 
 def _write(files: Mapping[str, Callable[..., Content]], folder: str | Path, *result: object) -> None:
@@ -216,11 +236,18 @@ _NEXT_TESTS: Mapping[str, Callable[[Campaign, ConditionRange, Sequence[NextTest]
     "report.html": lambda *result: next_test_report(*result).encode(),
     "next_tests.csv": lambda _, __, ranked, ___: _csv(next_tests_table(ranked)),
 }
+_CERTIFICATION: Mapping[str, Callable[[Certification], Content]] = {
+    "certification.csv": lambda certification: _csv(certification_table(certification)),
+    "track_record.csv": lambda certification: _csv(track_record_table(certification.record)),
+    "report.html": lambda certification: certification_report(certification).encode(),
+    "certification.json": lambda certification: _json(certification_record(certification)),
+}
 RESULT_FILES = {
     "series of studies": ("studies.csv",),
     "study": tuple(_STUDY),
     "prediction": tuple(_PREDICTION),
     "sweep": tuple(_SWEEP),
     "ranking of next tests": tuple(_NEXT_TESTS),
+    "certification": tuple(_CERTIFICATION),
 }
 """Files and folders of each kind of result, some of which may be missing; the last, written last, tells the kind."""

@@ -1,0 +1,65 @@
+"""The command that judges acceptance criteria at conditions, and its own record."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from crashfuse.cli.models import factor, settings
+from crashfuse.cli.output import replacing, require_output, say_written, writing
+from crashfuse.errors import UsageError
+
+if TYPE_CHECKING:
+    from crashfuse.campaign import Campaign
+    from crashfuse.certification.matrix import Matrix
+
+
+def certify(arguments: argparse.Namespace) -> None:
+    """Give a verdict on every criterion at every condition of a matrix."""
+    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.certification.certify import APPROACH, certify_matrix
+    from crashfuse.certification.criteria_file import read_criteria
+    from crashfuse.cli.progress_bar import watching
+    from crashfuse.reporting.certification_sentences import summary
+    from crashfuse.reporting.certification_tables import counts_table
+    from crashfuse.reporting.results import write_certification
+
+    require_output(arguments.out, arguments.campaign, "certification")
+    arguments.approach = [arguments.approach or APPROACH]
+    config = settings(arguments)
+    criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
+    campaign = load_campaign(arguments.campaign)
+    matrix = _matrix(arguments, campaign)
+    with watching() as watch:
+        certification = certify_matrix(
+            campaign,
+            criteria,
+            matrix,
+            config,
+            watch=watch,
+            workers=arguments.workers,
+            scheduler=arguments.scheduler,
+        )
+    with replacing(arguments.out, "certification"), writing(arguments.out, "certification.json") as folder:
+        write_certification(certification, folder)
+    print(counts_table(certification).to_string(index=False))
+    print(*summary(certification), sep="\n")
+    if campaign.notice:
+        print(campaign.notice)
+    say_written(arguments.out, "certification")
+
+
+def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":
+    """The conditions: of a grid if one is asked for, else of a file."""
+    from crashfuse.certification.matrix import Matrix
+    from crashfuse.units import LB, MPH
+
+    axes = (arguments.speed_mph, arguments.front_weight_lb, arguments.rear_weight_lb)
+    if not any((*axes, arguments.factor)):
+        return Matrix.read(arguments.matrix or arguments.campaign / "matrix.csv", campaign.factors)
+    if arguments.matrix is not None or not all(axes):
+        raise UsageError("A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb, and no --matrix beside them.")
+    factors: dict[str, dict[str, None]] = {}
+    for text in arguments.factor or ():
+        name, value = factor(text, campaign.factors)
+        factors.setdefault(name, {})[value] = None
+    speeds, *weights = ([value * unit for value in axis] for axis, unit in zip(axes, (MPH, LB, LB), strict=True))
+    return Matrix.grid(speeds, *weights, {name: tuple(values) for name, values in factors.items()})

@@ -1,0 +1,70 @@
+"""Content of ``certification.json``: what makes a certification again, its counts and what its record says."""
+
+from dataclasses import asdict
+
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.domain import Domain
+from crashfuse.reporting.certification_sentences import exceptions, summary
+from crashfuse.reporting.certification_tables import counts_table, record_counts, verdict_counts
+from crashfuse.reporting.provenance import certify_command, provenance
+from crashfuse.units import LB, MPH
+
+
+def certification_record(certification: Certification) -> dict[str, object]:
+    """Versions, settings, criteria and matrix as used, counts of verdicts and of wrong ones with bounds, as JSON."""
+    campaign, record, config = certification.campaign, certification.record, certification.config
+    criteria, counts = certification.criteria, counts_table(certification).set_index("criterion")
+    brier = record.brier
+    return {
+        **provenance(campaign, campaign.test_ids, config),
+        "command": certify_command(config),
+        "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
+        "criteria": {
+            "confidence": criteria.confidence,
+            "criterion": [
+                {key: value for key, value in asdict(own).items() if value is not None} for own in criteria.items
+            ],
+        },
+        "matrix": [
+            {
+                "id": i,
+                "speed_mph": condition.speed_mps / MPH,
+                "front_weight_lb": condition.front_weight_kg / LB,
+                "rear_weight_lb": condition.rear_weight_kg / LB,
+                **dict(condition.factors),
+            }
+            for i, condition in zip(certification.matrix.ids, certification.matrix.conditions, strict=True)
+        ],
+        "domain": _domain(certification.domain),
+        "verdicts": verdict_counts(certification),
+        "track_record": {
+            **record_counts(record),
+            "brier": None if brier is None else brier[0],
+            "brier_raw_cae": None if brier is None else brier[1],
+            "reliability": [{**asdict(bin), "holds": bin.holds} for bin in record.reliability],
+        },
+        "by_criterion": {
+            own.name: {
+                "verdicts": {str(word): int(n) for word, n in counts.loc[own.name].drop("limit").items()},
+                "track_record": record_counts(record, own),
+                "support": {**asdict(support), "confidence": round(support.confidence, 4)},
+            }
+            for own in criteria.items
+            for support in [record.support(own)]
+        },
+        "sentences": list(summary(certification)),
+        "exceptions": {subject: list(sentences) for subject, sentences in exceptions(certification).items()},
+    }
+
+
+def _domain(domain: Domain) -> dict[str, object]:
+    low, high = domain.masses_kg
+    return {
+        "tests": domain.n_tests,
+        "speeds_mph": [speed / MPH for speed in domain.speeds_mps],
+        "between_tests_mph": domain.reach_mps / MPH,
+        "below_slowest_mph": domain.below_mps / MPH,
+        "above_fastest_mph": domain.above_mps / MPH,
+        "mass_lb": [low / LB, high / LB],
+        "factors": {name: list(values) for name, values in domain.factors.items()},
+    }

@@ -1,0 +1,125 @@
+"""A certification in words: what came of the matrix, what the record says, and every exception to it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.track_record import TrackRecord, largest_share
+from crashfuse.certification.verdict import WORDS, Verdict
+from crashfuse.reporting.certification_tables import verdict_counts
+
+_NAMED = 20  # conditions in a sentence
+
+
+def summary(certification: Certification) -> tuple[str, ...]:
+    """What came of the matrix, where a test is needed, and what the record says, in a few sentences."""
+    record = certification.record
+    return (matrix_sentence(certification), *to_test(certification), record_sentence(record), *brier_sentence(record))
+
+
+def matrix_sentence(certification: Certification) -> str:
+    """How many verdicts of each kind the matrix has."""
+    n, criteria = len(certification.matrix.ids), len(certification.criteria.items)
+    counts = ", ".join(f"{count} {word}" for word, count in verdict_counts(certification).items())
+    confidence = certification.criteria.confidence
+    return f"{_count(n, 'condition')} × {_count(criteria, 'criterion')}, confidence {confidence:g}: {counts}."
+
+
+def to_test(certification: Certification) -> Iterator[str]:
+    """Which conditions need a test or another design, and which lie outside."""
+    rows = {word: _by_condition(certification, word) for word in WORDS}
+    if rows["open"]:
+        yield f"To be tested, or redesigned: {_listed([f'{i} ({_names(own)})' for i, own in rows['open'].items()])}."
+    if rows["outside"]:
+        yield f"Outside what the tests check: {_listed(list(rows['outside']))}."
+    if not rows["open"] and not rows["outside"]:
+        yield "No condition of the matrix needs a test."
+
+
+def record_sentence(record: TrackRecord) -> str:
+    """How often the verdicts on left-out tests were wrong, with the exact bound."""
+    if not record.trials:
+        return "There is no record: with a single test, none can be left out."
+    decided, wrong = record.decided
+    if not decided:
+        return f"None of the {_count(len(record.counted), 'verdict')} on left-out tests was met or not met: no record."
+    undecided = len(record.counted) - decided
+    return (
+        f"Record of left-out tests: {_count(decided, 'verdict')} met or not met, {wrong} of them wrong "
+        f"(at most {100 * largest_share(wrong, decided):.1f} %, exact one-sided 95 % bound); {undecided} open or outside."
+    )
+
+
+def brier_sentence(record: TrackRecord) -> Iterator[str]:
+    """The Brier score of the left-out probabilities beside that of the raw CAE, if there is one."""
+    if record.brier is not None:
+        ours, cae = record.brier
+        yield (
+            f"Brier score of the probabilities (0 is perfect): {ours:.4f}; {cae:.4f} for the raw CAE with its own error "
+            "as band."
+        )
+
+
+def support_sentence(record: TrackRecord, criterion: Criterion, confidence: float) -> str:
+    """What the record says of a criterion at this confidence."""
+    support = record.support(criterion)
+    if (shortfall := support.shortfall(confidence)) is not None:
+        return shortfall
+    if not support.near:
+        return "No left-out test came near this limit: the record says nothing about it."
+    return f"It supports the confidence: {support.wrong} of {_count(support.decided, 'left-out verdict')} wrong."
+
+
+def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
+    """Everything that a reviewer has to know against the verdicts, by subject; subjects without any are left out."""
+    confidence, record = certification.criteria.confidence, certification.record
+    supports = {criterion.name: record.support(criterion) for criterion in certification.criteria.items}
+    short = {name: s for name, own in supports.items() if (s := own.shortfall(confidence)) is not None}
+    outside = {(i, own.reason) for i, own in certification.cells if own.word == "outside"}
+    found = {
+        "Warnings about the campaign": certification.campaign.warnings,
+        "Conditions outside the validated domain": tuple(f"{i}: {reason}" for i, reason in sorted(outside)),
+        "Wrong verdicts on left-out tests": tuple(_wrong(record)),
+        "Criteria whose record does not support the confidence": tuple(f"{n}: {s}" for n, s in short.items()),
+        "Criteria whose limit no left-out test came near": tuple(
+            f"{name}: the record says nothing about this limit."
+            for name, own in supports.items()
+            if record.trials and not own.near and name not in short
+        ),
+        "No record": () if record.trials else (record_sentence(record),),
+    }
+    return {subject: sentences for subject, sentences in found.items() if sentences}
+
+
+def _wrong(record: TrackRecord) -> Iterator[str]:
+    for trial in record.counted:
+        if trial.wrong:
+            verdict = trial.verdict
+            measured = verdict.criterion.shown(trial.measured)
+            way = "alone" if trial.left_out == "test" else "with its speed group"
+            yield (
+                f"{trial.held_out}, left out {way}: {verdict.criterion.name} ({verdict.criterion.limits}) was said to be "
+                f"{verdict.word}; measured {measured}."
+            )
+
+
+def _by_condition(certification: Certification, word: str) -> Mapping[str, list[Verdict]]:
+    found: dict[str, list[Verdict]] = {}
+    for i, verdict in certification.cells:
+        if verdict.word == word:
+            found.setdefault(i, []).append(verdict)
+    return found
+
+
+def _names(verdicts: Sequence[Verdict]) -> str:
+    return ", ".join(verdict.criterion.name for verdict in verdicts)
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
+
+
+def _count(n: int, noun: str) -> str:
+    plural = "criteria" if noun == "criterion" else f"{noun}s"
+    return f"{n:,} {noun if n == 1 else plural}"
