@@ -66,7 +66,7 @@ def parser() -> argparse.ArgumentParser:
     _add_workers(study)
     study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
 
-    certify = command("certify", certification.certify, "give a verdict on each criterion at each condition of a matrix")
+    certify = command("certify", certification.certify, "say which criteria a test at each condition would meet")
     certify.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     certify.add_argument(
         "--criteria", type=Path, metavar="FILE.toml", help="acceptance criteria (default: CAMPAIGN/criteria.toml)"
@@ -77,9 +77,7 @@ def parser() -> argparse.ArgumentParser:
     for flag in _AXES:
         certify.add_argument(flag, nargs="+", type=float, metavar=flag[2].upper(), help="of a grid, not a file")
     certify.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of a grid; several values of a name, too")
-    certify.add_argument(
-        "--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)"
-    )
+    certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
     _add_settings(certify)
     _add_workers(certify)
 
