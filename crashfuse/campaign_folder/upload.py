@@ -28,7 +28,8 @@ from crashfuse.files.archive import (
 
 _TABLES, _ROLES = ("tests.csv", "cae.csv"), ("tests", "cae")
 _PULSES = (".csv", ".parquet")
-_AT_THE_TOP = {*_TABLES, "campaign.toml", *(f"{role}_pulses{ending}" for role in _ROLES for ending in _PULSES)}
+_ASKED = ("criteria.toml", "matrix.csv")  # of a certification
+_AT_THE_TOP = {*_TABLES, *_ASKED, "campaign.toml", *(f"{role}_pulses{ending}" for role in _ROLES for ending in _PULSES)}
 _NOTES = (".md", ".txt")
 _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst")
 _ENTRY = b"PK\x01\x02"  # starts every entry of a zip's directory
@@ -41,8 +42,9 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
     ----------
     uploads : sequence of (str, bytes)
         Either one zip of a campaign folder, or the files of one: ``tests.csv``, ``cae.csv``, ``cae_pulses.parquet``,
-        ``campaign.toml``, ``<id>.csv`` … A pulse file beside the tables belongs to the table that has its id; if both
-        have it, to the one without a table of pulses. Notes (``.md``, ``.txt``) are ignored.
+        ``campaign.toml``, ``criteria.toml``, ``matrix.csv``, ``<id>.csv`` … A pulse file beside the tables belongs to
+        the table that has its id; if both have it, to the one without a table of pulses. Notes (``.md``, ``.txt``) are
+        ignored.
     into : Path
         An existing folder, which the caller must delete; a folder named after the campaign is created in it and
         returned. Its numbers are not checked here.

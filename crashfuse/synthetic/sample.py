@@ -49,6 +49,8 @@ It is there to try crashfuse on, and says nothing about any car. `crashfuse samp
 - `cae.csv`, `cae_pulses.parquet`: {_N_RUNS} runs of a deliberately wrong model of the same vehicle (Latin hypercube
   over 0–35.2 mph, 1922–2185 lb front and 1349–1770 lb rear weight) and one run at the condition of each test
   (`CAE-T01` to `CAE-T11`).
+- `criteria.toml`, `matrix.csv`: acceptance criteria and conditions to try `crashfuse certify` on. The limits lie near
+  the middle of what these tests show, so that there is something to tell; they are no requirement of anyone.
 
 Both models are three masses (body, powertrain, rear mass) joined by crushable elements, in front of a rigid barrier.
 All pulses are the body's, CFC 60, 12.5 kHz, 0–100 ms from first contact, braking negative. The constants of both were
@@ -56,13 +58,60 @@ set so that the CAE runs rate against the tests about as in Table 5 of that pape
 20, 40 and 60 ms on average (ISO/TS 18571, tests 3, 4, 5, 7, 9 and 10).
 """
 
+_CRITERIA = """# Acceptance criteria to try crashfuse on: limits near the middle of what the synthetic tests show.
+# They are no requirement of anyone.
+confidence = 0.95
+
+[[criterion]]
+name = "crush"
+metric = "max_crush"  # mm
+at_most = 460.0
+
+[[criterion]]
+name = "peak"
+metric = "peak"  # g
+at_most = 30.0
+
+[[criterion]]
+name = "velocity change"
+metric = "delta_v"  # km/h
+at_most = 48.0
+
+[[criterion]]
+name = "OLC"
+metric = "olc"  # g
+at_most = 26.0
+
+[[criterion]]
+name = "rating"  # of the prediction against a test, ISO/TS 18571
+metric = "rating"
+window_ms = 60
+at_least = 0.80
+"""
+
+_MATRIX = (
+    (10.0, 2050.0, 1500.0, "Type I", "AWD"),
+    (14.0, 2150.0, 1600.0, "Type II", "AWD"),
+    (16.7, 2120.0, 1600.0, "Type I", "FWD"),
+    (19.0, 2100.0, 1600.0, "Type I", "FWD"),
+    (22.0, 2180.0, 1750.0, "Type II", "AWD"),
+    (25.0, 2100.0, 1550.0, "Type I", "FWD"),
+    (25.0, 2160.0, 1700.0, "Type II", "AWD"),
+    (27.5, 2100.0, 1550.0, "Type I", "FWD"),
+    (30.0, 2160.0, 1700.0, "Type II", "AWD"),
+    (32.5, 2100.0, 1550.0, "Type I", "FWD"),
+    (35.0, 2170.0, 1720.0, "Type II", "AWD"),
+    (40.0, 2170.0, 1720.0, "Type II", "AWD"),
+)
+"""Conditions to judge, as in Table 1: at the tests' speeds, between them, and one beyond all tests and runs."""
+
 
 def sample_campaign(seed: int = 0) -> Campaign:
     """Simulate the sample campaign: 11 tests, 1009 CAE runs and one at each test's condition, named ``CAE-<test>``.
 
     The seed chooses the Latin hypercube, the tests' scatter and their noise; 0 is the sample that comes with crashfuse.
     """
-    test_conditions = [_condition(*row[:3], factors=(("powertrain", row[3]), ("drive", row[4]))) for row in TABLE_1]
+    test_conditions = [_of_the_kind(*row) for row in TABLE_1]
     tests = [
         CrashTest(f"T{number:02d}", condition, Pulse(GRID_S, accel))
         for number, (condition, accel) in enumerate(
@@ -102,11 +151,11 @@ def _write(campaign: Campaign, folder: Path) -> None:
     _write_text(folder / "campaign.toml", settings)
     _write_text(folder / "README.md", _README)
     header = "id,speed_mph,front_weight_lb,rear_weight_lb"
-    rows = [
-        ",".join([test.id, _in_mph_and_lb(test.condition), *(value for _, value in test.condition.factors)])
-        for test in campaign.tests
-    ]
-    _write_text(folder / "tests.csv", "\n".join([f"{header},powertrain,drive", *rows, ""]))
+    asked = [(f"M{number:02d}", _of_the_kind(*row)) for number, row in enumerate(_MATRIX, start=1)]
+    for name, listed in (("tests", [(test.id, test.condition) for test in campaign.tests]), ("matrix", asked)):
+        rows = [",".join([own, _in_mph_and_lb(c), *(value for _, value in c.factors)]) for own, c in listed]
+        _write_text(folder / f"{name}.csv", "\n".join([f"{header},powertrain,drive", *rows, ""]))
+    _write_text(folder / "criteria.toml", _CRITERIA)
     runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
     _write_text(folder / "cae.csv", "\n".join([header, *(f"{run},{_in_mph_and_lb(c)}" for run, c in runs), ""]))
     for test in campaign.tests:
@@ -134,6 +183,12 @@ def _condition(
     speed_mph: float, front_weight_lb: float, rear_weight_lb: float, factors: tuple[tuple[str, str], ...] = ()
 ) -> Condition:
     return Condition(speed_mph * MPH, front_weight_lb * LB, rear_weight_lb * LB, factors)
+
+
+def _of_the_kind(
+    speed_mph: float, front_weight_lb: float, rear_weight_lb: float, powertrain: str, drive: str
+) -> Condition:
+    return _condition(speed_mph, front_weight_lb, rear_weight_lb, (("powertrain", powertrain), ("drive", drive)))
 
 
 def _in_mph_and_lb(condition: Condition) -> str:

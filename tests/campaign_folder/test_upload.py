@@ -70,6 +70,16 @@ def test_loose_files_find_their_folder(content: dict[str, bytes], campaign: Camp
     )
 
 
+@pytest.mark.parametrize("loose", [True, False], ids=["loose", "zipped"])
+def test_what_is_asked_of_a_campaign_comes_with_it(content: dict[str, bytes], tmp_path: Path, loose: bool) -> None:
+    """Criteria and the matrix of a certification are no strays: they lie beside the tables."""
+    asked = {"criteria.toml": b"confidence = 0.9", "matrix.csv": TABLE + b"M1,25,2000,1500\n"}
+    files = [(Path(name).name if loose else name, data) for name, data in {**content, **asked}.items()]
+    folder = lay_out(files if loose else [("Our car.zip", zipped(*files))], tmp_path)
+    assert {name: files_of(folder)[name] for name in asked} == asked
+    assert load_campaign(folder).warnings == ()
+
+
 def test_pulses_of_both_sources_are_told_apart_by_their_ids(tmp_path: Path) -> None:
     """Pulse files beside the tables go to tests/ or to cae/; an ending in capitals is read like any other."""
     uploads = [("tests.csv", TESTS), ("cae.csv", CAE), ("T1.csv", PULSE), ("T2.CSV", PULSE), ("C1.csv", PULSE)]

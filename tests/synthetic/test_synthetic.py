@@ -9,8 +9,12 @@ import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.certification.criteria_file import read_criteria
+from crashfuse.certification.domain import Domain
+from crashfuse.certification.matrix import Matrix
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
+from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_windows
 from crashfuse.synthetic import (
@@ -260,13 +264,28 @@ def test_the_shipped_sample_is_what_the_generator_writes(written: Path) -> None:
     """sample_data/ has the same files, tables and pulses as a fresh sample, and at most 6 MB."""
     names = {file.relative_to(written) for file in written.rglob("*")}
     assert {file.relative_to(SAMPLE_DATA) for file in SAMPLE_DATA.rglob("*")} == names
-    for name in ("README.md", "campaign.toml", "tests.csv", "cae.csv"):
+    for name in ("README.md", "campaign.toml", "tests.csv", "cae.csv", "criteria.toml", "matrix.csv"):
         assert (SAMPLE_DATA / name).read_text() == (written / name).read_text()
     shipped, fresh = load_campaign(SAMPLE_DATA), load_campaign(written)
     np.testing.assert_allclose(shipped.cae.accel_mps2, fresh.cae.accel_mps2, rtol=0, atol=0.006 * G)
     for test, expected in zip(shipped.tests, fresh.tests, strict=True):
         np.testing.assert_allclose(test.pulse.accel_mps2, expected.pulse.accel_mps2, rtol=0, atol=2e-4 * G)
     assert sum(file.stat().st_size for file in SAMPLE_DATA.rglob("*") if file.is_file()) <= 6_000_000
+
+
+def test_the_sample_asks_for_verdicts_that_are_not_foregone(written: Path) -> None:
+    """A third to two thirds of the tests meet each limit, and one condition of the matrix lies outside."""
+    campaign = load_campaign(SAMPLE_DATA)
+    criteria = read_criteria(written / "criteria.toml").items
+    values = [metric_values(test.pulse.accel_mps2, test.condition.speed_mps) for test in campaign.tests]
+    limits = [criterion for criterion in criteria if criterion.metric != "rating"]
+    for criterion in limits:
+        measured = np.array([own[criterion.metric] for own in values])
+        met = [criterion.is_met_by(value) for value in measured[np.isfinite(measured)].tolist()]
+        assert 1 / 3 <= np.mean(met) <= 2 / 3, criterion
+    assert (len(limits), len(criteria)) == (4, 5)
+    matrix, domain = Matrix.read(written / "matrix.csv", campaign.factors), Domain.of(campaign)
+    assert [i for i, c in zip(matrix.ids, matrix.conditions, strict=True) if domain.exceeded_by(c)] == ["M12"]
 
 
 @pytest.mark.slow
