@@ -34,7 +34,7 @@ _ADDRESS = re.compile(r"tcp://(\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
 _ANSWER_S = 5.0  # time limit for a scheduler to answer
 _WORKER_S = 30.0  # time limit for a scheduler without workers to get some
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "torch")  # packages that determine the last bits of the results
-_TASKS = "crashfuse.study.study"  # module whose functions compute the tasks
+_TASKS = "crashfuse.study.learning_curve"  # computes tasks, as does crashfuse.study.study, which it imports
 
 _one_at_a_time = threading.Lock()  # the number of threads is a setting of the whole process
 

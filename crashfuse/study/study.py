@@ -140,7 +140,7 @@ def run_plan(
     """Run a plan that has already been checked, as :func:`run_study` does."""
     folds = {} if folds is None else folds
     tests = [plan.campaign.test(test_id) for test_id in plan.held_out]
-    with _workers_at(scheduler, workers) as place:
+    with workers_at(scheduler, workers) as place:
         studies = [_leave_out(plan.campaign, tests, way, cache or Cache(), watch, place, folds) for way in plan.configs]
     return replace(studies[0], config=plan.config, speed_groups=studies[1] if len(studies) > 1 else None)
 
@@ -150,7 +150,7 @@ def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:
     return campaign.fingerprint, config, test_id
 
 
-def _workers_at(scheduler: str | None, processes: int | None) -> AbstractContextManager[Workers]:
+def workers_at(scheduler: str | None, processes: int | None) -> AbstractContextManager[Workers]:
     """Workers of a Dask cluster if a scheduler is given, else processes on this machine."""
     if scheduler is None:
         return nullcontext(Local(processes))
@@ -186,7 +186,7 @@ def _leave_out(
         if missing := [name for name, estimate in found.items() if estimate is None]:
             tasks.setdefault(training.test_ids, []).append((test, missing))
     needed = {name for task in tasks.values() for _, names in task for name in names}
-    shared = _prepare(campaign, needed, config, cache, watch)
+    shared = prepare(campaign, needed, config, cache, watch)
     prepared = time.perf_counter()
 
     total = len(unfinished) * len(config.approaches)
@@ -206,7 +206,7 @@ def _leave_out(
     return Study(campaign, config, tuple(finished[test.id] for test in tests), seconds)
 
 
-def _prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> Cache:
+def prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> Cache:
     """Compute once, on all cores, what depends on the CAE runs alone; returns a new Cache on that folder."""
     cae_only = campaign.without(campaign.test_ids)
     shared = Cache(cache.folder)
