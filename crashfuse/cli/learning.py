@@ -10,9 +10,11 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
     from crashfuse.campaign_folder.folder import load_campaign
     from crashfuse.cli.progress_bar import watching
+    from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.results import write_learning_curve
     from crashfuse.study import learning_curve as curves
-    from crashfuse.study.one_more_test import Cost, sentences, steps_table
+    from crashfuse.study.cost import Cost
+    from crashfuse.study.one_more_test import sentences
 
     require_output(arguments.out, arguments.campaign, "learning curve")
     cost = None if arguments.cost_per_test is None else Cost.of(arguments.cost_per_test)
@@ -32,7 +34,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
         )
     with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
         write_learning_curve(curve, folder, cost)
-    print(steps_table(curve, cost).to_string(index=False))
+    print(gains_table(curve, cost).to_string(index=False))
     print(*sentences(curve, cost), sep="\n")
     if campaign.notice:
         print(campaign.notice)

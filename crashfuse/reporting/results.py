@@ -22,11 +22,12 @@ from crashfuse.reporting.report import (
 )
 from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, study_metrics
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.nearest import nearest_sentences
 from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table
-from crashfuse.study.one_more_test import Cost, gains, one_more, sentences
+from crashfuse.study.one_more_test import gains, one_more, sentences
 from crashfuse.study.plan import StudyPlan
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study

@@ -11,9 +11,11 @@ from crashfuse.execution.progress import Watch
 from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
 from crashfuse.reporting.report import learning_curve_report
 from crashfuse.reporting.report.learning_curve import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
+from crashfuse.reporting.result_tables import curve_table, gains_table
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.cost import Cost
 from crashfuse.study.learning_curve import CURVE_CONFIG, LearningCurve, is_curve_cached, learning_curve
-from crashfuse.study.one_more_test import Cost, sentences, steps_table, summary_table
+from crashfuse.study.one_more_test import sentences
 from crashfuse.ui.computation import Request
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import show_figure
@@ -73,12 +75,12 @@ def show_learning_curve(campaign: Campaign, config: StudyConfig) -> None:
         f"{LEARNING_CURVE_MEANING} Points: means with their standard error; shaded: the central 80 % of the single "
         "ratings."
     )
-    if not (steps := steps_table(curve, cost)).empty:
+    if not (steps := gains_table(curve, cost)).empty:
         st.markdown("**What further tests gained**")
         st.table(steps.style.hide(axis="index"), border="horizontal")
         st.caption(ONE_MORE_MEANING)
     with st.expander("All means", icon=":material/table:"):
-        st.table(summary_table(curve).style.hide(axis="index"), border="horizontal")
+        st.table(curve_table(curve).style.hide(axis="index"), border="horizontal")
     with st.container(horizontal=True):
         download_table("learning_curve.csv", lambda: curve.table)
         download_report(lambda: learning_curve_report(curve, cost), "learning_curve.html")

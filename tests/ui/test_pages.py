@@ -30,6 +30,7 @@ from crashfuse.study.fold import Fold
 from crashfuse.study.saved_models import load_model
 from crashfuse.study.study import Study
 from crashfuse.ui import computation
+from crashfuse.ui import learning_curve as panel
 from crashfuse.ui.compare import displacement
 from crashfuse.units import LB, MPH, G
 from tests.conftest import ROOT
@@ -452,6 +453,29 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     assert coverage["Maximum crush"][0].endswith(f" of {len(study.folds)}")
     assert "no more can be promised" in words(app)
     assert downloads(app) == ["scores.csv", "metrics.csv", "speed_groups.csv", "report.html"]
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
+def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside leaving tests out: sentences, a figure, tables and files; with the cost of a test, what a gain costs."""
+    quick = replace(panel.CURVE_CONFIG, approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
+    monkeypatch.setattr(panel, "CURVE_CONFIG", quick)
+    monkeypatch.setattr(panel, "learning_curve", partial(panel.learning_curve, workers=1, repeats=1))
+    app = start("study")
+    app.segmented_control(key="study question").set_value("How many tests are enough").run()
+    assert "not been computed yet" in words(app)
+    finish(press(app, "Predict from 1 to 3 tests"))
+    assert charts(app) == 1
+    assert "With 3 of 4 tests the displacement domain rates" in words(app)
+    assert downloads(app) == ["learning_curve.csv", "learning_curve.html"]
+    steps, means = tables(app)
+    assert steps["tests"].tolist() == ["1 → 2", "2 → 3"]
+    assert "cost of 0.01" not in steps
+    assert means["tests"].max() == 3
+    app.number_input(key="cost of a test").set_value(60000.0).run()
+    assert "cost of 0.01" in tables(app)[0]
+    assert "at 60,000 each" in words(app)
 
 
 @pytest.mark.usefixtures("open_campaign")

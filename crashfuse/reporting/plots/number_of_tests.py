@@ -101,7 +101,7 @@ def _axes(figure: go.Figure, n: int, *, has_band: bool) -> None:
         title=title, range=[-0.4, n + 1.5], dtick=1 if n < 16 else 5, showspikes=False, unifiedhovertitle=None,
         zeroline=False,
     )  # fmt: skip
-    figure.update_yaxes(title="Overall rating of tests not learned from")
+    figure.update_yaxes(title="Overall rating, held-out tests")
     if has_band:
         look = figure.layout.yaxis.to_plotly_json()
         figure.update_layout(
@@ -114,4 +114,7 @@ def _axes(figure: go.Figure, n: int, *, has_band: bool) -> None:
                 "rangemode": "tozero",
             },
         )
-    figure.add_vline(x=n, line={"color": CURSOR, "width": 1, "dash": "dot"})
+    figure.add_vline(
+        x=n, line={"color": CURSOR, "width": 1, "dash": "dot"}, annotation_text=f"all {n} tests",
+        annotation_position="bottom left",
+    )  # fmt: skip
