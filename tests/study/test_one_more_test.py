@@ -1,5 +1,6 @@
 """What one more test would buy: gains on the same tests, a law that is known, sentences that say when it is not."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
@@ -33,7 +34,7 @@ def curve_of(campaign: Campaign, rating: Callable[[int, int], float], sizes: tup
 
 def law(size: int, test: int) -> float:
     """The law, with tests of different difficulty."""
-    return 0.95 - 0.1 * size**-1.0 + 0.01 * (test - 4)
+    return 0.95 - 0.1 / size + 0.01 * (test - 4)
 
 
 @pytest.fixture
@@ -58,8 +59,8 @@ def test_one_more_test_continues_the_law(lawful: LearningCurve) -> None:
     more = one_more(lawful)
     assert more is not None
     assert more.n_tests == N
-    assert more.gain == pytest.approx(0.1 * (1 / 9 - 1 / 10))
-    assert more.rating == pytest.approx(0.95 - 0.1 * 10**-1.0)
+    assert more.gain == pytest.approx(0.1 / 9 - 0.1 / 10)
+    assert more.rating == pytest.approx(0.95 - 0.1 / 10)
     assert more.lower < 0.6 * more.gain < 1.3 * more.gain < more.upper
 
 
@@ -91,9 +92,9 @@ def test_the_fewest_tests_that_do_as_well_are_found(campaign: Campaign) -> None:
 
 def test_sentences_tell_where_the_campaign_stands_and_what_a_test_buys(campaign: Campaign) -> None:
     """Rating, last gain, its price, and the outlook."""
-    curve = curve_of(campaign, lambda s, t: 0.95 - 0.5 * s**-1.0 + 0.01 * (t - 4), (1, 2, 3, 4, 6, 8))
+    curve = curve_of(campaign, lambda s, t: 0.95 - 0.5 / s + 0.01 * (t - 4), (1, 2, 3, 4, 6, 8))
     standing, last, _, outlook = sentences(curve, Cost(60000.0, "EUR"))
-    rating = 0.95 - 0.5 * 8**-1.0
+    rating = 0.95 - 0.5 / 8
     assert standing == (
         f"With 8 of 9 tests the fused prediction rates {rating:.3f} ± 0.009 over 0–60 ms (mean of 9 held-out tests ± "
         "standard error); the raw CAE model, without any test, 0.600."
@@ -109,7 +110,10 @@ def test_sentences_tell_where_the_campaign_stands_and_what_a_test_buys(campaign:
 def test_what_cannot_be_told_is_said(campaign: Campaign) -> None:
     """A level curve, a falling one, and one of three points."""
     wild = {1: 0.9, 2: 0.93, 3: 0.89, 4: 0.95, 6: 0.91, 8: 0.91}
-    level = sentences(curve_of(campaign, lambda s, t: wild[s] + 0.001 * (s * t % 3), tuple(wild)), Cost(100.0))
+    level = sentences(curve_of(campaign, lambda s, t: wild[s] + 0.001 * ((s + t) % 3), tuple(wild)), Cost(100.0))
+    assert "no gain that can be told from scatter" in level[1]
+    assert "cannot be told from nothing: about 0.00" in level[-1]
+    assert re.search(r"at 100 each, one hundredth costs \d+ or more\.", level[-1])
     falling = sentences(curve_of(campaign, lambda s, t: 0.9 + 0.1 / s + 0.001 * t, (1, 2, 3, 4, 6, 8)), Cost(100.0))
     assert "it lost" in falling[1]
     assert falling[-1] == "What one more test would add to these 9 cannot be told from nothing."
