@@ -2,8 +2,8 @@
 
 Each seed is another vehicle, as in ``next_test.py``. A campaign of random tests gets its learning curve, and from it
 the gain expected of one more test. Then four further tests are run at random conditions, each is added alone, and
-twenty unseen tests, evenly spaced over speed, are predicted with and without it. The displacement domain stands for the fused prediction, whose
-networks take too long to train for each vehicle.
+twenty unseen tests, evenly spaced over speed, are predicted with and without it. The displacement domain stands for the
+fused prediction, whose networks take too long to train for each vehicle.
 """
 
 import argparse

@@ -82,10 +82,10 @@ def gains_table(curve: LearningCurve, cost: Cost | None = None) -> pd.DataFrame:
     """Gains of the judged approach as a readable table; the cost of a hundredth only for gains above their error."""
     return pd.DataFrame(
         {
-            "tests": f"{step.before} → {step.after}",
-            "gain of rating": f"{step.gain:+.3f}{plus_minus(step.error)}",
-            "a test": f"{step.per_test:+.4f}",
-            **({} if cost is None else {"cost of 0.01": cost.times(0.01 / step.per_test) if step.told else "–"}),
+            "Tests": f"{step.before} → {step.after}",
+            "Gain of rating": f"{step.gain:+.3f}{plus_minus(step.error)}",
+            "A test": f"{step.per_test:+.4f}",
+            **({} if cost is None else {"Cost of 0.01": cost.times(0.01 / step.per_test) if step.told else "–"}),
         }
         for step in gains(curve)
     )
@@ -98,14 +98,14 @@ def curve_table(curve: LearningCurve) -> pd.DataFrame:
     known = table["half_width_g"].notna()
     return pd.DataFrame(
         {
-            "approach": table["approach"].map(LABELS),
-            "tests": table["n_tests"],
-            "chosen": table["choice"].map({"even": "evenly", "random": "at random"}),
-            "predictions": table["predictions"],
-            "rating": [f"{r:.3f}{plus_minus(e)}" for r, e in zip(table["rating"], table["error"], strict=True)],
+            "Approach": table["approach"].map(LABELS),
+            "Tests": table["n_tests"],
+            "Chosen": table["choice"].map({"even": "evenly", "random": "at random"}),
+            "Predictions": table["predictions"],
+            "Rating": [f"{r:.3f}{plus_minus(e)}" for r, e in zip(table["rating"], table["error"], strict=True)],
             "80 % within": [f"{low:.2f}–{high:.2f}" for low, high in zip(table["low"], table["high"], strict=True)],
             "a(t) in band (%)": (100 * table["inside"]).map("{:.0f}".format).where(known, "–"),
-            "band (± g)": table["half_width_g"].map("{:.1f}".format).where(known, "–"),
+            "Band (± g)": table["half_width_g"].map("{:.1f}".format).where(known, "–"),
         }
     )
 

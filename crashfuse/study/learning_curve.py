@@ -75,6 +75,10 @@ class LearningCurve:
         """The longest rated window, for which results are summarised."""
         return max(self.config.windows_ms)
 
+    def over(self, window_ms: float) -> "LearningCurve":
+        """The same curve, summarised over another of its windows."""
+        return replace(self, config=replace(self.config, windows_ms=(window_ms,)))
+
     @property
     def judged(self) -> str:
         """The approach that the summary is about: of those that learn from tests, the preferred one."""

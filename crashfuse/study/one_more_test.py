@@ -168,13 +168,17 @@ def sentences(curve: LearningCurve, cost: Cost | None = None) -> tuple[str, ...]
 
 
 def _standing(curve: LearningCurve, name: str, n: int) -> str:
-    ratings = curve.by_test(name).iloc[:, -1]
-    raw = curve.by_test("cae").iloc[:, -1].mean() if "cae" in curve.config.approaches and name != "cae" else None
-    return (
+    ratings, last = curve.by_test(name).iloc[:, -1], summary(curve).query("approach == @name").iloc[-1]
+    said = (
         f"With {n - 1} of {n} tests {CLASSES[name].in_words} rates {ratings.mean():.3f}{plus_minus(_error(ratings))}"
         f" over 0–{curve.window_ms:g} ms (mean of {len(ratings)} held-out tests ± standard error)"
-        + (f"; the raw CAE model, without any test, {raw:.3f}." if raw is not None else ".")
     )
+    if "cae" in curve.config.approaches and name != "cae":
+        said += f"; the raw CAE model, without any test, {curve.by_test('cae').iloc[:, -1].mean():.3f}"
+    if math.isnan(last["half_width_g"]):
+        return f"{said}."
+    band, inside = f"± {last['half_width_g']:.1f} g", f"{100 * last['inside']:.0f} %"
+    return f"{said}. Its 95 % band is {band} wide on average and holds {inside} of a(t)."
 
 
 def _enough(curve: LearningCurve) -> str:
@@ -183,8 +187,8 @@ def _enough(curve: LearningCurve) -> str:
     if found is None:
         return f"No fewer tests, chosen evenly over speed, do as well as {most}."
     return (
-        f"{found.before} of them, chosen evenly over speed, may do as well: {most} rate {found.gain:+.3f}"
-        f"{plus_minus(found.error)} higher, within twice the standard error."
+        f"{found.before} of these tests, chosen evenly over speed, may do as well: with {most} it rates "
+        f"{found.gain:+.3f}{plus_minus(found.error)}, within twice the standard error."
     )
 
 

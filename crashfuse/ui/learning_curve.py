@@ -45,21 +45,22 @@ class LearningCurveRequest(Request[LearningCurve]):
         return is_curve_cached(self.campaign, self.config, Cache())
 
 
-def show_learning_curve(campaign: Campaign, config: StudyConfig) -> None:
+def show_learning_curve(campaign: Campaign, config: StudyConfig, window_ms: float) -> None:
     """Show rating and band over the number of tests, for the raw CAE model and the fused prediction."""
     st.markdown(
         "How good would the prediction be with fewer tests, and what would one more add? Parts of the tests, evenly "
         "chosen over speed and at random, predict all the others."
     )
     settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
-    curve = result_or_none(
+    found = result_or_none(
         LearningCurveRequest(campaign, settings),
-        invitation="The learning curve of this campaign has not been computed yet. It takes several minutes the first "
-        "time; meanwhile you can work on the other pages.",
+        invitation="This has not been computed for this campaign yet. It takes several minutes the first time; "
+        "meanwhile you can work on the other pages.",
         button=f"Predict from 1 to {len(campaign.tests) - 1} tests",
     )
-    if curve is None:
+    if found is None:
         return
+    curve = found.over(window_ms)
     amount = st.number_input(
         "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
         key="cost of a test", persist_state="session", width=260,
@@ -82,5 +83,5 @@ def show_learning_curve(campaign: Campaign, config: StudyConfig) -> None:
     with st.expander("All means", icon=":material/table:"):
         st.table(curve_table(curve).style.hide(axis="index"), border="horizontal")
     with st.container(horizontal=True):
-        download_table("learning_curve.csv", lambda: curve.table)
+        download_table("learning_curve.csv", lambda: found.table)
         download_report(lambda: learning_curve_report(curve, cost), "learning_curve.html")

@@ -84,7 +84,7 @@ def test_the_fewest_tests_that_do_as_well_are_found(campaign: Campaign) -> None:
     found = enough(level)
     assert found is not None
     assert found.before == 4
-    assert "4 of them, chosen evenly over speed, may do as well: 8 rate" in " ".join(sentences(level))
+    assert "4 of these tests, chosen evenly over speed, may do as well: with 8 it rates" in " ".join(sentences(level))
     steep = curve_of(campaign, lambda s, t: 0.05 * s + 0.001 * t, (1, 2, 3, 4, 6, 8))
     assert enough(steep) is None
     assert "No fewer tests, chosen evenly over speed, do as well as 8." in sentences(steep)
@@ -97,7 +97,8 @@ def test_sentences_tell_where_the_campaign_stands_and_what_a_test_buys(campaign:
     rating = 0.95 - 0.5 / 8
     assert standing == (
         f"With 8 of 9 tests the fused prediction rates {rating:.3f} ± 0.009 over 0–60 ms (mean of 9 held-out tests ± "
-        "standard error); the raw CAE model, without any test, 0.600."
+        "standard error); the raw CAE model, without any test, 0.600. Its 95 % band is ± 1.1 g wide on "
+        "average and holds 95 % of a(t)."
     )
     assert last == (
         "From 6 to 8 tests it gained 0.021 ± 0.000 (0.0104 a test, at 60,000 EUR each: 58,000 EUR for one hundredth of "
@@ -134,13 +135,13 @@ def test_the_summary_counts_every_test_once(lawful: LearningCurve) -> None:
     assert row["error"] == pytest.approx(ratings.std(ddof=1) / 3)
     assert (row["low"], row["high"]) == pytest.approx(tuple(np.quantile(ratings, [0.1, 0.9])))
     assert row["half_width_g"] == pytest.approx(9 / 4)
-    assert set(curve_table(lawful)["approach"]) == {"Fused"}
+    assert set(curve_table(lawful)["Approach"]) == {"Fused"}
 
 
 def test_the_steps_show_a_price_only_where_there_is_a_gain(campaign: Campaign) -> None:
     """Another column with a cost, a dash where the gain is not above its error."""
     curve = curve_of(campaign, lambda s, t: min(s, 2) * 0.1 + (0.001 * (t % 2) if s > 2 else 0) - 0.001 * s, (1, 2, 3))
     table = gains_table(curve, Cost(1000.0))
-    assert table["tests"].tolist() == ["1 → 2", "2 → 3"]
-    assert table["cost of 0.01"].tolist() == ["100", "–"]
-    assert "cost of 0.01" not in gains_table(curve)
+    assert table["Tests"].tolist() == ["1 → 2", "2 → 3"]
+    assert table["Cost of 0.01"].tolist() == ["100", "–"]
+    assert "Cost of 0.01" not in gains_table(curve)

@@ -466,17 +466,17 @@ def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(panel, "learning_curve", partial(learning_curve, workers=1, repeats=1))
     app = start("study")
     app.segmented_control(key="study question").set_value("How many tests are enough").run()
-    assert "not been computed yet" in words(app)
+    assert "not been computed for this campaign yet" in words(app)
     finish(press(app, "Predict from 1 to 3 tests"))
     assert charts(app) == 1
     assert "With 3 of 4 tests the displacement domain rates" in words(app)
     assert downloads(app) == ["learning_curve.csv", "learning_curve.html"]
     steps, means = tables(app)
-    assert steps["tests"].tolist() == ["1 → 2", "2 → 3"]
-    assert "cost of 0.01" not in steps
-    assert means["tests"].max() == 3
+    assert steps["Tests"].tolist() == ["1 → 2", "2 → 3"]
+    assert "Cost of 0.01" not in steps
+    assert means["Tests"].max() == 3
     app.number_input(key="cost of a test").set_value(60000.0).run()
-    costs = tables(app)[0]["cost of 0.01"]
+    costs = tables(app)[0]["Cost of 0.01"]
     assert re.fullmatch(r"[\d,]+", costs[0])
 
 

@@ -116,5 +116,5 @@ def _axes(figure: go.Figure, n: int, *, has_band: bool) -> None:
         )
     figure.add_vline(
         x=n, line={"color": CURSOR, "width": 1, "dash": "dot"}, annotation_text=f"all {n} tests",
-        annotation_position="bottom left",
+        annotation_position="top right",
     )  # fmt: skip
