@@ -34,7 +34,8 @@ def learning_curve(arguments: argparse.Namespace) -> None:
         )
     with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
         write_learning_curve(curve, folder, cost)
-    print(gains_table(curve, cost).to_string(index=False))
+    if not (table := gains_table(curve, cost)).empty:
+        print(table.to_string(index=False))
     print(*sentences(curve, cost), sep="\n")
     if campaign.notice:
         print(campaign.notice)

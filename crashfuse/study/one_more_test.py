@@ -74,7 +74,9 @@ class OneMore:
 
 
 def gains(curve: LearningCurve) -> tuple[Gain, ...]:
-    """Gains of the judged approach from each number of tests to the next, chosen evenly over speed."""
+    """Gains of the judged approach from each number of tests to the next; none if it learns from no test."""
+    if not CLASSES[curve.judged].learns_from_tests:
+        return ()
     ratings = curve.by_test(curve.judged)
     sizes = ratings.columns.tolist()
     return tuple(_gain(ratings, *pair) for pair in pairwise(sizes))

@@ -684,6 +684,18 @@ def test_a_learning_curve_writes_its_table_its_report_and_its_record(
     assert "--cost-per-test &#34;60,000 EUR&#34;" in report
 
 
+def test_a_learning_curve_of_two_tests_says_what_cannot_be_told(
+    campaign: Campaign, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One predicts the other; there is no gain to list."""
+    folder = write_campaign(campaign.without(["T1", "T2"]), tmp_path / "campaign")
+    command = ["learning-curve", str(folder), "--out", str(tmp_path / "out"), "--approach", "cae", "--workers", "1"]
+    assert cli.main(command) == cli.DONE
+    printed = capsys.readouterr().out
+    assert printed.startswith("With 1 of 2 tests the raw CAE model rates")
+    assert "Empty" not in printed
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

@@ -125,6 +125,8 @@ def test_an_approach_that_learns_from_no_test_gains_nothing(lawful: LearningCurv
     """Asked for the raw CAE model alone, it says so."""
     alone = replace(lawful, config=replace(CONFIG, approaches=("cae",)))
     assert sentences(alone)[-1] == "The raw CAE model learns from no test, so further tests change nothing."
+    assert gains(alone) == ()
+    assert gains_table(alone).empty
 
 
 def test_the_summary_counts_every_test_once(lawful: LearningCurve) -> None:
