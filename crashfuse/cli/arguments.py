@@ -5,11 +5,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from crashfuse.cli import data, imports, models, studies
+from crashfuse.cli import data, imports, learning, models, studies
 from crashfuse.version import __version__
 
 T = TypeVar("T")
 
+_DEVICES = ("auto", "cpu", "cuda")
+_DEVICE_HELP = "where networks are trained (default: auto, CUDA if any)"
 _AXES = ("--speed-mph", "--front-weight-lb", "--rear-weight-lb")
 
 
@@ -61,12 +63,24 @@ def parser() -> argparse.ArgumentParser:
         help="leave each test out alone, with all tests at about its speed, or both, one study after the other "
         "(default: both, but only test with --held-out or --preset paper)",
     )
-    where = study.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one for each core)")
-    where.add_argument(
-        "--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster that you trust, to compute on its workers"
-    )
+    _add_workers(study)
     study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
+
+    curve = command("learning-curve", learning.learning_curve, "predict tests from 1, 2, 3 … of the others")
+    curve.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    curve.add_argument(
+        "--approach", nargs="+", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: cae fused)"
+    )
+    curve.add_argument("--cost-per-test", metavar="AMOUNT", help="cost of one test, such as 60000 or '60000 EUR'")
+    curve.add_argument(
+        "--repeats", type=_whole(0), metavar="N", help="random choices of each number of tests (default: 3)"
+    )
+    curve.add_argument(
+        "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
+    )
+    curve.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
+    curve.add_argument("--device", choices=_DEVICES, help=_DEVICE_HELP)
+    _add_workers(curve)
 
     predict = command("predict", models.predict, "predict the pulse at a condition that was never tested")
     for flag in _AXES:
@@ -125,8 +139,14 @@ def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False
     parser.add_argument(
         "--seed", type=_listed(seed) if several else seed, help=f"seed of everything random (default: 0){more}"
     )
-    parser.add_argument(
-        "--device", choices=("auto", "cpu", "cuda"), help="where networks are trained (default: auto, CUDA if any)"
+    parser.add_argument("--device", choices=_DEVICES, help=_DEVICE_HELP)
+
+
+def _add_workers(parser: argparse.ArgumentParser) -> None:
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one for each core)")
+    where.add_argument(
+        "--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster that you trust, to compute on its workers"
     )
 
 

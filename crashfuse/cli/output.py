@@ -10,7 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from crashfuse.errors import UsageError
+from crashfuse.errors import CrashfuseError, UsageError
+from crashfuse.files.atomic import written_together
 
 
 def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
@@ -46,6 +47,19 @@ def replacing(out: Path, kind: str) -> Iterator[None]:
     for path, stamp in stamps.items():
         if path.exists() and (path.stat().st_ino, path.stat().st_mtime_ns) == (stamp.st_ino, stamp.st_mtime_ns):
             path.unlink()
+
+
+@contextmanager
+def writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
+    """Temporary folder for a set of results, which reach their own folder all together or not at all."""
+    try:
+        with written_together(folder, last=last) as staging:
+            yield staging
+    except OSError as error:
+        raise CrashfuseError(
+            f"Nothing was written to {folder}: {error.strerror or error}. "
+            "Whatever was computed is in the cache: once there is room, the same command continues from there."
+        ) from error
 
 
 def say_written(out: Path, kind: str) -> None:

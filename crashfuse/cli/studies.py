@@ -1,15 +1,14 @@
 """The command that leaves tests out: a single study, or a series over campaigns, presets and seeds."""
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crashfuse.cli.output import replacing, require_output, say_written
-from crashfuse.errors import CrashfuseError, UsageError
-from crashfuse.files.atomic import written_together
+from crashfuse.cli.output import replacing, require_output, say_written, writing
+from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -127,11 +126,11 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     from crashfuse.study.study import run_plan
 
     plan = run.plan
-    with _writing(run.out) as folder:
+    with writing(run.out) as folder:
         begin_study(folder, plan)
     with watching() as watch:
         study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
-    with replacing(run.out, "study"), _writing(run.out) as folder:
+    with replacing(run.out, "study"), writing(run.out) as folder:
         write_study(study, folder)
     print("Mean ISO/TS 18571 rating over the held-out tests, " + _LEFT_OUT[plan.configs[0].leave_out])
     _print_means(scores_table(study))
@@ -154,7 +153,7 @@ def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
     with suppress(OSError, ValueError, KeyError):  # there is none, or it can't be read
         older = pd.read_csv(path, dtype={"campaign": str, "held_out": str})
         kept = older[~pd.MultiIndex.from_frame(older[study]).isin(pd.MultiIndex.from_frame(fresh[study]))]
-    with _writing(folder, last="studies.csv") as staging:
+    with writing(folder, last="studies.csv") as staging:
         text = pd.concat([kept, fresh] if len(kept) else [fresh]).to_csv(
             index=False, float_format="%.6g", lineterminator="\n"
         )
@@ -172,19 +171,6 @@ def _summary(tables: Sequence["pd.DataFrame"]) -> str:
     means = table.groupby(["campaign", "preset", "approach"], sort=False)["mean"]
     ranges = means.agg(lambda x: f"{x.min():.3f}" if x.min() == x.max() else f"{x.min():.3f}–{x.max():.3f}")
     return str(ranges.unstack(sort=False).rename(columns=LABELS).to_string())
-
-
-@contextmanager
-def _writing(folder: Path, last: str = "study.json") -> Iterator[Path]:
-    """Temporary folder for a set of results, which reach their own folder all together or not at all."""
-    try:
-        with written_together(folder, last=last) as staging:
-            yield staging
-    except OSError as error:
-        raise CrashfuseError(
-            f"Nothing was written to {folder}: {error.strerror or error}. "
-            "Whatever was computed is in the cache: once there is room, the same command continues from there."
-        ) from error
 
 
 def _print_means(scores: "pd.DataFrame") -> None:

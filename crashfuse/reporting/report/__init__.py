@@ -1,6 +1,7 @@
 """The report: one HTML file that needs no network, opens anywhere and can be printed."""
 
+from crashfuse.reporting.report.learning_curve import learning_curve_report
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report
 
-__all__ = ["next_test_report", "prediction_report", "study_report", "sweep_report"]
+__all__ = ["learning_curve_report", "next_test_report", "prediction_report", "study_report", "sweep_report"]
