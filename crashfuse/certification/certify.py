@@ -127,14 +127,17 @@ def certify_matrix(
         start = time.perf_counter()
         names = dict.fromkeys((approach, BASELINE))
         trials = [_Asked(held_out, name, campaign.test(i).condition) for i, _, held_out in left_out for name in names]
-        forecasts = ask.all(trials, place, "Left-out tests", learn=approach)
-        learned = time.perf_counter()
         cells = [_Asked((), approach, condition) for condition in matrix.conditions]
+        forecasts = ask.all(trials, place, "Left-out tests", learn_for=cells)
+        learned = time.perf_counter()
         forecasts |= ask.all(cells, place, "Conditions of the matrix")
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     record = _record(campaign, criteria, left_out, approach, forecasts)
     domain = Domain.of(campaign)
-    verdicts = [judge(forecasts[cell], cell.condition, criteria, domain) for cell in cells]
+    verdicts = [
+        judge(forecasts[cell], cell.condition, criteria, domain.too_few_tests or domain.exceeded_by(cell.condition))
+        for cell in cells
+    ]
     for column, criterion in enumerate(criteria.items):
         if all(row[column].probability is None for row in verdicts):
             raise UsageError(
@@ -168,7 +171,7 @@ def _record(
     for test_id, way, held_out in left_out:
         test, domain = campaign.test(test_id), Domain.of(campaign.without(held_out))
         own, cae = (forecasts[_Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
-        for verdict in judge(own, test.condition, criteria, domain):
+        for verdict in judge(own, test.condition, criteria, domain.exceeded_by(test.condition)):
             criterion = verdict.criterion
             measured = own.measured(criterion, test)
             baseline = cae.distributions[quantity(criterion)] if criterion.window_ms is None else None
@@ -200,17 +203,16 @@ class _Asker:
     watch: Watch
 
     def all(
-        self, asked: Sequence[_Asked], workers: Workers, step: str, learn: str | None = None
+        self, asked: Sequence[_Asked], workers: Workers, step: str, learn_for: Sequence[_Asked] = ()
     ) -> dict[_Asked, Forecast]:
-        """All forecasts asked for; ``learn`` names an approach to fit to the whole campaign as well."""
+        """All forecasts asked for, and one of ``learn_for``, so that the fit to all tests is made beside the others."""
         found = {each: own for each in asked if (own := self._find(each)) is not None}
         missing = [each for each in dict.fromkeys(asked) if each not in found]
         tasks: dict[tuple[str, ...], list[_Asked]] = {}
         for each in missing:
             tasks.setdefault(each.held_out, []).append(each)
         chunks = [own[i : i + _CHUNK] for own in tasks.values() for i in range(0, len(own), _CHUNK)]
-        if learn is not None:
-            chunks.insert(0, [_Asked((), learn, self.campaign.tests[0].condition)])
+        chunks[:0] = [[each] for each in learn_for if self._find(each) is None][:1]
         shared = prepare(self.campaign, {each.approach for each in missing}, self.config, self.cache, self.watch)
         names = {each.approach for own in chunks for each in own}
         devices = [device for name in sorted(names) if (device := self.config.create(name).device)]

@@ -9,9 +9,7 @@ from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.condition import Condition
 from crashfuse.units import LB, MPH
 
-FEWEST_TESTS = 4
-"""Fewest tests that check a campaign: with fewer, a left-out test is predicted from one or two others."""
-
+_FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
 _BESIDE_MPS = 2 * MPH  # speeds this near belong to one group
 _BEYOND_MPS = 5 * MPH  # farthest beyond the slowest or fastest test
 _SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
@@ -74,7 +72,7 @@ class Domain:
     @property
     def speed_ranges_mps(self) -> tuple[tuple[float, float], ...]:
         """Checked stretches of speed, ascending, within the CAE runs'; empty if the tests are too few to check any."""
-        if self.n_tests < FEWEST_TESTS or not len(self.cae):
+        if self.too_few_tests or not len(self.cae):
             return ()
         runs = self.cae.vectors[:, 0]
         low = max(self.speeds_mps[0] - self.below_mps, float(runs.min()))
@@ -88,11 +86,16 @@ class Domain:
                 found.append((start, end))
         return tuple(found)
 
+    @property
+    def too_few_tests(self) -> tuple[str, ...]:
+        """A sentence if there are too few tests to check any condition."""
+        if self.n_tests >= _FEWEST_TESTS:
+            return ()
+        n = "One test is" if self.n_tests == 1 else f"{self.n_tests} tests are"
+        return (f"{n} too few to check verdicts by leaving tests out, which takes {_FEWEST_TESTS}.",)
+
     def exceeded_by(self, condition: Condition) -> tuple[str, ...]:
         """Sentences on why a condition lies outside; empty if it lies inside."""
-        if self.n_tests < FEWEST_TESTS:
-            n = f"{self.n_tests} test{'s' * (self.n_tests > 1)}"
-            return (f"{n} are too few to check verdicts by leaving tests out, which takes {FEWEST_TESTS}.",)
         found = [*self._speed(condition), *self._mass(condition)]
         for name, value in condition.factors:
             if value and name in self.factors and value not in self.factors[name]:

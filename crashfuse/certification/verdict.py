@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from crashfuse.certification.criteria import Criteria, Criterion
-from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.condition import Condition
 
@@ -45,9 +44,10 @@ class Verdict:
         return self.word in ("met", "not met")
 
 
-def judge(forecast: Forecast, condition: Condition, criteria: Criteria, domain: Domain) -> tuple[Verdict, ...]:
-    """Verdicts on all criteria at a condition, as the forecast alone supports them."""
-    outside = domain.exceeded_by(condition)
+def judge(
+    forecast: Forecast, condition: Condition, criteria: Criteria, outside: tuple[str, ...] = ()
+) -> tuple[Verdict, ...]:
+    """Verdicts on all criteria at a condition by its forecast; ``outside`` says why it is beyond what was checked."""
     return tuple(_verdict(forecast, condition, criterion, criteria.confidence, outside) for criterion in criteria.items)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
-from crashfuse.certification.domain import FEWEST_TESTS, Domain
+from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.reporting.certification_tables import verdict_counts
@@ -75,7 +75,7 @@ def support_sentence(record: TrackRecord, criterion: Criterion, confidence: floa
 def domain_sentences(domain: Domain) -> tuple[str, ...]:
     """Where the tests, left out with all others at about their speed, check predictions."""
     if not domain.speed_ranges_mps:
-        return (f"There is none: {_count(domain.n_tests, 'test')} cannot check verdicts; it takes {FEWEST_TESTS}.",)
+        return domain.too_few_tests or ("Nothing is checked: no test lies within the speeds of the CAE runs.",)
     speeds = " and ".join(f"{low / MPH:.1f} to {high / MPH:.1f} mph" for low, high in domain.speed_ranges_mps)
     low, high = (end / LB for end in domain.masses_kg)
     factors = "; ".join(f"{name} {', '.join(values)}" for name, values in domain.factors.items())

@@ -1,0 +1,153 @@
+"""A metric's distribution at a single test: the shape from the draws, place and width from left-out tests."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.metric_calibration import (
+    Distribution,
+    calibrated_metrics,
+    drawn_metrics,
+    metric_errors,
+    standardised_error,
+)
+from crashfuse.campaign import Campaign
+from crashfuse.signals.metrics import METRIC_LABELS, pulse_metrics
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.units import G
+
+NONE = np.empty(0)
+DRAWS = stats.norm(100.0, 5.0).ppf((np.arange(2000) + 0.5) / 2000)
+
+
+def spread(draws: FloatArray = DRAWS, errors: FloatArray = NONE, metric: str = "") -> Distribution:
+    """The calibrated distribution of draws, which there must be."""
+    found = Distribution.of(draws, errors, metric)
+    assert found is not None
+    return found
+
+
+def test_without_left_out_tests_the_interval_is_about_that_of_normal_draws() -> None:
+    """Eight tests' worth of doubt at a scale below 1 has about the 95 % interval of the normal."""
+    np.testing.assert_allclose(spread().interval(), stats.norm(100.0, 5.0).interval(0.95), atol=0.4)
+
+
+def test_left_out_errors_move_and_scale_it_as_if_eight_more_tests_were_usual() -> None:
+    """Centre, scale and degrees of freedom follow from the errors in closed form."""
+    errors = np.array([1.0, -0.5, 2.0, 1.5, np.nan])
+    found = spread(errors=errors)
+    moved = 4.0 / (4 + 8)
+    scale = np.sqrt((8 * 0.88**2 + ((errors[:4] - moved) ** 2).sum()) / 12)
+    np.testing.assert_allclose(found.centre, 100 + 5 * moved, rtol=1e-3)
+    np.testing.assert_allclose(found.scale, 5 * scale, rtol=2e-3)
+    assert found.freedom == 12
+    law = stats.t(12, found.centre, found.scale)
+    np.testing.assert_allclose(found.interval(), law.interval(0.95), rtol=1e-9)
+    np.testing.assert_allclose(found.cdf(97.0), law.cdf(97.0), rtol=1e-9)
+
+
+def test_where_tests_are_far_off_the_draws_the_interval_holds_what_it_promises() -> None:
+    """With 200 left-out tests more than twice as scattered as the draws say, it holds 95 % of new ones."""
+    rng = np.random.default_rng(0)
+    held = []
+    for _ in range(100):
+        errors = np.array([standardised_error(DRAWS, y) for y in rng.normal(102.0, 12.0, 200)])
+        lower, upper = spread(errors=errors).interval()
+        assert lower is not None
+        assert upper is not None
+        held.append(((lower < (new := rng.normal(102.0, 12.0, 50))) & (new < upper)).mean())
+    assert 0.935 < np.mean(held) < 0.96
+
+
+def test_one_odd_test_does_not_set_the_scale_alone() -> None:
+    """An error beyond five spreads counts as five."""
+    ordinary = np.array([0.5, -0.5] * 5)
+    assert spread(errors=np.r_[ordinary, 80.0]) == spread(errors=np.r_[ordinary, 5.0])
+    assert spread(errors=np.r_[ordinary, 5.0]).scale > spread(errors=np.r_[ordinary, 4.0]).scale
+
+
+def test_the_time_of_the_peak_starts_from_more_doubt() -> None:
+    """It jumps from one peak to another; errors of left-out tests correct that like any other."""
+    assert spread(metric="peak_time").scale == pytest.approx(1.4 / 0.88 * spread(metric="peak").scale)
+
+
+def test_outer_draws_do_not_count() -> None:
+    """One component of a mixture may give a few wild draws at both ends: they change nothing."""
+    wild = np.r_[DRAWS[100:-100], np.full(100, 1.0), np.full(100, 1e4)]
+    np.testing.assert_allclose(spread(wild).interval(), spread().interval(), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("end", "lowest", "highest"), [(np.inf, 0.0, 0.05), (-np.inf, 0.05, 0.0), (np.nan, 0.05, 0.05)]
+)
+def test_draws_beyond_the_record_leave_that_end_open(end: float, lowest: float, highest: float) -> None:
+    """One draw in twenty that does not stop: no probability is certain beyond, and that end is not known."""
+    found = spread(np.r_[DRAWS[:1900], np.full(100, end)])
+    assert (found.lowest, found.highest) == (lowest, highest)
+    lower, upper = found.interval()
+    assert (lower is None, upper is None) == (lowest > 0, highest > 0)
+    assert found.probability(None, 1e9) == pytest.approx(1 - highest)
+    assert found.probability(0.0, None) == pytest.approx(1 - lowest)
+
+
+@pytest.mark.parametrize("end", [np.inf, -np.inf, np.nan])
+def test_too_many_draws_beyond_the_record_leave_nothing_to_tell(end: float) -> None:
+    """With more than one draw in ten beyond it there is no distribution, and no error of a left-out test."""
+    draws = np.r_[DRAWS[300:], np.full(300, end)]
+    assert Distribution.of(draws, NONE) is None
+    assert np.isnan(standardised_error(draws, 100.0))
+    assert np.isnan(standardised_error(DRAWS, end))
+
+
+def test_between_two_limits_lies_what_lies_below_one_and_above_the_other() -> None:
+    """P(at_least ≤ x ≤ at_most) from the cumulative distribution; the median is met by half."""
+    found = spread()
+    assert found.probability(None, found.centre) == pytest.approx(0.5)
+    assert found.probability(95.0, 104.0) == pytest.approx(found.cdf(104.0) - found.cdf(95.0))
+    assert found.probability(104.0, 104.0) == 0.0
+
+
+def test_a_lower_end_is_never_negative() -> None:
+    """Metrics are positive numbers."""
+    assert spread(DRAWS - 99.0).interval()[0] == 0.0
+
+
+def test_a_value_without_draws_is_judged_by_left_out_tests_alone() -> None:
+    """Its errors are shares of it: Student's t with as many degrees of freedom as there are tests."""
+    value = np.array([200.0])
+    errors = np.array([standardised_error(value, y) for y in (220.0, 190.0, 210.0)])
+    np.testing.assert_allclose(errors, [0.1, -0.05, 0.05])
+    found = spread(value, errors)
+    assert (found.centre, found.freedom) == (200.0, 3)
+    assert found.scale == pytest.approx(200 * np.sqrt(0.015 / 3))
+    assert Distribution.of(value, NONE) is None
+
+
+def test_errors_of_left_out_tests_are_those_of_their_metrics(campaign: Campaign) -> None:
+    """Draws around a pulse 5 % too hard: the error in the peak is that of the normal scale of the draws' peaks."""
+    test = campaign.tests[1]
+    factors = 1.05 + 0.02 * stats.norm.ppf((np.arange(400) + 0.5) / 400)
+    draws = factors[:, None] * test.pulse.accel_mps2
+    said = Prediction(test.condition, 1.05 * test.pulse.accel_mps2, draws)
+    errors = metric_errors({test.id: said}, campaign)
+    assert list(errors) == list(METRIC_LABELS)
+    np.testing.assert_allclose(errors["peak"], [-0.05 / 0.02], rtol=2e-2)
+    np.testing.assert_allclose(drawn_metrics(said)["peak"], -draws.min(axis=1) / G)
+    assert metric_errors({}, campaign)["peak"].shape == (0,)
+
+
+def test_metrics_keep_their_values_and_get_calibrated_intervals(campaign: Campaign) -> None:
+    """The value is that of the pulse; the interval widens with the errors; without draws there is none."""
+    test = campaign.tests[1]
+    factors = 1 + 0.02 * stats.norm.ppf((np.arange(400) + 0.5) / 400)
+    said = Prediction(test.condition, test.pulse.accel_mps2, factors[:, None] * test.pulse.accel_mps2)
+    usual, wide = (calibrated_metrics(said, {"peak": np.array(z)}) for z in ([], [3.0, -3.0] * 5))
+    raw = pulse_metrics(said.accel_mps2, test.condition.speed_mps)
+    assert [metric.value for metric in usual] == [metric.value for metric in raw]
+    widths = [float(own[0].upper or 0) - float(own[0].lower or 0) for own in (usual, wide)]
+    assert widths[1] == pytest.approx(
+        widths[0] * np.sqrt((8 * 0.88**2 + 90) / 18) / 0.88 * stats.t(18).ppf(0.975) / stats.t(8).ppf(0.975), rel=1e-6
+    )
+    assert usual[1:] == wide[1:]
+    assert all(m.lower is None for m in calibrated_metrics(Prediction(test.condition, said.accel_mps2), {}))

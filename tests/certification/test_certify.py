@@ -1,0 +1,148 @@
+"""Certification of a campaign: verdicts from all tests, and a record in which no test speaks for itself."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import Certification, certify_matrix
+from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.matrix import Matrix
+from crashfuse.errors import DataError, UsageError
+from crashfuse.signals.metrics import metric_values
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.rating import rate_windows
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import estimate_at
+from crashfuse.units import MPH
+
+pytestmark = pytest.mark.usefixtures("one_cache")
+
+CONFIG = StudyConfig(approaches=("displacement_domain",))
+CRUSH, PEAK = Criterion("crush", "max_crush", at_most=430.0), Criterion("peak", "peak", at_most=25.0)
+RATING = Criterion("rating", "rating", at_least=0.6, window_ms=60.0)
+CRITERIA = Criteria((CRUSH, PEAK, RATING))
+
+
+def matrix(campaign: Campaign, *speeds_mph: float) -> Matrix:
+    """Conditions at these speeds with the weights of the second test."""
+    here = campaign.tests[1].condition
+    conditions = tuple(replace(here, speed_mps=v * MPH) for v in speeds_mph)
+    return Matrix(tuple(f"M{v:g}" for v in speeds_mph), conditions)
+
+
+def certified(campaign: Campaign, criteria: Criteria = CRITERIA) -> Certification:
+    """Verdicts at 20, 30 and 70 mph."""
+    return certify_matrix(campaign, criteria, matrix(campaign, 20.0, 30.0, 70.0), CONFIG, workers=1)
+
+
+def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) -> None:
+    """A verdict rests on the numbers that predict shows at the same condition."""
+    found = certified(campaign)
+    assert [cell for cell, _ in found.cells] == [name for name in ("M20", "M30", "M70") for _ in range(3)]
+    said = {m.name: m for m in estimate_at(campaign, found.matrix.conditions[0], "displacement_domain").metrics}
+    for verdict, metric in zip(found.verdicts[0][:2], (said["max_crush"], said["peak"]), strict=True):
+        assert (verdict.value, verdict.lower, verdict.upper) == (metric.value, metric.lower, metric.upper)
+    assert {own.word for own in found.verdicts[2]} == {"outside"}
+
+
+def test_the_record_is_what_each_left_out_test_showed(campaign: Campaign) -> None:
+    """Measured metrics of the test, ratings of the prediction against it; both ways of leaving out."""
+    record = certified(campaign).record
+    ways = {(trial.held_out, trial.left_out) for trial in record.trials}
+    assert ways == {(test, way) for test in campaign.test_ids for way in ("test", "speed group")}
+    for trial in record.trials:
+        test, criterion = campaign.test(trial.held_out), trial.verdict.criterion
+        if criterion.metric == "rating":
+            held_out = campaign.speed_group(test.id) if trial.left_out == "speed group" else [test.id]
+            said = estimate_at(campaign.without(held_out), test.condition, "displacement_domain").prediction
+            rated = rate_windows(test.pulse, Pulse(GRID_S, said.accel_mps2), [60.0])[60.0].overall
+            assert (trial.measured, trial.cae_probability) == (pytest.approx(rated), None)
+        else:
+            measured = metric_values(test.pulse.accel_mps2, test.condition.speed_mps)[criterion.metric]
+            assert trial.measured == pytest.approx(float(measured))
+            assert trial.cae_probability is not None
+    assert len(record.counted) == 3 * (4 + 2)  # the tests at 25 and 26 mph are the only group of more than one
+
+
+def test_a_held_out_test_has_no_say_in_its_own_verdict(campaign: Campaign) -> None:
+    """With another pulse it gets the same verdict to the bit; that of the others changes."""
+    test = campaign.test("T3")
+    tests = tuple(replace(t, pulse=Pulse(GRID_S, 1.3 * t.pulse.accel_mps2)) if t is test else t for t in campaign.tests)
+    before, after = certified(campaign).record, certified(replace(campaign, tests=tests)).record
+    for one, two in zip(before.trials, after.trials, strict=True):
+        if one.held_out == "T3" or (one.held_out == "T2" and one.left_out == "speed group"):
+            assert one.verdict == two.verdict
+            assert one.cae_probability == two.cae_probability
+        else:
+            assert one.verdict.probability != two.verdict.probability
+
+
+def test_other_limits_take_no_new_prediction(
+    campaign: Campaign, fitting_is_an_error: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Forecasts are kept; only the window of a rating is part of them."""
+    certified(campaign)
+    fitting_is_an_error()
+    monkeypatch.setattr("crashfuse.certification.certify.Forecaster.at", None)
+    other = Criteria((replace(CRUSH, at_most=300.0), replace(PEAK, at_least=5.0), replace(RATING, at_least=0.9)), 0.8)
+    assert certified(campaign, other).criteria == other
+
+
+def test_a_confidence_that_the_record_does_not_support_leaves_every_verdict_open(campaign: Campaign) -> None:
+    """Four tests cannot support 0.999; the reason says what would."""
+    found = certified(campaign, replace(CRITERIA, confidence=0.999))
+    inside = [own for row in found.verdicts[:2] for own in row]
+    assert {own.word for own in inside} == {"open"}
+    sure = [own for own in inside if own.probability is not None and not 0.001 < own.probability < 0.999]
+    assert sure
+    assert all("supports a confidence of" in own.reason and "not 0.999" in own.reason for own in sure)
+
+
+def test_a_limit_that_no_test_comes_near_is_named(campaign: Campaign) -> None:
+    """The verdict stays, and says that the record tells nothing about it."""
+    far = Criterion("far", "max_crush", at_most=3000.0)
+    found = certified(campaign, Criteria((CRUSH, PEAK, far), 0.8))
+    reason = found.verdicts[0][2].reason
+    assert found.verdicts[0][2].word == "met"
+    assert reason.endswith("No left-out test came near this limit: the record says nothing about it.")
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_three_tests_or_fewer_give_no_verdict(campaign: Campaign, n: int) -> None:
+    """Every condition is outside, with the numbers of the prediction."""
+    few = replace(campaign, tests=campaign.tests[:n])
+    found = certify_matrix(few, Criteria((CRUSH,)), matrix(campaign, 20.0), CONFIG, workers=1)
+    [[verdict]] = found.verdicts
+    assert verdict.word == "outside"
+    assert "too few to check verdicts" in verdict.reason
+    assert verdict.probability is not None
+    assert {trial.held_out for trial in found.record.trials} == (set(few.test_ids) if n > 1 else set())
+
+
+def test_what_cannot_be_judged_is_refused(campaign: Campaign) -> None:
+    """No test, a metric that no pulse here is long enough for, a window longer than a record."""
+    with pytest.raises(UsageError, match="this campaign has none"):
+        certify_matrix(replace(campaign, tests=()), CRITERIA, matrix(campaign, 20.0), CONFIG)
+    slow = Criteria((Criterion("slow", "olc", at_most=10.0),))
+    with pytest.raises(UsageError, match="criterion slow cannot be judged: at every condition the record is too short"):
+        certify_matrix(campaign, slow, matrix(campaign, 5.0), CONFIG, workers=1)
+    short = replace(campaign, tests=(replace(campaign.tests[0], recorded_s=0.05), *campaign.tests[1:]))
+    with pytest.raises(DataError, match="a record over 0–60 ms, found 50 ms"):
+        certify_matrix(short, CRITERIA, matrix(campaign, 20.0), CONFIG)
+
+
+@pytest.mark.slow
+def test_two_processes_find_what_one_does(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: object
+) -> None:
+    """The same verdicts to the bit."""
+    asked = matrix(campaign, *np.linspace(16.0, 34.0, 12).tolist())
+    found = []
+    for n in (1, 2):
+        monkeypatch.setenv("CRASHFUSE_CACHE", f"{tmp_path}/{n}")
+        found.append(certify_matrix(campaign, CRITERIA, asked, CONFIG, workers=n))
+    assert found[0].verdicts == found[1].verdicts
+    assert found[0].record.trials == found[1].record.trials

@@ -1,0 +1,96 @@
+"""The validated domain: as far as left-out tests check it in speed, mass, factors, and within the CAE runs."""
+
+from dataclasses import replace
+
+import pytest
+
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.certification.domain import Domain
+from crashfuse.condition import Condition
+from crashfuse.units import LB, MPH
+from tests.conftest import make_campaign
+
+
+def at(speed_mph: float, mass_lb: float = 3600.0, drive: str = "FWD") -> Condition:
+    """A condition in mph and lb, its weight divided as in the tests."""
+    return Condition(speed_mph * MPH, 0.58 * mass_lb * LB, 0.42 * mass_lb * LB, (("drive", drive),))
+
+
+@pytest.fixture(scope="module")
+def wide() -> Campaign:
+    """Tests at 15, 25, 26 and 35 mph; CAE runs over a range that leaves the tests to decide."""
+    campaign = make_campaign()
+    vectors = [(4.0, 1500.0, 1100.0), (60.0, 3000.0, 2200.0)]
+    ends = tuple(Condition(v * MPH, f * LB, r * LB) for v, f, r in vectors)
+    cae = campaign.cae
+    conditions = (*ends, *cae.conditions[2:])
+    return replace(campaign, cae=replace(cae, conditions=conditions))
+
+
+@pytest.mark.parametrize(
+    ("speed_mph", "said"),
+    [
+        (10.2, None),
+        (9.8, "9.8 mph is 5.2 mph below the slowest test; checked up to 5.0 mph below it."),
+        (20.0, None),
+        (30.5, None),
+        (39.9, None),
+        (40.2, "40.2 mph is 5.2 mph above the fastest test; checked up to 5.0 mph above it."),
+    ],
+)
+def test_speed_is_checked_as_far_as_groups_were_left_out(wide: Campaign, speed_mph: float, said: str | None) -> None:
+    """Between tests as far as the widest gap that was predicted, beyond the ends not more than 5 mph."""
+    found = Domain.of(wide).exceeded_by(at(speed_mph))
+    assert found == (() if said is None else (said,))
+
+
+def test_a_gap_wider_than_any_that_was_left_out_is_outside(wide: Campaign) -> None:
+    """Tests at 15, 18, 21 and 50, 53 mph: the middle of the gap is farther from a test than any left-out test was."""
+    speeds = (15.0, 18.0, 21.0, 50.0, 53.0)
+    tests = tuple(
+        CrashTest(f"T{i}", replace(wide.tests[0].condition, speed_mps=v * MPH), wide.tests[0].pulse)
+        for i, v in enumerate(speeds)
+    )
+    domain = Domain.of(replace(wide, tests=tests))
+    assert domain.reach_mps == pytest.approx(3 * MPH)
+    [sentence] = domain.exceeded_by(at(35.0, tests[0].condition.mass_kg / LB))
+    assert sentence == "35.0 mph is 14.0 mph from the nearest test; checked up to 3.0 mph away."
+
+
+def test_mass_is_checked_as_far_beyond_the_tests_as_they_differ(wide: Campaign) -> None:
+    """Tests of 3450 to 3720 lb check 3180 to 3990 lb."""
+    domain = Domain.of(wide)
+    assert domain.exceeded_by(at(25.0, 3185.0)) == domain.exceeded_by(at(25.0, 3985.0)) == ()
+    for mass in (3175.0, 3995.0):
+        assert domain.exceeded_by(at(25.0, mass)) == (f"{mass:.0f} lb in all; checked from 3180 to 3990 lb.",)
+
+
+def test_tests_of_one_mass_check_two_per_cent_around_it(wide: Campaign) -> None:
+    """How the mass matters has then not been seen."""
+    one = wide.tests[0].condition
+    tests = tuple(replace(t, condition=replace(one, speed_mps=t.condition.speed_mps)) for t in wide.tests)
+    domain = Domain.of(replace(wide, tests=tests))
+    mass = one.mass_kg / LB
+    assert domain.exceeded_by(at(25.0, 1.019 * mass)) == ()
+    assert len(domain.exceeded_by(at(25.0, 1.021 * mass))) == 1
+
+
+def test_a_factor_that_no_test_has_is_outside(wide: Campaign) -> None:
+    """One that is left empty is not: the band then covers every value."""
+    assert Domain.of(wide).exceeded_by(at(25.0, drive="AWD")) == ("No test has drive AWD; tested: FWD.",)
+    assert Domain.of(wide).exceeded_by(at(25.0, drive="")) == ()
+
+
+def test_beyond_the_cae_runs_is_outside(campaign: Campaign) -> None:
+    """What the CAE model was never run at, no test of others can check."""
+    condition = replace(campaign.tests[3].condition, front_weight_kg=2300 * LB)
+    assert any("front weight 2300 lb" in said for said in Domain.of(campaign).exceeded_by(condition))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_three_tests_check_nothing(campaign: Campaign, n: int) -> None:
+    """Leaving one out of three leaves two to learn from; four check."""
+    few = replace(campaign, tests=campaign.tests[:n])
+    own = "One test is" if n == 1 else f"{n} tests are"
+    assert Domain.of(few).too_few_tests == (f"{own} too few to check verdicts by leaving tests out, which takes 4.",)
+    assert Domain.of(campaign).too_few_tests == ()

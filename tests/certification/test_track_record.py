@@ -1,0 +1,153 @@
+"""The record of left-out verdicts: counted once, bounded exactly, and asked for what it supports."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.track_record import LeftOut, Support, TrackRecord, Trial, largest_share, share_bounds
+from crashfuse.certification.verdict import Verdict, Word
+from crashfuse.condition import Condition
+
+CRUSH = Criterion("crush", "max_crush", at_most=500.0)
+PEAK = Criterion("peak", "peak", at_most=30.0)
+HERE = Condition(10.0, 1000.0, 700.0)
+
+
+def trial(
+    word: Word,
+    measured: float,
+    probability: float | None = 0.5,
+    *,
+    held_out: str = "T1",
+    left_out: LeftOut = "test",
+    criterion: Criterion = CRUSH,
+    cae: float | None = 0.5,
+    interval: tuple[float | None, float | None] = (480.0, 520.0),
+) -> Trial:
+    """A left-out test with a verdict, at most 500 mm of crush the limit."""
+    verdict = Verdict(HERE, criterion, 500.0, *interval, probability, word, "")
+    return Trial(held_out, left_out, verdict, measured, cae)
+
+
+@pytest.mark.parametrize(("count", "n"), [(0, 11), (1, 11), (5, 20), (11, 11)])
+def test_bounds_of_a_share_are_exact(count: int, n: int) -> None:
+    """At the bounds, what was seen or something more extreme has just the probability of the tail."""
+    lower, upper = share_bounds(count, n)
+    if count:
+        assert binom.sf(count - 1, n, lower) == pytest.approx(0.025)
+    if count < n:
+        assert binom.cdf(count, n, upper) == pytest.approx(0.025)
+        assert binom.cdf(count, n, largest_share(count, n)) == pytest.approx(0.05)
+    assert (lower == 0) == (count == 0)
+    assert (upper == 1) == (count == n)
+
+
+def test_none_wrong_of_59_bounds_the_share_at_five_per_cent() -> None:
+    """The rule of three, exactly."""
+    assert largest_share(0, 59) < 0.05 < largest_share(0, 58)
+
+
+@pytest.mark.parametrize(
+    ("word", "measured", "wrong"),
+    [("met", 499.0, False), ("met", 501.0, True), ("not met", 499.0, True), ("not met", 501.0, False)],
+)
+def test_a_verdict_is_wrong_if_the_test_contradicts_it(word: Word, measured: float, wrong: bool) -> None:
+    """Met and not met are, each on its own side."""
+    assert trial(word, measured).wrong is wrong
+
+
+@pytest.mark.parametrize("word", ["open", "outside"])
+def test_an_open_verdict_is_never_wrong(word: Word) -> None:
+    """It says nothing that a test could contradict."""
+    assert not trial(word, 900.0).wrong
+
+
+def test_a_group_of_one_test_counts_once() -> None:
+    """Left out alone and with its speed group are then the same; with another verdict both count."""
+    alone, group = trial("met", 450.0), trial("met", 450.0, left_out="speed group")
+    assert TrackRecord((alone, group)).decided == (1, 0)
+    other = trial("met", 450.0, 0.97, left_out="speed group")
+    assert TrackRecord((alone, other)).decided == (2, 0)
+
+
+def test_verdicts_are_counted_by_word_with_the_wrong_ones() -> None:
+    """Over all criteria."""
+    trials = (
+        trial("met", 450.0, held_out="A"),
+        trial("met", 550.0, held_out="B"),
+        trial("not met", 450.0, held_out="C"),
+        trial("open", 450.0, held_out="D"),
+        trial("outside", 450.0, held_out="E", criterion=PEAK),
+    )
+    record = TrackRecord(trials)
+    assert record.counts() == {"met": (2, 1), "not met": (1, 1), "open": (1, 0), "outside": (1, 0)}
+    assert record.decided == (3, 2)
+    assert [own.held_out for own in record.of(PEAK)] == ["E"]
+
+
+def test_the_brier_score_is_the_mean_squared_error_of_probabilities() -> None:
+    """Beside that of the raw CAE, over those trials that have both."""
+    record = TrackRecord(
+        (
+            trial("met", 450.0, 0.9, held_out="A", cae=0.6),
+            trial("open", 550.0, 0.4, held_out="B", cae=0.7),
+            trial("open", 550.0, 0.4, held_out="C", cae=None),
+        )
+    )
+    assert record.brier == pytest.approx(((0.01 + 0.16) / 2, (0.16 + 0.49) / 2))
+    assert TrackRecord(()).brier is None
+
+
+def test_probabilities_in_a_bin_are_compared_with_the_share_that_met() -> None:
+    """Ten of probability 0.8, seven met: the mean lies within the exact bounds; with one met it does not."""
+    for met, holds in ((7, True), (1, False)):
+        trials = [trial("open", 450.0 if i < met else 550.0, 0.8, held_out=f"T{i}") for i in range(10)]
+        [found] = TrackRecord(tuple(trials)).reliability
+        assert (found.low, found.high, found.n, found.met) == (0.75, 0.95, 10, met / 10)
+        assert (found.lower, found.upper) == share_bounds(met, 10)
+        assert found.holds is holds
+
+
+def test_a_probability_of_one_lies_in_the_last_bin() -> None:
+    """And one of zero in the first."""
+    record = TrackRecord((trial("met", 450.0, 1.0), trial("not met", 550.0, 0.0, held_out="B")))
+    assert [(own.low, own.high, own.met) for own in record.reliability] == [(0.0, 0.05, 0.0), (0.95, 1.0, 1.0)]
+
+
+@pytest.mark.parametrize(("decided", "wrong", "supports"), [(9, 0, True), (8, 0, False), (29, 1, True), (28, 1, False)])
+def test_a_record_supports_the_confidence_that_it_makes_likely(decided: int, wrong: int, supports: bool) -> None:
+    """Jeffreys' mean of the share of right verdicts reaches 0.95 with nine of nine, or 28 of 29."""
+    support = Support(decided, wrong, near=True)
+    assert support.confidence == pytest.approx(1 - (wrong + 0.5) / (decided + 1))
+    said = support.shortfall(0.95)
+    assert (said is None) is supports
+    if said is not None:
+        needed = 9 if wrong == 0 else 29
+        assert f"take {needed} left-out verdicts with no more than {wrong} wrong" in said
+        assert f"({wrong} of {decided} left-out verdicts wrong)" in said
+
+
+def test_a_criterion_counts_on_others_only_if_a_test_came_near_their_limits() -> None:
+    """Trivial criteria prove nothing for others; their own verdicts they may count."""
+    near = [trial("met", 495.0, held_out=f"N{i}") for i in range(5)]
+    far = [trial("met", 5.0, held_out=f"F{i}", criterion=PEAK, interval=(4.0, 6.0)) for i in range(7)]
+    record = TrackRecord((*near, *far))
+    assert record.support(CRUSH) == Support(5, 0, near=True)
+    assert record.support(PEAK) == Support(12, 0, near=False)
+
+
+def test_near_means_within_one_width_of_the_interval() -> None:
+    """Of the limit; an interval with an open end counts as near."""
+    assert trial("met", 461.0).near
+    assert not trial("met", 459.0).near
+    assert trial("met", 100.0, interval=(480.0, None)).near
+
+
+def test_trials_without_a_probability_are_left_out_of_reliability() -> None:
+    """The record was too short to tell."""
+    record = TrackRecord((replace(trial("open", 450.0), verdict=trial("open", 450.0, None).verdict),))
+    assert record.reliability == ()
+    assert np.isfinite(record.decided).all()

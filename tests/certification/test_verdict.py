@@ -1,0 +1,83 @@
+"""A verdict follows from the probability and the confidence, and says why."""
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.metric_calibration import Distribution
+from crashfuse.campaign import Campaign
+from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.domain import Domain
+from crashfuse.certification.forecast import Forecast
+from crashfuse.certification.verdict import Verdict, judge
+from crashfuse.condition import Condition
+
+FREE = 1e9  # degrees of freedom: as good as the normal
+
+
+def verdict(campaign: Campaign, criterion: Criterion, confidence: float = 0.95, *, outside: bool = False) -> Verdict:
+    """The verdict on one criterion where 500 ± 10 mm of crush and a rating of 0.9 ± 0.05 are forecast."""
+    crush, rating = Distribution(500.0, 10.0, FREE), Distribution(0.9, 0.05, FREE)
+    values = {"max_crush": 498.0, "rating 60": 0.9, "olc": None}
+    forecast = Forecast(np.zeros(1250), values, {"max_crush": crush, "rating 60": rating, "olc": None})
+    here = campaign.tests[1].condition
+    if outside:
+        here = Condition(3 * here.speed_mps, here.front_weight_kg, here.rear_weight_kg)
+    [found] = judge(forecast, here, Criteria((criterion,), confidence), Domain.of(campaign).exceeded_by(here))
+    return found
+
+
+@pytest.mark.parametrize(("at_most", "word"), [(516.5, "met"), (516.3, "open"), (483.7, "open"), (483.5, "not met")])
+def test_the_word_changes_where_the_probability_crosses_the_confidence(
+    campaign: Campaign, at_most: float, word: str
+) -> None:
+    """1.645 standard deviations from the limit on either side."""
+    assert verdict(campaign, Criterion("crush", "max_crush", at_most=at_most)).word == word
+
+
+def test_a_lower_confidence_decides_more(campaign: Campaign) -> None:
+    """At 0.8 the limit may be 0.85 standard deviations away."""
+    criterion = Criterion("crush", "max_crush", at_most=510.0)
+    assert [verdict(campaign, criterion, c).word for c in (0.8, 0.9)] == ["met", "open"]
+
+
+def test_limits_on_both_sides_are_met_together(campaign: Campaign) -> None:
+    """The probability is that of lying between them."""
+    found = verdict(campaign, Criterion("crush", "max_crush", at_least=490.0, at_most=510.0))
+    assert found.probability == pytest.approx(0.6827, abs=1e-4)
+    assert found.word == "open"
+    assert "at least 490 mm and at most 510 mm" in found.reason
+
+
+def test_the_reason_gives_value_interval_limit_and_probability(campaign: Campaign) -> None:
+    """As a sentence, in the metric's unit."""
+    found = verdict(campaign, Criterion("crush", "max_crush", at_most=510.0))
+    assert found.reason == (
+        "498 mm expected, 480.4 mm to 519.6 mm in 95 % of tests; the limit is at most 510 mm, "
+        "met with probability 0.841 only: test it, or redesign."
+    )
+    assert (found.value, found.lower, found.upper) == pytest.approx((498.0, 480.4, 519.6), abs=0.01)
+
+
+def test_a_rating_is_at_most_one(campaign: Campaign) -> None:
+    """Its interval is cut there."""
+    found = verdict(campaign, Criterion("rating", "rating", at_least=0.7, window_ms=60.0))
+    assert (found.lower, found.upper) == pytest.approx((0.802, 0.998), abs=1e-3)
+    assert found.word == "met"
+    assert found.reason.startswith("0.90 expected, 0.80 to 1.00 in 95 % of tests; the limit is at least 0.70")
+
+
+def test_outside_the_domain_no_probability_decides(campaign: Campaign) -> None:
+    """The numbers are there; the word and the reason are those of the domain."""
+    found = verdict(campaign, Criterion("crush", "max_crush", at_most=900.0), outside=True)
+    assert (found.word, found.decided) == ("outside", False)
+    assert found.probability == pytest.approx(1.0)
+    assert "above the fastest test" in found.reason
+
+
+def test_a_record_too_short_leaves_it_open(campaign: Campaign) -> None:
+    """There is no value to compare with the limit."""
+    found = verdict(campaign, Criterion("OLC", "olc", at_most=20.0))
+    assert (found.word, found.value, found.probability) == ("open", None, None)
+    assert found.reason == (
+        "The record is too short to predict the OLC, occupant load criterion here; only a longer one can tell."
+    )
