@@ -6,6 +6,7 @@ from .errors import DataError as DataError
 from .errors import UsageError as UsageError
 from .reporting.report import prediction_report as prediction_report
 from .reporting.report import study_report as study_report
+from .reporting.results import write_learning_curve as write_learning_curve
 from .reporting.results import write_prediction as write_prediction
 from .reporting.results import write_study as write_study
 from .signals.energy import energy_crush as energy_crush
@@ -18,6 +19,8 @@ from .study.estimate import Fit as Fit
 from .study.estimate import estimate_at as estimate_at
 from .study.estimate import estimates_at as estimates_at
 from .study.expected_rating import expected_rating as expected_rating
+from .study.learning_curve import LearningCurve as LearningCurve
+from .study.learning_curve import learning_curve as learning_curve
 from .study.next_test import ConditionRange as ConditionRange
 from .study.next_test import rank_next_tests as rank_next_tests
 from .study.recommendation import recommend as recommend

@@ -17,7 +17,8 @@ from crashfuse.study.study import Study
 from crashfuse.ui import explanations, frame, page_tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.downloads import download_report, download_table
-from crashfuse.ui.figures import show_clickable, show_figure
+from crashfuse.ui.figures import choose, show_clickable, show_figure
+from crashfuse.ui.learning_curve import show_learning_curve
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
 from crashfuse.ui.text import plain
@@ -26,6 +27,12 @@ view = frame.enter_with_campaign("Study")
 campaign, config = view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
 window = page_tables.window_label(view.display.window_ms)
+if (
+    choose("Question", ["Each test left out", "How many tests are enough"], key="study question")
+    != "Each test left out"
+):
+    show_learning_curve(campaign, config, view.display.window_ms)
+    st.stop()
 st.markdown(
     "How well does each approach predict a test that it has not seen? Every test is left out in turn, predicted from "
     "all others, and rated; then again without any other test at about its speed."

@@ -13,6 +13,7 @@ def test_the_public_names_are_these() -> None:
         "CrashfuseError",
         "DataError",
         "Fit",
+        "LearningCurve",
         "Pulse",
         "Rating",
         "Study",
@@ -23,6 +24,7 @@ def test_the_public_names_are_these() -> None:
         "estimate_at",
         "estimates_at",
         "expected_rating",
+        "learning_curve",
         "load_campaign",
         "load_model",
         "prediction_report",
@@ -35,6 +37,7 @@ def test_the_public_names_are_these() -> None:
         "save_model",
         "study_report",
         "sweep_speed",
+        "write_learning_curve",
         "write_prediction",
         "write_study",
     ]

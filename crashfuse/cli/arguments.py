@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from crashfuse.cli import certification, data, imports, models, studies
+from crashfuse.cli import certification, data, imports, learning, models, studies
 from crashfuse.version import __version__
 
 T = TypeVar("T")
@@ -66,7 +66,7 @@ def parser() -> argparse.ArgumentParser:
     _add_workers(study)
     study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
 
-    certify = command("certify", certification.certify, "give a verdict on each criterion at each condition of a matrix")
+    certify = command("certify", certification.certify, "say which criteria a test at each condition would meet")
     certify.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     certify.add_argument(
         "--criteria", type=Path, metavar="FILE.toml", help="acceptance criteria (default: CAMPAIGN/criteria.toml)"
@@ -77,11 +77,25 @@ def parser() -> argparse.ArgumentParser:
     for flag in _AXES:
         certify.add_argument(flag, nargs="+", type=float, metavar=flag[2].upper(), help="of a grid, not a file")
     certify.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of a grid; several values of a name, too")
-    certify.add_argument(
-        "--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)"
-    )
+    certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
     _add_settings(certify)
     _add_workers(certify)
+
+    curve = command("learning-curve", learning.learning_curve, "predict tests from 1, 2, 3 … of the others")
+    curve.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    curve.add_argument(
+        "--approach", nargs="+", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: cae fused)"
+    )
+    curve.add_argument("--cost-per-test", metavar="AMOUNT", help="cost of one test, such as 60000 or '60000 EUR'")
+    curve.add_argument(
+        "--repeats", type=_whole(0), metavar="N", help="random choices of each number of tests (default: 3)"
+    )
+    curve.add_argument(
+        "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
+    )
+    curve.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
+    curve.add_argument("--device", choices=_DEVICES, help=_DEVICE_HELP)
+    _add_workers(curve)
 
     predict = command("predict", models.predict, "predict the pulse at a condition that was never tested")
     for flag in _AXES:

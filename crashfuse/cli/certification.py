@@ -56,7 +56,9 @@ def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":
     if not any((*axes, arguments.factor)):
         return Matrix.read(arguments.matrix or arguments.campaign / "matrix.csv", campaign.factors)
     if arguments.matrix is not None or not all(axes):
-        raise UsageError("A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb, and no --matrix beside them.")
+        raise UsageError(
+            "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb, all three, and no --matrix."
+        )
     factors: dict[str, dict[str, None]] = {}
     for text in arguments.factor or ():
         name, value = factor(text, campaign.factors)

@@ -34,7 +34,7 @@ _ADDRESS = re.compile(r"tcp://(\[[0-9a-fA-F:]+\]|[\w.-]+):\d{1,5}")
 _ANSWER_S = 5.0  # time limit for a scheduler to answer
 _WORKER_S = 30.0  # time limit for a scheduler without workers to get some
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "torch")  # packages that determine the last bits of the results
-_TASKS = "crashfuse.study.study"  # module whose functions compute the tasks
+_TASKS = ("crashfuse.certification.certify", "crashfuse.study.learning_curve")  # with all that they import
 
 _one_at_a_time = threading.Lock()  # the number of threads is a setting of the whole process
 
@@ -112,7 +112,8 @@ def versions() -> dict[str, str]:
     """Versions of everything that determines the numbers."""
     python = ".".join(platform.python_version_tuple()[:2])
     packages = {name: metadata.version(name) for name in _PACKAGES}
-    return {"Python": python, "crashfuse": __version__, "crashfuse's code": code_digest(_TASKS)[:12], **packages}
+    code = " ".join(code_digest(module)[:12] for module in _TASKS)
+    return {"Python": python, "crashfuse": __version__, "crashfuse's code": code, **packages}
 
 
 def _compare(worker: str, found: Mapping[str, str], wanted: Mapping[str, str]) -> None:

@@ -28,9 +28,9 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "matrix": [
             {
                 "id": i,
-                "speed_mph": condition.speed_mps / MPH,
-                "front_weight_lb": condition.front_weight_kg / LB,
-                "rear_weight_lb": condition.rear_weight_kg / LB,
+                "speed_mph": round(condition.speed_mps / MPH, 9),
+                "front_weight_lb": round(condition.front_weight_kg / LB, 9),
+                "rear_weight_lb": round(condition.rear_weight_kg / LB, 9),
                 **dict(condition.factors),
             }
             for i, condition in zip(certification.matrix.ids, certification.matrix.conditions, strict=True)
@@ -41,7 +41,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
             **record_counts(record),
             "brier": None if brier is None else brier[0],
             "brier_raw_cae": None if brier is None else brier[1],
-            "reliability": [{**asdict(bin), "holds": bin.holds} for bin in record.reliability],
+            "reliability": [{**asdict(own), "holds": own.holds} for own in record.reliability],
         },
         "by_criterion": {
             own.name: {

@@ -4,9 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.reporting.certification_tables import verdict_counts
+from crashfuse.units import LB, MPH
 
 _NAMED = 20  # conditions in a sentence
 
@@ -45,8 +47,8 @@ def record_sentence(record: TrackRecord) -> str:
         return f"None of the {_count(len(record.counted), 'verdict')} on left-out tests was met or not met: no record."
     undecided = len(record.counted) - decided
     return (
-        f"Record of left-out tests: {_count(decided, 'verdict')} met or not met, {wrong} of them wrong "
-        f"(at most {100 * largest_share(wrong, decided):.1f} %, exact one-sided 95 % bound); {undecided} open or outside."
+        f"Record of left-out tests: {_count(decided, 'verdict')} met or not met, {wrong} wrong "
+        f"(at most {100 * largest_share(wrong, decided):.1f} %, exact 95 % bound); {undecided} open or outside."
     )
 
 
@@ -55,8 +57,8 @@ def brier_sentence(record: TrackRecord) -> Iterator[str]:
     if record.brier is not None:
         ours, cae = record.brier
         yield (
-            f"Brier score of the probabilities (0 is perfect): {ours:.4f}; {cae:.4f} for the raw CAE with its own error "
-            "as band."
+            f"Brier score of the probabilities (0 is perfect): {ours:.4f}; {cae:.4f} for the raw CAE with its "
+            "own error as band."
         )
 
 
@@ -70,6 +72,23 @@ def support_sentence(record: TrackRecord, criterion: Criterion, confidence: floa
     return f"It supports the confidence: {support.wrong} of {_count(support.decided, 'left-out verdict')} wrong."
 
 
+def domain_sentences(domain: Domain) -> tuple[str, ...]:
+    """Where the tests, left out with all others at about their speed, check predictions."""
+    if not domain.speed_ranges_mps:
+        return domain.too_few_tests or ("Nothing is checked: no test lies within the speeds of the CAE runs.",)
+    speeds = " and ".join(f"{low / MPH:.1f} to {high / MPH:.1f} mph" for low, high in domain.speed_ranges_mps)
+    low, high = (end / LB for end in domain.masses_kg)
+    factors = "; ".join(f"{name} {', '.join(values)}" for name, values in domain.factors.items())
+    return (
+        f"Checked by the {domain.n_tests} tests, each left out with all others at about its speed: {speeds}, front "
+        f"and rear weight together {low:.0f} to {high:.0f} lb{'; ' if factors else ''}{factors}; and within the "
+        "range of the CAE runs.",
+        f"A condition is at most {domain.reach_mps / MPH:.1f} mph from the nearest test, as far as the worst left-out "
+        f"speed was, {domain.below_mps / MPH:.1f} mph below the slowest and {domain.above_mps / MPH:.1f} mph above the "
+        "fastest.",
+    )
+
+
 def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     """Everything that a reviewer has to know against the verdicts, by subject; subjects without any are left out."""
     confidence, record = certification.criteria.confidence, certification.record
@@ -79,6 +98,11 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     found = {
         "Warnings about the campaign": certification.campaign.warnings,
         "Conditions outside the validated domain": tuple(f"{i}: {reason}" for i, reason in sorted(outside)),
+        "Tests outside the range of the CAE runs": tuple(
+            f"{test.id}: {' '.join(notes)}"
+            for test in certification.campaign.tests
+            if (notes := certification.campaign.cae.extrapolation(test.condition))
+        ),
         "Wrong verdicts on left-out tests": tuple(_wrong(record)),
         "Criteria whose record does not support the confidence": tuple(f"{n}: {s}" for n, s in short.items()),
         "Criteria whose limit no left-out test came near": tuple(
@@ -98,8 +122,8 @@ def _wrong(record: TrackRecord) -> Iterator[str]:
             measured = verdict.criterion.shown(trial.measured)
             way = "alone" if trial.left_out == "test" else "with its speed group"
             yield (
-                f"{trial.held_out}, left out {way}: {verdict.criterion.name} ({verdict.criterion.limits}) was said to be "
-                f"{verdict.word}; measured {measured}."
+                f"{trial.held_out}, left out {way}: {verdict.criterion.name} ({verdict.criterion.limits}) was "
+                f"said to be {verdict.word}; measured {measured}."
             )
 
 

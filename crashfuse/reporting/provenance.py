@@ -70,6 +70,15 @@ def certify_command(config: StudyConfig) -> str:
     return f"crashfuse certify CAMPAIGN --criteria criteria.toml --matrix matrix.csv --out DIR{_settings(config)}"
 
 
+def learning_curve_command(config: StudyConfig, repeats: int, cost: str) -> str:
+    """The command line that reproduces a learning curve."""
+    windows = " ".join(f"{window:g}" for window in config.windows_ms)
+    approaches = f" --approach {' '.join(config.approaches)}"
+    settings = f"{approaches} --seed {config.seed} --windows-ms {windows} --repeats {repeats}"
+    price = f" --cost-per-test {_quoted(cost)}" if cost else ""
+    return f"crashfuse learning-curve CAMPAIGN --out DIR{settings}{price}"
+
+
 def _vehicle(condition: Condition) -> str:
     front, rear = condition.front_weight_kg / LB, condition.rear_weight_kg / LB
     return f" --front-weight-lb {front:.10g} --rear-weight-lb {rear:.10g}{_factors(condition)}"

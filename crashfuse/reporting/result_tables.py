@@ -7,8 +7,12 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.signals.metrics import Metric, pulse_metrics
+from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.learning_curve import LearningCurve
+from crashfuse.study.one_more_test import gains, plus_minus, summary
 from crashfuse.study.study import Study
 from crashfuse.units import MS, G
 
@@ -72,6 +76,38 @@ def study_metrics(study: Study) -> pd.DataFrame:
         rows.append((fold.held_out, "test", measured))
         rows.extend((fold.held_out, estimate.approach, estimate.metrics) for estimate in fold.estimates)
     return metrics_table(rows)
+
+
+def gains_table(curve: LearningCurve, cost: Cost | None = None) -> pd.DataFrame:
+    """Gains of the judged approach as a readable table; the cost of a hundredth only for gains above their error."""
+    return pd.DataFrame(
+        {
+            "Tests": f"{step.before} → {step.after}",
+            "Gain of rating": f"{step.gain:+.3f}{plus_minus(step.error)}",
+            "A test": f"{step.per_test:+.4f}",
+            **({} if cost is None else {"Cost of 0.01": cost.times(0.01 / step.per_test) if step.told else "–"}),
+        }
+        for step in gains(curve)
+    )
+
+
+def curve_table(curve: LearningCurve) -> pd.DataFrame:
+    """The summary of the approaches that learn from tests, as a readable table."""
+    table = summary(curve)
+    table = table[[CLASSES[name].learns_from_tests for name in table["approach"]]]
+    known = table["half_width_g"].notna()
+    return pd.DataFrame(
+        {
+            "Approach": table["approach"].map(LABELS),
+            "Tests": table["n_tests"],
+            "Chosen": table["choice"].map({"even": "evenly", "random": "at random"}),
+            "Predictions": table["predictions"],
+            "Rating": [f"{r:.3f}{plus_minus(e)}" for r, e in zip(table["rating"], table["error"], strict=True)],
+            "80 % within": [f"{low:.2f}–{high:.2f}" for low, high in zip(table["low"], table["high"], strict=True)],
+            "a(t) in band (%)": (100 * table["inside"]).map("{:.0f}".format).where(known, "–"),
+            "Band (± g)": table["half_width_g"].map("{:.1f}".format).where(known, "–"),
+        }
+    )
 
 
 def _pulse_rows(held_out: str, approach: str, prediction: Prediction) -> pd.DataFrame:

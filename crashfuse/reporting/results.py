@@ -18,6 +18,7 @@ from crashfuse.reporting.exports import isomme_prediction, parquet_bytes
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.report import (
     certification_report,
+    learning_curve_report,
     next_test_report,
     prediction_report,
     study_report,
@@ -25,9 +26,12 @@ from crashfuse.reporting.report import (
 )
 from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, study_metrics
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.nearest import nearest_sentences
 from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table
+from crashfuse.study.one_more_test import gains, one_more, sentences
 from crashfuse.study.plan import StudyPlan
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
@@ -123,6 +127,17 @@ def write_certification(certification: Certification, folder: str | Path) -> Non
     _write(_CERTIFICATION, folder, certification)
 
 
+def write_learning_curve(curve: LearningCurve, folder: str | Path, cost: Cost | None = None) -> None:
+    """Write ``learning_curve.csv``, ``report.html`` and, last, ``learning_curve.json``; cost is that of one test.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    _write(_LEARNING_CURVE, folder, curve, cost)
+
+
 def _write(files: Mapping[str, Callable[..., Content]], folder: str | Path, *result: object) -> None:
     for name, make in files.items():
         content = make(*result)
@@ -187,6 +202,20 @@ def _prediction_record(campaign: Campaign, estimates: Sequence[Estimate], config
     }
 
 
+def _learning_curve_record(curve: LearningCurve, cost: Cost | None) -> dict[str, object]:
+    more = one_more(curve)
+    return {
+        **provenance(curve.campaign, curve.campaign.test_ids, curve.config),
+        "repeats": curve.repeats,
+        "seconds": round(curve.seconds, 3),
+        "approach": curve.judged,
+        "sentences": list(sentences(curve, cost)),
+        "gains": [asdict(gain) for gain in gains(curve)],
+        "one_more_test": None if more is None else asdict(more),
+        "cost_per_test": None if cost is None else asdict(cost),
+    }
+
+
 def _fit_record(estimate: Estimate) -> dict[str, object]:
     return {
         "approach": estimate.approach,
@@ -242,6 +271,11 @@ _CERTIFICATION: Mapping[str, Callable[[Certification], Content]] = {
     "report.html": lambda certification: certification_report(certification).encode(),
     "certification.json": lambda certification: _json(certification_record(certification)),
 }
+_LEARNING_CURVE: Mapping[str, Callable[[LearningCurve, Cost | None], Content]] = {
+    "learning_curve.csv": lambda curve, _: _csv(curve.table),
+    "report.html": lambda *result: learning_curve_report(*result).encode(),
+    "learning_curve.json": lambda *result: _json(_learning_curve_record(*result)),
+}
 RESULT_FILES = {
     "series of studies": ("studies.csv",),
     "study": tuple(_STUDY),
@@ -249,5 +283,6 @@ RESULT_FILES = {
     "sweep": tuple(_SWEEP),
     "ranking of next tests": tuple(_NEXT_TESTS),
     "certification": tuple(_CERTIFICATION),
+    "learning curve": tuple(_LEARNING_CURVE),
 }
 """Files and folders of each kind of result, some of which may be missing; the last, written last, tells the kind."""

@@ -658,6 +658,64 @@ def test_a_sweep_writes_metrics_over_speed_with_the_tests_beside(
     assert (out / "report.html").is_file()
 
 
+@pytest.mark.slow
+def test_a_learning_curve_writes_its_table_its_report_and_its_record(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The contract's columns first; the sentences that are printed stand in the record, with the cost of a test."""
+    out = tmp_path / "out"
+    command = ["learning-curve", str(campaign_on_disk), "--out", str(out), "--workers", "1", "--repeats", "1"]
+    command += ["--approach", "cae", "displacement_domain", "--windows-ms", "60", "--cost-per-test", "60000 EUR"]
+    assert cli.main(command) == cli.DONE
+    assert {path.name for path in out.iterdir()} == set(RESULT_FILES["learning curve"])
+    table = pd.read_csv(out / "learning_curve.csv")
+    columns = ["n_tests", "chosen", "choice", "held_out", "approach", "window_ms", "overall", "inside", "half_width_g"]
+    assert list(table) == columns
+    assert set(table["choice"]) == {"even", "random"}
+    assert table.loc[table["approach"] == "cae", ["inside", "half_width_g"]].isna().all(axis=None)
+    assert table.loc[table["approach"] != "cae", "inside"].between(0, 1).all()
+    record = json.loads((out / "learning_curve.json").read_text())
+    assert record["fingerprint"]
+    assert record["cost_per_test"] == {"amount": 60000.0, "currency": "EUR"}
+    printed = capsys.readouterr().out
+    assert all(sentence in printed for sentence in record["sentences"])
+    report = (out / "report.html").read_text()
+    assert "how many tests are enough" in report
+    assert "--cost-per-test &#34;60,000 EUR&#34;" in report
+
+
+def test_a_learning_curve_of_two_tests_says_what_cannot_be_told(
+    campaign: Campaign, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One predicts the other; there is no gain to list."""
+    folder = write_campaign(campaign.without(["T1", "T2"]), tmp_path / "campaign")
+    command = ["learning-curve", str(folder), "--out", str(tmp_path / "out"), "--approach", "cae", "--workers", "1"]
+    assert cli.main(command) == cli.DONE
+    printed = capsys.readouterr().out
+    assert printed.startswith("With 1 of 2 tests the raw CAE model rates")
+    assert "Empty" not in printed
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--cost-per-test", "-5"], "The cost of a test is a number above 0"),
+        (["--cost-per-test", "much"], "The cost of a test is a number above 0"),
+        (["--approach", "magic"], "magic"),
+        (["--windows-ms", "400"], "A rating window of 400 ms is not possible"),
+    ],
+)
+def test_a_learning_curve_that_is_impossible_is_one_sentence(
+    campaign_on_disk: Path, tmp_path: Path, options: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before anything is computed, and nothing is written."""
+    out = tmp_path / "out"
+    assert cli.main(["learning-curve", str(campaign_on_disk), "--out", str(out), *options]) == cli.WRONG_USAGE
+    (said,) = capsys.readouterr().err.strip().splitlines()
+    assert sentence in said
+    assert not out.exists()
+
+
 def test_the_next_test_is_ranked_over_a_range_or_from_a_list(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

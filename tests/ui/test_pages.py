@@ -9,6 +9,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +28,11 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
+from crashfuse.study.learning_curve import learning_curve
 from crashfuse.study.saved_models import load_model
 from crashfuse.study.study import Study
 from crashfuse.ui import computation
+from crashfuse.ui import learning_curve as panel
 from crashfuse.ui.compare import displacement
 from crashfuse.units import LB, MPH, G
 from tests.conftest import ROOT
@@ -452,6 +455,29 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     assert coverage["Maximum crush"][0].endswith(f" of {len(study.folds)}")
     assert "no more can be promised" in words(app)
     assert downloads(app) == ["scores.csv", "metrics.csv", "speed_groups.csv", "report.html"]
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
+def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside leaving tests out: sentences, a figure, tables and files; with the cost of a test, what a gain costs."""
+    quick = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
+    monkeypatch.setattr(panel, "CURVE_CONFIG", quick)
+    monkeypatch.setattr(panel, "learning_curve", partial(learning_curve, workers=1, repeats=1))
+    app = start("study")
+    app.segmented_control(key="study question").set_value("How many tests are enough").run()
+    assert "not been computed for this campaign yet" in words(app)
+    finish(press(app, "Predict from 1 to 3 tests"))
+    assert charts(app) == 1
+    assert "With 3 of 4 tests the displacement domain rates" in words(app)
+    assert downloads(app) == ["learning_curve.csv", "learning_curve.html"]
+    steps, means = tables(app)
+    assert steps["Tests"].tolist() == ["1 → 2", "2 → 3"]
+    assert "Cost of 0.01" not in steps
+    assert means["Tests"].max() == 3
+    app.number_input(key="cost of a test").set_value(60000.0).run()
+    costs = tables(app)[0]["Cost of 0.01"]
+    assert re.fullmatch(r"[\d,]+", costs[0])
 
 
 @pytest.mark.usefixtures("open_campaign")

@@ -1,7 +1,15 @@
 """The report: one HTML file that needs no network, opens anywhere and can be printed."""
 
 from crashfuse.reporting.report.certification import certification_report
+from crashfuse.reporting.report.learning_curve import learning_curve_report
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report
 
-__all__ = ["certification_report", "next_test_report", "prediction_report", "study_report", "sweep_report"]
+__all__ = [
+    "certification_report",
+    "learning_curve_report",
+    "next_test_report",
+    "prediction_report",
+    "study_report",
+    "sweep_report",
+]

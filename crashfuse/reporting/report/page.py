@@ -12,6 +12,7 @@ from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
+from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
@@ -49,6 +50,7 @@ def render(
     return _TEMPLATES.get_template(f"{template}.html.j2").render(
         own,
         title=f"{campaign.name}: {title}",
+        verdict_colours=VERDICT_COLOURS,
         plotly=Markup(get_plotlyjs()),  # noqa: S704
         numbers=count(1),
         campaign=campaign,

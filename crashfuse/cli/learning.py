@@ -1,0 +1,42 @@
+"""The command that predicts tests from fewer of the others."""
+
+import argparse
+from dataclasses import replace
+
+from crashfuse.cli.output import replacing, require_output, say_written, writing
+
+
+def learning_curve(arguments: argparse.Namespace) -> None:
+    """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
+    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.cli.progress_bar import watching
+    from crashfuse.reporting.result_tables import gains_table
+    from crashfuse.reporting.results import write_learning_curve
+    from crashfuse.study import learning_curve as curves
+    from crashfuse.study.cost import Cost
+    from crashfuse.study.one_more_test import sentences
+
+    require_output(arguments.out, arguments.campaign, "learning curve")
+    cost = None if arguments.cost_per_test is None else Cost.of(arguments.cost_per_test)
+    given = {
+        "approaches": arguments.approach and tuple(dict.fromkeys(arguments.approach)),
+        "windows_ms": arguments.windows_ms and tuple(arguments.windows_ms),
+        "seed": arguments.seed,
+        "device": arguments.device,
+    }
+    config = replace(curves.CURVE_CONFIG, **{name: value for name, value in given.items() if value is not None})
+    config.check()
+    campaign = load_campaign(arguments.campaign)
+    repeats = curves.REPEATS if arguments.repeats is None else arguments.repeats
+    with watching() as watch:
+        curve = curves.learning_curve(
+            campaign, config, repeats=repeats, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler
+        )
+    with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
+        write_learning_curve(curve, folder, cost)
+    if not (table := gains_table(curve, cost)).empty:
+        print(table.to_string(index=False))
+    print(*sentences(curve, cost), sep="\n")
+    if campaign.notice:
+        print(campaign.notice)
+    say_written(arguments.out, "learning curve")

@@ -1,0 +1,217 @@
+"""Report of a certification: what a review asks for, from the intended use to the signatures."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import pandas as pd
+import plotly.graph_objects as go
+
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.track_record import TrackRecord
+from crashfuse.certification.verdict import WORDS
+from crashfuse.reporting.certification_sentences import (
+    brier_sentence,
+    domain_sentences,
+    exceptions,
+    record_sentence,
+    summary,
+    support_sentence,
+)
+from crashfuse.reporting.certification_tables import counts_table, record_counts
+from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
+from crashfuse.reporting.plots.track_record import record_figure, reliability
+from crashfuse.reporting.provenance import certify_command
+from crashfuse.reporting.report.page import render
+from crashfuse.units import LB, MPH
+
+_MOST_ROWS = 1000  # of a table; all of them are in the CSV files
+_CONDITIONS_A_FIGURE, _CRITERIA_A_FIGURE = 14, 2  # as many as can be read at the height of a figure on paper
+_MOST_FIGURES = 20
+
+
+def certification_report(certification: Certification) -> str:
+    """HTML report of a certification, made for paper."""
+    criteria, record = certification.criteria, certification.record
+    conditions, conditions_left = _shortened(_conditions(certification), "certification.csv")
+    verdicts, verdicts_left = _shortened(_verdicts(certification), "certification.csv")
+    trials, trials_left = _shortened(_trials(record), "track_record.csv")
+    open_cells, open_left = _shortened(_open_cells(certification), "certification.csv")
+    return render(
+        "certification",
+        "certification by analysis",
+        certification.campaign,
+        certification.config,
+        certify_command(certification.config),
+        certification.campaign.test_ids,
+        words=WORDS,
+        summary=summary(certification),
+        n_conditions=len(certification.matrix.ids),
+        quantities=list(dict.fromkeys(criterion.label for criterion in criteria.items)),
+        domain=domain_sentences(certification.domain),
+        domain_figure=validated_domain(certification),
+        conditions=conditions,
+        conditions_left=conditions_left,
+        confidence=criteria.confidence,
+        criteria=_criteria(criteria.items),
+        counts=counts_table(certification).rename(columns={"criterion": "Criterion", "limit": "Limit"}),
+        matrix_figures=list(_matrix_figures(certification)),
+        verdict_rows=verdicts,
+        verdicts_left=verdicts_left,
+        record=record_sentence(record),
+        record_figures=list(_record_figures(record, criteria.items)),
+        record_counts=_record_counts(record, criteria.items),
+        brier=list(brier_sentence(record)),
+        reliability=reliability(record),
+        bins=_bins(record),
+        supports=[(own.name, support_sentence(record, own, criteria.confidence)) for own in criteria.items],
+        trials=trials,
+        trials_left=trials_left,
+        exceptions=exceptions(certification),
+        open_cells=open_cells,
+        open_left=open_left,
+    )
+
+
+def _shortened(table: pd.DataFrame, file: str) -> tuple[pd.DataFrame, list[str]]:
+    """The first rows of a table, and what is left out in words."""
+    left = len(table) - _MOST_ROWS
+    return table.head(_MOST_ROWS), [f"{left:,} more rows are in {file}."] if left > 0 else []
+
+
+def _conditions(certification: Certification) -> pd.DataFrame:
+    matrix = certification.matrix
+    return pd.DataFrame(
+        {
+            "Condition": i,
+            "Speed (mph)": f"{condition.speed_mps / MPH:.1f}",
+            "Front weight (lb)": f"{condition.front_weight_kg / LB:.0f}",
+            "Rear weight (lb)": f"{condition.rear_weight_kg / LB:.0f}",
+            **dict(condition.factors),
+            "Validated domain": "outside" if certification.domain.exceeded_by(condition) else "inside",
+        }
+        for i, condition in zip(matrix.ids, matrix.conditions, strict=True)
+    )
+
+
+def _criteria(criteria: Sequence[Criterion]) -> pd.DataFrame:
+    return pd.DataFrame({"Criterion": own.name, "Quantity": own.label, "Limit": own.limits} for own in criteria)
+
+
+def _matrix_figures(certification: Certification) -> Iterator[go.Figure]:
+    """The matrix in parts, slow before fast; if it would take too many, as a single figure."""
+    matrix = certification.matrix
+    order = sorted(range(len(matrix.ids)), key=lambda place: matrix.conditions[place].speed_mps)
+    parts = [order[i : i + _CONDITIONS_A_FIGURE] for i in range(0, len(order), _CONDITIONS_A_FIGURE)]
+    for places in parts if len(parts) <= _MOST_FIGURES else [order]:
+        own = Matrix(tuple(matrix.ids[i] for i in places), tuple(matrix.conditions[i] for i in places))
+        verdicts = tuple(certification.verdicts[i] for i in places)
+        yield verdict_matrix(replace(certification, matrix=own, verdicts=verdicts))
+
+
+def _record_figures(record: TrackRecord, criteria: Sequence[Criterion]) -> Iterator[go.Figure]:
+    """The record in parts of some criteria each."""
+    for i in range(0, len(criteria), _CRITERIA_A_FIGURE):
+        some = criteria[i : i + _CRITERIA_A_FIGURE]
+        trials = tuple(trial for trial in record.trials if trial.verdict.criterion in some)
+        if trials:
+            yield record_figure(TrackRecord(trials))
+
+
+def _verdicts(certification: Certification) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "Condition": i,
+            "Criterion": own.criterion.name,
+            "Expected, 95 % of tests": f"{_together(own.criterion.shown(own.value))}, "
+            + _interval(own.criterion, own.lower, own.upper),
+            "Probability": _probability(own.probability),
+            "Verdict": own.word,
+            "Reason": own.reason,
+        }
+        for i, own in certification.cells
+    )
+
+
+def _trials(record: TrackRecord) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "Test": trial.held_out,
+            "Left out": "alone" if trial.left_out == "test" else _together("speed group"),
+            "Criterion": own.criterion.name,
+            "Expected": _together(own.criterion.shown(own.value)),
+            "95 % of tests": _interval(own.criterion, own.lower, own.upper),
+            "Probability": _probability(own.probability),
+            "Verdict": own.word,
+            "Measured": _together(own.criterion.shown(trial.measured)),
+            "The test": _together(("met it" if trial.met else "missed it") + ", wrong" * trial.wrong),
+        }
+        for trial in record.counted
+        for own in [trial.verdict]
+    )
+
+
+def _record_counts(record: TrackRecord, criteria: Sequence[Criterion]) -> pd.DataFrame:
+    rows = []
+    for own in (*criteria, None):
+        counts = record_counts(record, own)
+        row: dict[str, object] = {"Criterion": "All" if own is None else own.name}
+        for word in ("met", "not met", "decided"):
+            n, wrong, most = (counts[word][key] for key in ("n", "wrong", "wrong_at_most"))
+            told = f"{wrong} of {n}" + ("" if most is None else f" (≤ {100 * float(str(most)):.1f} %)")
+            row[f"Wrong of {'both' if word == 'decided' else word}"] = _together(told)
+        rows.append({**row, "Open": counts["open"]["n"], "Outside": counts["outside"]["n"]})
+    return pd.DataFrame(rows)
+
+
+def _bins(record: TrackRecord) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "Probability given": f"{own.low:g}–{own.high:g}",
+            "On average": f"{own.probability:.3f}",
+            "Verdicts": own.n,
+            "Met": f"{own.met:.3f}",
+            "95 % bounds": f"{own.lower:.3f}–{own.upper:.3f}",
+            "Within them": "yes" if own.holds else "no",
+        }
+        for own in record.reliability
+    )
+
+
+def _open_cells(certification: Certification) -> pd.DataFrame:
+    """Open verdicts with the distance of the limit from the expected value, the nearest limit first."""
+    rows = []
+    for i, own in certification.cells:
+        if own.word != "open" or own.value is None or own.lower is None or own.upper is None:
+            continue
+        margin, half_width = own.criterion.margin(own.value), (own.upper - own.lower) / 2
+        row = {
+            "Condition": i,
+            "Criterion": own.criterion.name,
+            "Limit": own.criterion.limits,
+            "Expected": _together(own.criterion.shown(own.value)),
+            "Distance": _together(own.criterion.shown(margin)),
+            "In half widths of the interval": f"{margin / half_width:.2f}" if half_width else "–",
+            "Probability": _probability(own.probability),
+        }
+        rows.append((margin / half_width if half_width else 0.0, row))
+    return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))
+
+
+def _interval(criterion: Criterion, lower: float | None, upper: float | None) -> str:
+    if lower is None or upper is None:
+        return "–"
+    low, high = (criterion.shown(end).partition(" ") for end in (lower, upper))
+    return _together(f"{low[0]} to {high[0]}{high[1]}{high[2]}")
+
+
+def _together(text: str) -> str:
+    """The text without a place to break the line."""
+    return text.replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def _probability(probability: float | None) -> str:
+    if probability is None:
+        return "–"
+    return ">0.999" if probability > 0.999 else "<0.001" if probability < 0.001 else f"{probability:.3f}"

@@ -1,0 +1,234 @@
+"""Learning curve: how well tests are predicted from fewer of the others.
+
+Parts of the tests (:mod:`crashfuse.study.subsets`) take the place of the campaign in turn, and all other tests are
+predicted from each and rated. A fit sees the tests of its part and nothing of the others. The largest parts leave out
+one test each: these are the predictions of a study, and are shared with it.
+"""
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
+
+from crashfuse.approaches.fit_cache import settings
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.approaches.settings import Device
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.errors import UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
+from crashfuse.signals.rating import rate_windows
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
+from crashfuse.study.plan import StudyPlan
+from crashfuse.study.study import prepare, workers_at
+from crashfuse.study.subsets import Subset, subsets
+from crashfuse.units import G
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+REPEATS = 3
+"""Random choices of each number of tests."""
+
+CURVE_CONFIG = StudyConfig(approaches=("cae", "fused"))
+"""Default settings: the raw CAE model, which needs no test, beside the fused prediction."""
+
+_STEP = "Predictions from fewer tests"
+_KIND = "learning curve"  # kind of cache entry
+_Row = dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class LearningCurve:
+    """How well tests are predicted from fewer of the others.
+
+    Attributes
+    ----------
+    table : DataFrame
+        One row for each part of the tests, held-out test, approach and window: n_tests, chosen (ids of the tests that
+        were learned from, separated by spaces), choice (``even`` or ``random``), held_out, approach, window_ms,
+        overall (ISO/TS 18571 rating), inside (share of a(t) over the window inside the 95 % band) and half_width_g
+        (half the mean width of that band in g); the last two are NaN without a band.
+    repeats : int
+        Random choices of each number of tests.
+    """
+
+    campaign: Campaign
+    config: StudyConfig
+    repeats: int
+    table: pd.DataFrame
+    seconds: float
+
+    @property
+    def window_ms(self) -> float:
+        """The longest rated window, for which results are summarised."""
+        return max(self.config.windows_ms)
+
+    def over(self, window_ms: float) -> "LearningCurve":
+        """The same curve, summarised over another of its windows."""
+        return replace(self, config=replace(self.config, windows_ms=(window_ms,)))
+
+    @property
+    def judged(self) -> str:
+        """The approach that the summary is about: of those that learn from tests, the preferred one."""
+        return next(name for name in ("fused", *self.config.approaches[::-1]) if name in self.config.approaches)
+
+    def by_test(self, approach: str) -> pd.DataFrame:
+        """Ratings over the longest window: one row for each held-out test, one column for each number of tests.
+
+        Each is a mean over the even choices that leave the test out. So means over the rows count every test once, and
+        differences between columns compare the same tests.
+        """
+        table = self.table
+        own = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
+        return table[own].pivot_table(index="held_out", columns="n_tests", values="overall")
+
+    def plot(self) -> "go.Figure":
+        """Draw rating and width of the band over the number of tests."""
+        plots = import_module("crashfuse.reporting.plots.number_of_tests")  # by name: figures stand above this room
+        return cast("go.Figure", plots.over_number_of_tests(self))
+
+    def __repr__(self) -> str:
+        sizes = self.table["n_tests"].unique()
+        return f"LearningCurve({self.campaign.name!r}: {self.judged} with {sizes.min()} to {sizes.max()} tests)"
+
+
+def learning_curve(
+    campaign: Campaign,
+    config: StudyConfig = CURVE_CONFIG,
+    *,
+    repeats: int = REPEATS,
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> LearningCurve:
+    """Predict and rate tests from 1, 2, 3, 4, 6, 8, 10 … and all but one of the others.
+
+    Parameters
+    ----------
+    config : StudyConfig
+        Approaches, windows and seed; ``leave_out`` is not used.
+    repeats : int
+        Random choices of each number of tests, beside the even ones.
+    cache, watch, workers, scheduler
+        As in :func:`crashfuse.study.study.run_study`.
+
+    Raises
+    ------
+    UsageError, DataError
+        If there are fewer than two tests, the settings are wrong or a test cannot be rated.
+    Cancelled
+        If the watch was told to stop.
+    CrashfuseError
+        If workers die repeatedly, or the cluster cannot be reached or has other versions.
+    """
+    if repeats < 0:
+        raise UsageError(f"The number of random choices must be 0 or more, not {repeats}.")
+    start = time.perf_counter()
+    config = replace(config, leave_out="test")
+    StudyPlan(campaign, config)  # checks tests, windows and settings
+    parts = subsets(campaign, repeats, config.seed)
+    cache = cache or Cache()
+    distinct = dict.fromkeys(part.chosen for part in parts)
+    known = {chosen: rows for chosen in distinct if (rows := cache.find(_KIND, _key(campaign, chosen, config), _rows))}
+    # the largest first: at the end, no worker is left alone with a long task
+    unknown = sorted((chosen for chosen in distinct if chosen not in known), key=len, reverse=True)
+    shared = prepare(campaign, set(config.approaches) if unknown else set(), config, cache, watch)
+    # resolved here: "auto" may mean another device on another machine
+    devices = [device for name in config.approaches if (device := config.create(name).device)] or [config.device]
+    work = partial(_predicted, config=replace(config, device=cast(Device, devices[0])))
+    watch.report(_STEP, len(known), len(distinct))
+    with (
+        workers_at(scheduler, workers) as place,
+        closing(place.completed(work, campaign, unknown, shared, watch)) as completed,
+    ):
+        for finished in completed:
+            for chosen, rows in finished:
+                cache.put(_KIND, _key(campaign, chosen, config), {"rows": np.array(json.dumps(rows))})
+                known[chosen] = rows
+            watch.report(_STEP, len(known), len(distinct))
+    return LearningCurve(campaign, config, repeats, _table(parts, known), time.perf_counter() - start)
+
+
+def is_curve_cached(campaign: Campaign, config: StudyConfig, cache: Cache, repeats: int = REPEATS) -> bool:
+    """Whether :func:`learning_curve` would find everything in the cache."""
+    config = replace(config, leave_out="test")
+    parts = subsets(campaign, repeats, config.seed)
+    return all(cache.is_cached(_KIND, _key(campaign, part.chosen, config)) for part in parts)
+
+
+def _predicted(
+    campaign: Campaign, chosen: tuple[str, ...], cache: Cache, watch: Watch, *, config: StudyConfig
+) -> list[tuple[tuple[str, ...], list[_Row]]]:
+    """Learn from the chosen tests, and predict and rate all others."""
+    held_out = [test for test in campaign.tests if test.id not in chosen]
+    training = campaign.without([test.id for test in held_out])
+    as_in_studies = len(held_out) == 1
+    with threadpool_limits(1):  # contended BLAS threads multiply CPU time and change the numbers
+        studied = (find_estimate(training, held_out[0].condition, name, config, cache) for name in config.approaches)
+        estimates = [estimate for estimate in studied if estimate is not None] if as_in_studies else []
+        if len(estimates) < len(config.approaches):
+            # mixtures come last, so that they find the fits of the others in the cache
+            names = sorted(config.approaches, key=APPROACHES.index)
+            fits = [Fit.of(training, name, config, cache=cache, watch=watch) for name in names]
+            estimates = [estimate for test in held_out for estimate in estimates_at(fits, test.condition)]
+            for estimate in estimates if as_in_studies else ():
+                store_estimate(estimate, training, config, cache)
+        tests = [test for test in held_out for _ in config.approaches]
+        pairs = zip(estimates, tests, strict=True)
+        return [(chosen, [measure(*pair, window) for pair in pairs for window in config.windows_ms])]
+
+
+def measure(estimate: Estimate, test: CrashTest, window_ms: float) -> _Row:
+    """What a prediction is worth, by column of the table, against a test that it did not learn from."""
+    prediction, n = estimate.prediction, round(window_ms / 1e3 / DT_S)
+    rating = rate_windows(test.pulse, Pulse(GRID_S, prediction.accel_mps2), [window_ms])[float(window_ms)]
+    inside = half_width_g = None
+    if (band := prediction.band()) is not None:
+        lower, upper = (end[:n] for end in band)
+        measured = test.pulse.accel_mps2[:n]
+        inside = float(((measured >= lower) & (measured <= upper)).mean())
+        half_width_g = float((upper - lower).mean()) / 2 / G
+    return {
+        "held_out": test.id,
+        "approach": estimate.approach,
+        "window_ms": float(window_ms),
+        "overall": rating.overall,
+        "inside": inside,
+        "half_width_g": half_width_g,
+    }
+
+
+def _table(parts: Sequence[Subset], known: dict[tuple[str, ...], list[_Row]]) -> pd.DataFrame:
+    def rows() -> Iterator[_Row]:
+        for part in parts:
+            about = {"n_tests": len(part.chosen), "chosen": " ".join(part.chosen), "choice": part.choice}
+            yield from ({**about, **row} for row in known[part.chosen])
+
+    return pd.DataFrame(rows()).astype({"inside": float, "half_width_g": float})
+
+
+def _rows(entry: dict[str, Any]) -> list[_Row]:
+    return cast(list[_Row], json.loads(str(entry["rows"])))
+
+
+def _key(campaign: Campaign, chosen: tuple[str, ...], config: StudyConfig) -> dict[str, object]:
+    return {
+        "fits": [settings(config.create(name)) for name in config.approaches],
+        "windows_ms": config.windows_ms,
+        "campaign": campaign.fingerprint,
+        "chosen": chosen,
+        "code": code_digest(__name__),
+    }

@@ -1,0 +1,87 @@
+"""How many tests are enough: the learning curve of a campaign, and what one more test would buy."""
+
+from collections.abc import Hashable
+from dataclasses import dataclass, replace
+
+import streamlit as st
+
+from crashfuse.campaign import Campaign
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Watch
+from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
+from crashfuse.reporting.report import learning_curve_report
+from crashfuse.reporting.report.learning_curve import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
+from crashfuse.reporting.result_tables import curve_table, gains_table
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.cost import Cost
+from crashfuse.study.learning_curve import CURVE_CONFIG, LearningCurve, is_curve_cached, learning_curve
+from crashfuse.study.one_more_test import sentences
+from crashfuse.ui.computation import Request
+from crashfuse.ui.downloads import download_report, download_table
+from crashfuse.ui.figures import show_figure
+from crashfuse.ui.panel import result_or_none
+from crashfuse.ui.text import plain
+
+
+@dataclass(frozen=True)
+class LearningCurveRequest(Request[LearningCurve]):
+    """Predict the tests of a campaign from fewer of the others."""
+
+    campaign: Campaign
+    config: StudyConfig
+
+    @property
+    def key(self) -> Hashable:  # noqa: D102
+        return "learning curve", self.campaign.fingerprint, self.config
+
+    @property
+    def title(self) -> str:  # noqa: D102
+        return f"{self.campaign.name}: predict tests from fewer of the others"
+
+    def work(self, watch: Watch) -> LearningCurve:  # noqa: D102
+        return learning_curve(self.campaign, self.config, watch=watch)
+
+    def in_cache(self) -> bool:  # noqa: D102
+        return is_curve_cached(self.campaign, self.config, Cache())
+
+
+def show_learning_curve(campaign: Campaign, config: StudyConfig, window_ms: float) -> None:
+    """Show rating and band over the number of tests, for the raw CAE model and the fused prediction."""
+    st.markdown(
+        "How good would the prediction be with fewer tests, and what would one more add? Parts of the tests, evenly "
+        "chosen over speed and at random, predict all the others."
+    )
+    settings = replace(CURVE_CONFIG, seed=config.seed, device=config.device)
+    found = result_or_none(
+        LearningCurveRequest(campaign, settings),
+        invitation="This has not been computed for this campaign yet. It takes several minutes the first time; "
+        "meanwhile you can work on the other pages.",
+        button=f"Predict from 1 to {len(campaign.tests) - 1} tests",
+    )
+    if found is None:
+        return
+    curve = found.over(window_ms)
+    amount = st.number_input(
+        "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
+        key="cost of a test", persist_state="session", width=260,
+        help="In any currency. Gains are then also given as the cost of one hundredth of rating.",
+    )  # fmt: skip
+    cost = Cost(amount) if amount else None
+    st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
+    show_figure(
+        over_number_of_tests(curve),
+        alt="Mean rating of tests not learned from, and half width of the band, over the number of tests learned from",
+    )
+    st.caption(
+        f"{LEARNING_CURVE_MEANING} Points: means with their standard error; shaded: the central 80 % of the single "
+        "ratings."
+    )
+    if not (steps := gains_table(curve, cost)).empty:
+        st.markdown("**What further tests gained**")
+        st.table(steps.style.hide(axis="index"), border="horizontal")
+        st.caption(ONE_MORE_MEANING)
+    with st.expander("All means", icon=":material/table:"):
+        st.table(curve_table(curve).style.hide(axis="index"), border="horizontal")
+    with st.container(horizontal=True):
+        download_table("learning_curve.csv", lambda: found.table)
+        download_report(lambda: learning_curve_report(curve, cost), "learning_curve.html")

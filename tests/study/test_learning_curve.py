@@ -1,0 +1,158 @@
+"""The learning curve: a part sees nothing of the others, and all but one is what a study computes."""
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import crashfuse
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.errors import Cancelled, DataError, UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Progress, Watch
+from crashfuse.signals.pulse import Pulse
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Fit
+from crashfuse.study.learning_curve import LearningCurve, is_curve_cached, learning_curve, measure
+from crashfuse.study.study import run_study
+
+CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(40.0, 60.0))
+COLUMNS = [
+    *("n_tests", "chosen", "choice", "held_out", "approach", "window_ms", "overall", "inside", "half_width_g"),
+]
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Cache:
+    """The cache that the curve was computed with."""
+    return Cache(tmp_path_factory.mktemp("curve"))
+
+
+@pytest.fixture(scope="module")
+def curve(campaign: Campaign, cache: Cache) -> LearningCurve:
+    """Of the small campaign, with one random choice of each size."""
+    return learning_curve(campaign, CONFIG, repeats=1, cache=cache, workers=1)
+
+
+def test_each_part_predicts_all_other_tests_with_every_approach_over_every_window(curve: LearningCurve) -> None:
+    """One row each, the contract's columns first."""
+    table = curve.table
+    assert list(table) == COLUMNS
+    for (chosen, _, n_tests), part in table.groupby(["chosen", "choice", "n_tests"]):
+        ids = chosen.split()
+        assert len(ids) == n_tests
+        assert set(part["held_out"]) == set(curve.campaign.test_ids) - set(ids)
+        assert len(part) == (4 - n_tests) * len(CONFIG.approaches) * len(CONFIG.windows_ms)
+    assert sorted(table["n_tests"].unique()) == [1, 2, 3]
+
+
+def test_a_row_is_the_prediction_of_a_fit_to_its_part(curve: LearningCurve) -> None:
+    """Rated against the held-out test; the band is counted over the same window, in g."""
+    campaign = curve.campaign
+    row = next(row for row in curve.table.itertuples() if row.n_tests == 2 and row.approach == "displacement_domain")
+    training = campaign.without([test_id for test_id in campaign.test_ids if test_id not in row.chosen.split()])
+    test = campaign.test(row.held_out)
+    estimate = Fit.of(training, row.approach, CONFIG).estimate(test.condition)
+    expected = measure(estimate, test, row.window_ms)
+    assert {name: getattr(row, name) for name in expected} == pytest.approx(expected)
+    assert estimate.prediction.draws_mps2 is not None
+    draws = estimate.prediction.draws_mps2[:, : round(row.window_ms / 0.08)]
+    lower, upper = np.quantile(draws, [0.025, 0.975], axis=0)
+    measured = test.pulse.accel_mps2[: draws.shape[1]]
+    assert row.inside == pytest.approx(np.mean((lower <= measured) & (measured <= upper)), abs=2 / draws.shape[1])
+    assert row.half_width_g == pytest.approx(np.mean(upper - lower) / 2 / 9.80665, rel=1e-4)
+
+
+def test_the_raw_cae_model_has_no_band_and_needs_no_test(curve: LearningCurve) -> None:
+    """Its rating of a test is the same whatever was chosen."""
+    cae = curve.table[curve.table["approach"] == "cae"]
+    assert cae[["inside", "half_width_g"]].isna().all(axis=None)
+    assert (cae.groupby(["held_out", "window_ms"])["overall"].nunique() == 1).all()
+
+
+def test_all_but_one_is_what_a_study_rates(curve: LearningCurve, cache: Cache, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The largest parts leave each test out, and their predictions are the study's: nothing is fitted for it again."""
+    monkeypatch.setattr(Fit, "of", None)
+    study = run_study(curve.campaign, CONFIG, cache=cache, workers=1)
+    found = curve.table[curve.table["n_tests"] == 3].set_index(["held_out", "approach", "window_ms"])["overall"]
+    for fold in study.folds:
+        for name, ratings in fold.ratings.items():
+            for window, rating in ratings.items():
+                assert found[fold.held_out, name, window] == pytest.approx(rating.overall)
+
+
+@pytest.mark.slow
+def test_a_held_out_pulse_reaches_no_prediction_without_it(campaign: Campaign, curve: LearningCurve) -> None:
+    """Another pulse of T2: parts without T2 predict the others as before to the bit, those with T2 do not."""
+    test = campaign.test("T2")
+    softer = Pulse(test.pulse.time_s, 0.7 * test.pulse.accel_mps2)
+    tests = tuple(CrashTest(t.id, t.condition, softer) if t.id == "T2" else t for t in campaign.tests)
+    changed = learning_curve(replace(campaign, tests=tests), CONFIG, repeats=1, workers=1)
+    before, after = curve.table, changed.table
+    learned = (before["approach"] == "displacement_domain") & (before["held_out"] != "T2")
+    saw_it = before["chosen"].str.split().map(lambda ids: "T2" in ids)
+    assert before[learned & ~saw_it].equals(after[learned & ~saw_it])
+    assert (before.loc[learned & saw_it, "overall"] != after.loc[learned & saw_it, "overall"]).all()
+
+
+def test_what_was_computed_is_not_computed_again(
+    curve: LearningCurve, cache: Cache, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second time all rows come from the cache, equal to the digit; other settings do not find them."""
+    assert is_curve_cached(curve.campaign, CONFIG, cache, repeats=1)
+    assert not is_curve_cached(curve.campaign, replace(CONFIG, windows_ms=(50.0,)), cache, repeats=1)
+    monkeypatch.setattr(Fit, "of", None)
+    again = learning_curve(curve.campaign, CONFIG, repeats=1, cache=cache, workers=1)
+    assert again.table.equals(curve.table)
+
+
+@pytest.mark.slow
+def test_workers_do_not_change_the_numbers(curve: LearningCurve) -> None:
+    """Two processes give what one gives, in the same order."""
+    assert learning_curve(curve.campaign, CONFIG, repeats=1, workers=2).table.equals(curve.table)
+
+
+def test_the_ratings_by_test_are_means_over_the_even_choices(curve: LearningCurve) -> None:
+    """One row a test, one column a number of tests, over the longest window."""
+    by_test = curve.by_test("displacement_domain")
+    assert by_test.index.tolist() == list(curve.campaign.test_ids)
+    assert by_test.columns.tolist() == [1, 2, 3]
+    own = curve.table.query("approach == 'displacement_domain' and window_ms == 60 and choice == 'even'")
+    expected = own.query("held_out == 'T3' and n_tests == 1")["overall"].mean()
+    assert by_test.loc["T3", 1] == pytest.approx(expected)
+    assert by_test.notna().all(axis=None)
+    over_40_ms = curve.over(40.0).by_test("displacement_domain")
+    assert (over_40_ms != by_test).all(axis=None)
+
+
+def test_it_can_be_stopped(campaign: Campaign) -> None:
+    """At the next report."""
+    cancel = threading.Event()
+
+    def stop(progress: Progress) -> None:
+        if progress.step == "Predictions from fewer tests" and progress.done:
+            cancel.set()
+
+    with pytest.raises(Cancelled):
+        learning_curve(campaign, replace(CONFIG, approaches=("cae",)), watch=Watch(stop, cancel), workers=1)
+
+
+def test_what_makes_it_impossible_is_a_sentence(campaign: Campaign) -> None:
+    """A single test, an unknown approach, a negative number of choices, a window beyond the record."""
+    with pytest.raises(UsageError, match="at least 2 tests"):
+        learning_curve(campaign.without(["T1", "T2", "T3"]), CONFIG)
+    with pytest.raises(UsageError, match="magic"):
+        learning_curve(campaign, replace(CONFIG, approaches=("magic",)))
+    with pytest.raises(UsageError, match="0 or more, not -1"):
+        learning_curve(campaign, CONFIG, repeats=-1)
+    short = replace(campaign, tests=tuple(replace(test, recorded_s=0.05) for test in campaign.tests))
+    with pytest.raises(DataError, match="0–60 ms"):
+        learning_curve(short, CONFIG)
+
+
+def test_the_library_offers_it_by_name(curve: LearningCurve) -> None:
+    """With its table and its figure."""
+    assert crashfuse.learning_curve is learning_curve
+    assert len(curve.plot().data) >= 3
+    assert repr(curve) == "LearningCurve('Tiny': displacement_domain with 1 to 3 tests)"
