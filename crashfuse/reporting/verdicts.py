@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import plotly.graph_objects as go
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
@@ -15,6 +16,7 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.certification_tables import certification_table, track_record_table
+from crashfuse.reporting.plots.certification import verdict_matrix
 from crashfuse.study.config import StudyConfig
 
 
@@ -33,6 +35,10 @@ class Verdicts:
     def track_record(self) -> pd.DataFrame:
         """One row a left-out test and criterion, as ``track_record.csv``."""
         return track_record_table(self.certification.record)
+
+    def plot(self) -> go.Figure:
+        """The verdicts as a table in colours, conditions by criteria."""
+        return verdict_matrix(self.certification)
 
 
 def certify(

@@ -78,12 +78,13 @@ def verdict_matrix(certification: Certification) -> go.Figure:
         hoverdistance=-1,  # anywhere in a cell, its own mark is the nearest
         hoverlabel={"align": "left"},
         dragmode=False,
-        margin={"t": 52, "b": 36, "r": 16},
+        margin={"t": 52, "b": 36},
         modebar={"remove": ["zoom2d", "pan2d", "resetScale2d"]},
         legend={"y": 0, "yref": "container", "yanchor": "bottom"},
     )
-    figure.update_xaxes(side="top", title=None, range=None, ticks="", showline=False, showgrid=False, showspikes=False)
-    figure.update_yaxes(autorange="reversed", type="category", ticks="", showline=False, zeroline=False, showgrid=False)
+    plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
+    figure.update_xaxes(**plain, side="top", range=[-0.5, len(names) - 0.5], showspikes=False)
+    figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
     figure.update_yaxes(tickmode="linear" if with_words else "auto", dtick=1 if with_words else None)
     return figure
 
@@ -96,7 +97,9 @@ def cell_name(condition_id: str, verdict: Verdict) -> str:
 def validated_domain(certification: Certification) -> go.Figure:
     """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
     figure, domain, campaign = new_figure(height=480), certification.domain, certification.campaign
-    mass_low, mass_high = (end / LB for end in domain.masses_kg)
+    run_masses = campaign.cae.vectors[:, 1:].sum(axis=1)
+    mass_low = max(domain.masses_kg[0], float(run_masses.min())) / LB
+    mass_high = min(domain.masses_kg[1], float(run_masses.max())) / LB
     for number, (low, high) in enumerate(domain.speed_ranges_mps):
         low, high = low / MPH, high / MPH
         figure.add_scatter(
@@ -105,9 +108,10 @@ def validated_domain(certification: Certification) -> go.Figure:
             fillcolor=f"rgba{(*hex_to_rgb(_CHECKED), 0.18)}", line={"color": _CHECKED, "width": 1, "dash": "dash"},
             hoverinfo="skip",
         )  # fmt: skip
-    runs = campaign.cae.vectors[:: -(-len(campaign.cae) // _MAX_RUNS)]
+    some = slice(None, None, -(-len(campaign.cae) // _MAX_RUNS))
     figure.add_scatter(
-        x=np.float32(runs[:, 0] / MPH), y=np.float32(runs[:, 1:].sum(axis=1) / LB), mode="markers", hoverinfo="skip",
+        x=np.float32(campaign.cae.vectors[some, 0] / MPH), y=np.float32(run_masses[some] / LB), mode="markers",
+        hoverinfo="skip",
         name=f"{len(campaign.cae):,} CAE runs", marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.3},
     )  # fmt: skip
     rows = list(zip(certification.matrix.ids, certification.verdicts, strict=True))
@@ -133,13 +137,14 @@ def validated_domain(certification: Certification) -> go.Figure:
         y=np.array([test.condition.mass_kg / LB for test in campaign.tests], dtype=np.float32),
         mode="markers",
         name=f"{len(campaign.tests)} tests",
-        marker={"color": MEASURED_COLOUR, "symbol": "cross-thin", "size": 11, "line": {"width": 2}},
+        marker={"symbol": "cross-thin", "size": 11, "line": {"width": 2, "color": MEASURED_COLOUR}},
         customdata=[[test.id, str(test.condition)] for test in campaign.tests],
         hovertemplate="<b>Test %{customdata[0]}</b><br>%{customdata[1]}<extra></extra>",
     )
-    figure.update_traces(marker_line_color=MEASURED_COLOUR, selector={"name": f"{len(campaign.tests)} tests"})
     figure.update_layout(hovermode="closest")
-    figure.update_xaxes(title="Impact speed (mph)", range=None, showspikes=False, unifiedhovertitle=None)
+    figure.update_xaxes(
+        title="Impact speed (mph)", range=None, zeroline=False, showspikes=False, unifiedhovertitle=None
+    )
     figure.update_yaxes(title="Front and rear weight together (lb)")
     return figure
 

@@ -10,7 +10,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS
 from crashfuse.reporting.plots.canvas import new_figure
-from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, VERDICT_COLOURS
+from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
 from crashfuse.signals.pulse import FloatArray
 
 _AGREES, _DISAGREES = "#0072B2", "#D55E00"
@@ -23,6 +23,9 @@ def reliability(record: TrackRecord) -> go.Figure:
     Lines are Clopper and Pearson's 95 % bounds of the share; a bin whose probability lies outside them is drawn open.
     """
     figure = new_figure(height=440)
+    if not record.reliability:
+        _say(figure, "No test was left out: nothing to compare with.")
+        return figure
     figure.add_scatter(
         x=[0, 1], y=[0, 1], mode="lines", name="As promised", line={"color": AXIS, "dash": "dot"}, hoverinfo="skip"
     )
@@ -43,8 +46,8 @@ def reliability(record: TrackRecord) -> go.Figure:
                 "thickness": 1.5,
                 "width": 4,
             },
-            text=[f"{each.n}" for each in bins],
-            textposition=["middle left" if each.probability > 0.9 else "middle right" for each in bins],
+            text=[f"n = {each.n}" for each in bins],
+            textposition=["top center" if each.met >= 0.5 else "bottom center" for each in bins],
             mode="markers+text",
             cliponaxis=False,
             name=name,
@@ -56,11 +59,9 @@ def reliability(record: TrackRecord) -> go.Figure:
             "%{customdata[3]} of %{customdata[2]} met: %{y:.3f} (95 %: %{customdata[4]:.3f} to %{customdata[5]:.3f})"
             "<extra></extra>",
         )
-    if not record.reliability:
-        _say(figure, "No test was left out: nothing to compare with.")
     figure.update_layout(hovermode="closest", showlegend=True)
-    axis = {"range": [-0.04, 1.04], "dtick": 0.2, "zeroline": False}
-    figure.update_xaxes({**axis, "title": "Probability given that the test meets the criterion"})
+    axis = {"range": [-0.09, 1.09], "tickvals": [0, 0.2, 0.4, 0.6, 0.8, 1], "zeroline": False}
+    figure.update_xaxes({**axis, "title": "Probability, said before, that the test meets the criterion"})
     figure.update_xaxes(showspikes=False, unifiedhovertitle=None)
     figure.update_yaxes({**axis, "title": "Share of tests that met it"})
     return figure
@@ -72,7 +73,7 @@ def record_figure(record: TrackRecord) -> go.Figure:
     Tests stand in order of speed. A ring marks a verdict that the test contradicts.
     """
     trials = sorted(record.counted, key=lambda trial: trial.verdict.condition.speed_mps)
-    criteria = list(dict.fromkeys(trial.verdict.criterion for trial in record.counted))
+    criteria = _in_order(record)
     tests = list(dict.fromkeys(trial.held_out for trial in trials))
     figure = new_figure(height=max(120 + 210 * len(criteria), 330))
     if not criteria:
@@ -94,6 +95,15 @@ def record_figure(record: TrackRecord) -> go.Figure:
     figure.update_layout(hovermode="closest", hoverlabel={"align": "left"}, margin={"t": 90})
     figure.update_xaxes(title="Left-out test, in order of speed", row=len(criteria))
     return figure
+
+
+def _in_order(record: TrackRecord) -> list[Criterion]:
+    """All criteria in their order, although the records of some tests may be too short for some."""
+    by_test: dict[tuple[str, str], list[Criterion]] = {}
+    for trial in record.trials:
+        by_test.setdefault((trial.held_out, trial.left_out), []).append(trial.verdict.criterion)
+    fullest_first = sorted(by_test.values(), key=len, reverse=True)
+    return list(dict.fromkeys(criterion for some in fullest_first for criterion in some))
 
 
 def _draw_trials(figure: go.Figure, trials: Sequence[Trial], criterion: Criterion, tests: list[str], row: int) -> None:
@@ -120,7 +130,7 @@ def _draw_trials(figure: go.Figure, trials: Sequence[Trial], criterion: Criterio
         )
     wrong = [trial for trial in trials if trial.wrong]
     for name, some, marker in (
-        ("measured", trials, {"color": MEASURED_COLOUR, "size": 6}),
+        ("measured", trials, {"color": MEASURED_COLOUR, "size": 7, "line": {"width": 1, "color": PAPER}}),
         ("wrong", wrong, {"color": _DISAGREES, "symbol": "circle-open", "size": 20, "line": {"width": 2.5}}),
     ):
         figure.add_scatter(
@@ -143,7 +153,7 @@ def _draw_trials(figure: go.Figure, trials: Sequence[Trial], criterion: Criterio
         y=1, yref="y domain", yanchor="bottom", showarrow=False, row=row, col=1,
     )  # fmt: skip
     title = "Rating" if criterion.window_ms is not None else f"{criterion.label} ({criterion.unit})"
-    figure.update_yaxes(title="<br>".join(wrap(title, 24)), row=row)
+    figure.update_yaxes(title={"text": "<br>".join(wrap(title, 24)), "font": {"size": 13}}, row=row)
 
 
 def _told(trial: Trial) -> str:
@@ -174,3 +184,4 @@ def _legend(figure: go.Figure, name: str, *, color: str, symbol: str, line_color
 
 def _say(figure: go.Figure, words: str) -> None:
     figure.add_annotation(text=words, x=0.5, y=0.5, xref="paper", yref="paper", showarrow=False)
+    figure.update_layout(showlegend=False, xaxis_visible=False, yaxis_visible=False)
