@@ -122,12 +122,10 @@ def certify_matrix(
             check_window(test, window)
     [approach] = config.approaches
     left_out = _left_out(campaign)
+    trials, cells = _asked(campaign, matrix, approach)
     ask = _Asker(campaign, criteria.windows_ms, config, cache or Cache(), watch)
     with workers_at(scheduler, workers) as place:
         start = time.perf_counter()
-        names = dict.fromkeys((approach, BASELINE))
-        trials = [_Asked(held_out, name, campaign.test(i).condition) for i, _, held_out in left_out for name in names]
-        cells = [_Asked((), approach, condition) for condition in matrix.conditions]
         forecasts = ask.all(trials, place, "Left-out tests", learn_for=cells)
         learned = time.perf_counter()
         forecasts |= ask.all(cells, place, "Conditions of the matrix")
@@ -146,6 +144,25 @@ def certify_matrix(
             )
     supported = tuple(tuple(_supported(own, record, criteria.confidence) for own in row) for row in verdicts)
     return Certification(campaign, criteria, matrix, config, domain, supported, record, seconds)
+
+
+def is_computed(campaign: Campaign, criteria: Criteria, matrix: Matrix, config: StudyConfig, cache: Cache) -> bool:
+    """Whether the cache has every forecast that a certification takes, so that it takes no time."""
+    config = replace(config, approaches=config.approaches[:1])
+    ask = _Asker(campaign, criteria.windows_ms, config, cache, SILENT)
+    trials, cells = _asked(campaign, matrix, config.approaches[0])
+    return all(ask.find(each) is not None for each in (*cells, *trials))
+
+
+def _asked(campaign: Campaign, matrix: Matrix, approach: str) -> tuple[list[_Asked], list[_Asked]]:
+    """Forecasts of left-out tests, by the raw CAE as well, and of the conditions of a matrix."""
+    names = dict.fromkeys((approach, BASELINE))
+    trials = [
+        _Asked(held_out, name, campaign.test(test_id).condition)
+        for test_id, _, held_out in _left_out(campaign)
+        for name in names
+    ]
+    return trials, [_Asked((), approach, condition) for condition in matrix.conditions]
 
 
 def _left_out(campaign: Campaign) -> list[tuple[str, LeftOut, tuple[str, ...]]]:
@@ -206,13 +223,13 @@ class _Asker:
         self, asked: Sequence[_Asked], workers: Workers, step: str, learn_for: Sequence[_Asked] = ()
     ) -> dict[_Asked, Forecast]:
         """All forecasts asked for, and one of ``learn_for``, so that the fit to all tests is made beside the others."""
-        found = {each: own for each in asked if (own := self._find(each)) is not None}
+        found = {each: own for each in asked if (own := self.find(each)) is not None}
         missing = [each for each in dict.fromkeys(asked) if each not in found]
         tasks: dict[tuple[str, ...], list[_Asked]] = {}
         for each in missing:
             tasks.setdefault(each.held_out, []).append(each)
         chunks = [own[i : i + _CHUNK] for own in tasks.values() for i in range(0, len(own), _CHUNK)]
-        chunks[:0] = [[each] for each in learn_for if self._find(each) is None][:1]
+        chunks[:0] = [[each] for each in learn_for if self.find(each) is None][:1]
         shared = prepare(self.campaign, {each.approach for each in missing}, self.config, self.cache, self.watch)
         names = {each.approach for own in chunks for each in own}
         devices = [device for name in sorted(names) if (device := self.config.create(name).device)]
@@ -226,7 +243,8 @@ class _Asker:
                 self.watch.report(step, min(len(found), total), total)
         return found
 
-    def _find(self, asked: _Asked) -> Forecast | None:
+    def find(self, asked: _Asked) -> Forecast | None:
+        """The forecast in the cache, if there is one."""
         training = self.campaign.without(asked.held_out)
         return self.cache.find(_KIND, _key(training, asked, self.config, self.windows_ms), Forecast.restored)
 

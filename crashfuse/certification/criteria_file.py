@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
+from crashfuse.campaign_folder.writer import toml_text
 from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria, Criterion
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.csv_text import text_from
@@ -48,6 +49,15 @@ def read_criteria(path: Path) -> Criteria:
 def criteria_of(criteria: Sequence[Mapping[str, Any]], confidence: float = CONFIDENCE) -> Criteria:
     """Create criteria from mappings with the keys of ``criteria.toml``; raises as :func:`read_criteria`."""
     return _checked([dict(item) for item in criteria], confidence, "the criteria", [])
+
+
+def criteria_text(criteria: Criteria) -> str:
+    """The criteria as the text of ``criteria.toml``."""
+    lines = [f"confidence = {criteria.confidence!r}"]
+    for criterion in criteria.items:
+        values = {key: getattr(criterion, key) for key in ("name", "metric", "window_ms", "at_least", "at_most")}
+        lines += ["", "[[criterion]]", *(f"{k} = {toml_text(v)}" for k, v in values.items() if v is not None)]
+    return "\n".join([*lines, ""])
 
 
 def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:

@@ -90,7 +90,7 @@ class Matrix:
         Raises
         ------
         UsageError
-            If a value is given twice, is not above 0, or there are too many combinations.
+            If a value is given twice, is not above 0, or too large, or there are too many combinations.
         """
         for name, values in (
             ("speed", speeds_mps),
@@ -103,5 +103,11 @@ class Matrix:
         axes = list(product(speeds_mps, front_weights_kg, rear_weights_kg, kinds))
         if len(axes) > _MOST:
             raise UsageError(f"A matrix has at most {_MOST:,} conditions; this grid has {len(axes):,}.")
+        heaviest = max(front_weights_kg, default=0.0) + max(rear_weights_kg, default=0.0)
+        if axes and (max(speeds_mps) > FASTEST_MPS or heaviest > HEAVIEST_KG):
+            most = f"{FASTEST_MPS / MPH:.0f} mph and {HEAVIEST_KG / LB:.0f} lb in all"
+            raise UsageError(
+                f"A grid goes up to {most}, not to {max(speeds_mps) / MPH:g} mph and {heaviest / LB:g} lb."
+            )
         ids = tuple(f"M{number:03d}" for number in range(1, len(axes) + 1))
         return cls(ids, tuple(Condition(v, front, rear, kind) for v, front, rear, kind in axes))

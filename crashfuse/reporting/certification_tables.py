@@ -1,24 +1,24 @@
 """Tables of a certification: ``certification.csv``, ``track_record.csv``, and the counts of ``certification.json``."""
 
+from collections.abc import Sequence
+
 import pandas as pd
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS
+from crashfuse.condition import Condition
 from crashfuse.units import LB, MPH
 
 
 def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion."""
-    factors = dict.fromkeys(name for c in certification.matrix.conditions for name, _ in c.factors)
+    factors = _factors(certification.matrix)
     return pd.DataFrame(
         {
-            "id": cell,
-            "speed_mph": verdict.condition.speed_mps / MPH,
-            "front_weight_lb": verdict.condition.front_weight_kg / LB,
-            "rear_weight_lb": verdict.condition.rear_weight_kg / LB,
-            **{name: dict(verdict.condition.factors).get(name, "") for name in factors},
+            **_condition(cell, verdict.condition, factors),
             "criterion": verdict.criterion.name,
             "metric": verdict.criterion.metric,
             "window_ms": verdict.criterion.window_ms,
@@ -34,6 +34,26 @@ def certification_table(certification: Certification) -> pd.DataFrame:
         }
         for cell, verdict in certification.cells
     )
+
+
+def matrix_table(matrix: Matrix) -> pd.DataFrame:
+    """The conditions, in the form of ``matrix.csv``."""
+    factors = _factors(matrix)
+    return pd.DataFrame(_condition(i, c, factors) for i, c in zip(matrix.ids, matrix.conditions, strict=True))
+
+
+def _factors(matrix: Matrix) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for condition in matrix.conditions for name, _ in condition.factors))
+
+
+def _condition(condition_id: str, condition: Condition, factors: Sequence[str]) -> dict[str, object]:
+    return {
+        "id": condition_id,
+        "speed_mph": condition.speed_mps / MPH,
+        "front_weight_lb": condition.front_weight_kg / LB,
+        "rear_weight_lb": condition.rear_weight_kg / LB,
+        **{name: dict(condition.factors).get(name, "") for name in factors},
+    }
 
 
 _TRIAL_COLUMNS = ("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met")

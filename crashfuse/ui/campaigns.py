@@ -48,7 +48,12 @@ def open_folder(folder: Path) -> str:
 
 def load(name: str) -> Campaign:
     """The open campaign of this name, read again only if its files have changed."""
-    return read(open_campaigns()[name] or _sample_folder())
+    return read(folder_of(name))
+
+
+def folder_of(name: str) -> Path:
+    """The folder of the open campaign of this name."""
+    return open_campaigns()[name] or _sample_folder()
 
 
 def read(folder: Path) -> Campaign:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from contextvars import ContextVar
 from dataclasses import dataclass
+from pathlib import Path
 
 import streamlit as st
 
@@ -23,9 +24,10 @@ REFUSED = "refused"  # session key: what is wrong with the campaign last tried
 
 @dataclass(frozen=True)
 class View:
-    """The user's choices in the sidebar."""
+    """The user's choices in the sidebar, and the folder of the campaign."""
 
     campaign: Campaign
+    folder: Path
     held_out: CrashTest
     display: Display
 
@@ -159,7 +161,9 @@ def _sidebar() -> _Choice:
             bind="query-params", help="Braking is negative as an acceleration (SAE J1733), positive as a deceleration.",
         )  # fmt: skip
         _keep_up(st.context.theme.type)
-    choice.view = View(campaign, held_out, Display(float(window), unit, sign == "Deceleration"))
+    choice.view = View(
+        campaign, campaigns.folder_of(name), held_out, Display(float(window), unit, sign == "Deceleration")
+    )
     return choice
 
 

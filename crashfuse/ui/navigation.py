@@ -1,4 +1,4 @@
-"""The five pages, navigation between them, and the look of the window."""
+"""The pages, navigation between them, and the look of the window."""
 
 import streamlit as st
 from streamlit.navigation.page import Page
@@ -9,6 +9,7 @@ _PAGES = {
     "compare": ("Compare", ":material/stacked_line_chart:"),
     "study": ("Study", ":material/grid_on:"),
     "predict": ("Predict", ":material/trending_up:"),
+    "certify": ("Certify", ":material/fact_check:"),
 }
 
 # drawn here: an icon from Streamlit's own font would make the browser fetch the tab's icon from the internet
@@ -29,7 +30,7 @@ _SIDEBAR_PX = 320
 
 
 def pages() -> dict[str, Page]:
-    """The five pages by the name in their address."""
+    """The pages by the name in their address."""
     return {
         name: st.Page(f"pages/{name}.py", title=title, icon=icon, url_path=name)
         for name, (title, icon) in _PAGES.items()

@@ -61,7 +61,7 @@ def reliability(record: TrackRecord) -> go.Figure:
         )
     figure.update_layout(hovermode="closest", showlegend=True)
     axis = {"range": [-0.09, 1.09], "tickvals": [0, 0.2, 0.4, 0.6, 0.8, 1], "zeroline": False}
-    figure.update_xaxes({**axis, "title": "Probability, said before, that the test meets the criterion"})
+    figure.update_xaxes({**axis, "title": "Probability given in advance"})
     figure.update_xaxes(showspikes=False, unifiedhovertitle=None)
     figure.update_yaxes({**axis, "title": "Share of tests that met it"})
     return figure

@@ -1,0 +1,155 @@
+"""The acceptance criteria: those of the campaign, an uploaded file's, or typed into a table."""
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+import streamlit as st
+
+from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria
+from crashfuse.certification.criteria_file import criteria_of, read_criteria
+from crashfuse.errors import DataError
+from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
+from crashfuse.ui.certify.files import show_wrong, uploaded
+from crashfuse.ui.frame import View
+
+_FILE = "criteria.toml"
+_COLUMNS = {"name": "str", "metric": "str", "window_ms": "float", "at_least": "float", "at_most": "float"}
+_METRICS = {
+    **{name: f"{label} ({METRIC_UNITS[name]})" for name, label in METRIC_LABELS.items()},
+    RATING: "ISO/TS 18571 rating against a test there",
+}
+_EXAMPLE = f"""confidence = {CONFIDENCE}
+
+[[criterion]]
+name = "crush"           # yours to choose
+metric = "max_crush"
+at_most = …              # your limit, in mm
+
+[[criterion]]
+name = "rating"          # of the prediction against a test, from 0 to 1
+metric = "rating"
+window_ms = 60
+at_least = …"""
+
+
+@dataclass
+class _Draft:
+    """The table as edited last, and as the editor began with it; another round begins the editor anew."""
+
+    rows: pd.DataFrame
+    begun: pd.DataFrame
+    round: int = 0
+
+
+def choose_criteria(view: View) -> Criteria | None:
+    """Ask for criteria and confidence; None while there are none or some cannot be judged, which is said here."""
+    draft = _draft(view)
+    editor = f"criteria {view.campaign.fingerprint[:8]} {draft.round}"
+    if editor not in st.session_state:  # at first, or back from another page, which forgets the editor's changes
+        draft.begun = draft.rows
+    draft.rows = st.data_editor(
+        draft.begun,
+        key=editor,
+        num_rows="dynamic",
+        hide_index=True,
+        placeholder="",
+        column_config={
+            "name": st.column_config.TextColumn(
+                "Name", help="Any; the metric's own if it is left empty.", max_chars=100
+            ),
+            "metric": st.column_config.SelectboxColumn(
+                "Metric",
+                options=list(_METRICS),
+                format_func=lambda name: _METRICS[str(name)],
+                width="large",
+                required=True,
+            ),
+            "window_ms": st.column_config.NumberColumn(
+                "Window (ms)", help="Of a rating, from first contact; 60 if it is left empty. Not of other metrics."
+            ),
+            "at_least": st.column_config.NumberColumn("At least", help="In the metric's unit."),
+            "at_most": st.column_config.NumberColumn("At most", help="In the metric's unit."),
+        },
+        alt="Acceptance criteria: name, metric, window, and limits",
+    )
+    left, right = st.columns([1, 2], gap="large")
+    confidence = left.number_input(
+        "Confidence", min_value=0.5, max_value=0.999, step=0.01, format="%.3f", key="confidence",
+        bind="query-params", persist_state="session",
+        help="A criterion counts as met from this probability, as not met from its complement, and is open between.",
+    )  # fmt: skip
+    with right.expander("How criteria are declared, or brought as a file", icon=":material/help:"):
+        st.markdown(
+            "One row a criterion: a metric with its limit, `at least`, `at most`, or both, in the unit beside the "
+            f"metric. In a file, `{_FILE}` in the campaign folder or uploaded here, with limits in place of the dots:"
+        )
+        st.code(_EXAMPLE, language="toml")
+        _show_upload(view, draft)
+    rows = _declared(draft.rows)
+    if not rows:
+        st.info("No criteria yet: add a row above, with a metric and your limit for it.", icon=":material/edit:")
+        return None
+    try:
+        return criteria_of(rows, confidence)
+    except DataError as error:
+        show_wrong(error)
+        return None
+
+
+def _draft(view: View) -> _Draft:
+    """The session's table of this campaign, at first that of its folder; problems of the file are said."""
+    key, current = f"draft {view.campaign.fingerprint[:8]}", "campaign of the criteria"
+    declared = None
+    if key not in st.session_state or st.session_state.get(current) != key:
+        path = view.folder / _FILE
+        try:
+            declared = read_criteria(path) if path.is_file() else None
+        except DataError as error:
+            show_wrong(error)
+    if key not in st.session_state:
+        rows = _rows(declared)
+        st.session_state[key] = _Draft(rows, rows)
+    if (before := st.session_state.get(current)) != key:
+        if before is not None or "confidence" not in st.session_state:  # else a link gives it
+            st.session_state["confidence"] = declared.confidence if declared else CONFIDENCE
+        st.session_state[current] = key
+    draft: _Draft = st.session_state[key]
+    return draft
+
+
+def _rows(criteria: Criteria | None) -> pd.DataFrame:
+    rows = [[getattr(own, name) for name in _COLUMNS] for own in criteria.items] if criteria else []
+    return pd.DataFrame(rows, columns=list(_COLUMNS)).astype(_COLUMNS)
+
+
+def _declared(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows in which anything was entered, as mappings of what was."""
+    entered = [_entered(row) for row in rows.to_dict("records")]
+    return [row for row in entered if row]
+
+
+def _entered(row: Mapping[Hashable, Any]) -> dict[str, Any]:
+    return {str(name): value for name, value in row.items() if not pd.isna(value) and value != ""}
+
+
+def _show_upload(view: View, draft: _Draft) -> None:
+    key = f"criteria file {view.campaign.fingerprint[:8]}"
+    wrong = f"{key}: wrong"
+
+    def take() -> None:
+        st.session_state.pop(wrong, None)
+        if (file := st.session_state[key]) is None:
+            return
+        try:
+            criteria = uploaded(file, _FILE, read_criteria)
+        except DataError as error:
+            st.session_state[wrong] = error
+            return
+        draft.rows, draft.round = _rows(criteria), draft.round + 1
+        st.session_state["confidence"] = criteria.confidence
+
+    st.file_uploader(f"Upload {_FILE}", type="toml", key=key, on_change=take)
+    if wrong in st.session_state:
+        show_wrong(st.session_state[wrong])

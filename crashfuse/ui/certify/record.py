@@ -1,0 +1,96 @@
+"""What stands behind the verdicts on the Certify page: the record of left-out tests, and the validated domain."""
+
+from collections.abc import Hashable
+
+import pandas as pd
+import streamlit as st
+
+from crashfuse.certification.certify import Certification
+from crashfuse.reporting.certification_sentences import (
+    brier_sentence,
+    domain_sentences,
+    exceptions,
+    record_sentence,
+    support_sentence,
+)
+from crashfuse.reporting.certification_tables import record_counts
+from crashfuse.reporting.plots.certification import validated_domain
+from crashfuse.reporting.plots.track_record import record_figure, reliability
+from crashfuse.ui.figures import show_cached_figure
+from crashfuse.ui.text import plain
+
+
+def show_record(certification: Certification, key: Hashable) -> None:
+    """Show how often verdicts on left-out tests were wrong, by criterion, and how reliable the probabilities are."""
+    record = certification.record
+    st.markdown(
+        "Every test was left out, alone and with all others at about its speed, got its verdicts from the remaining "
+        "tests, and is compared with what was measured."
+    )
+    st.markdown("\n".join(f"- {plain(s)}" for s in (record_sentence(record), *brier_sentence(record))))
+    if not record.trials:
+        return
+    st.table(_counts(certification).style.hide(axis="index"), border="horizontal")
+    measured, said = st.tabs(["What left-out tests showed", "Are the probabilities right?"])
+    with measured:
+        show_cached_figure(
+            lambda: record_figure(record),
+            "Predicted and measured values of each left-out test by criterion, with intervals and limits",
+            "record",
+            key,
+        )
+        st.caption(
+            "Lines: 95 % of tests are predicted to lie there. Left: left out alone; right: with its speed group."
+        )
+    with said:
+        show_cached_figure(
+            lambda: reliability(record),
+            "Share of left-out tests that met a criterion over the probability given, with exact bounds",
+            "reliability",
+            key,
+        )
+        st.caption(
+            "All left-out verdicts, in bins of probability; n is their number, the lines exact 95 % bounds "
+            "(Clopper and Pearson). Where the dotted line passes within them, the probabilities are right."
+        )
+
+
+def show_domain(certification: Certification, key: Hashable) -> None:
+    """Show where predictions are checked, with the conditions of the matrix in it."""
+    show_cached_figure(
+        lambda: validated_domain(certification),
+        "Speed against mass: the checked region, CAE runs, tests and the conditions of the matrix",
+        "domain",
+        key,
+    )
+    st.caption("  \n".join(plain(sentence) for sentence in domain_sentences(certification.domain)))
+
+
+def show_exceptions(certification: Certification) -> None:
+    """List what has to be known against the verdicts."""
+    for subject, sentences in exceptions(certification).items():
+        st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in sentences))
+
+
+def _counts(certification: Certification) -> pd.DataFrame:
+    record, rows = certification.record, []
+    for criterion in certification.criteria.items:
+        counts = record_counts(record, criterion)
+        bound = counts["decided"]["wrong_at_most"]
+        rows.append(
+            {
+                "Criterion": plain(criterion.name),
+                "Limit": criterion.limits,
+                **{word.capitalize(): _said(counts[word]) for word in ("met", "not met", "open", "outside")},
+                "Wrong at most": "–" if bound is None else f"{100 * float(str(bound)):.0f} %",
+                "What this record supports": plain(
+                    support_sentence(record, criterion, certification.criteria.confidence)
+                ),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _said(counts: dict[str, object]) -> str:
+    wrong = counts.get("wrong")
+    return f"{counts['n']}, {wrong} wrong" if wrong else f"{counts['n']}"

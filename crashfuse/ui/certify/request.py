@@ -1,0 +1,39 @@
+"""The computation behind the Certify page."""
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import Certification, certify_matrix, is_computed
+from crashfuse.certification.criteria import Criteria
+from crashfuse.certification.matrix import Matrix
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import Watch
+from crashfuse.study.config import StudyConfig
+from crashfuse.ui.computation import Request
+
+
+@dataclass(frozen=True)
+class CertificationRequest(Request[Certification]):
+    """Judge criteria at the conditions of a matrix, by the first approach of the settings."""
+
+    campaign: Campaign
+    criteria: Criteria
+    matrix: Matrix
+    config: StudyConfig
+
+    @property
+    def key(self) -> Hashable:  # noqa: D102
+        config = self.config
+        settings = config.approaches[0], config.preset, config.seed, config.device
+        return "certification", self.campaign.fingerprint, self.criteria, self.matrix, settings
+
+    @property
+    def title(self) -> str:  # noqa: D102
+        return f"{self.campaign.name}: verdicts at {len(self.matrix.ids)} conditions"
+
+    def work(self, watch: Watch) -> Certification:  # noqa: D102
+        return certify_matrix(self.campaign, self.criteria, self.matrix, self.config, watch=watch)
+
+    def in_cache(self) -> bool:  # noqa: D102
+        return is_computed(self.campaign, self.criteria, self.matrix, self.config, Cache())

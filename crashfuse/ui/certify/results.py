@@ -1,0 +1,139 @@
+"""Verdicts on the Certify page: the matrix, one cell of it, and the table."""
+
+import pandas as pd
+import streamlit as st
+from pandas.io.formats.style import Styler
+
+from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.track_record import largest_share
+from crashfuse.certification.verdict import WORDS, Verdict
+from crashfuse.condition import Condition
+from crashfuse.reporting.certification_sentences import to_test
+from crashfuse.reporting.certification_tables import verdict_counts
+from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name, verdict_matrix
+from crashfuse.reporting.plots.palette import VERDICT_COLOURS
+from crashfuse.ui.figures import show_clickable
+from crashfuse.ui.navigation import open_page
+from crashfuse.ui.text import plain
+from crashfuse.units import LB, MPH
+
+_CELL = "cell"
+_MEANINGS = {
+    "met": "A test there would meet the criterion, with the confidence asked for: it need not be run.",
+    "not met": "A test there would miss it, with the same confidence.",
+    "open": "Neither can be said with confidence: test it, or redesign.",
+    "outside": "Beyond what the campaign's own tests check.",
+}
+
+
+def show_verdicts(certification: Certification) -> None:
+    """Show the counts of verdicts, and the matrix in which a cell can be chosen."""
+    counts, columns = verdict_counts(certification), st.columns(len(WORDS) + 1)
+    for column, word in zip(columns, WORDS, strict=False):
+        share = f"{100 * counts[word] / len(certification.cells):.0f} %"
+        column.metric(
+            word.capitalize(), f"{counts[word]:,}", share, delta_color="off", delta_arrow="off", help=_MEANINGS[word]
+        )
+    decided, wrong = certification.record.decided
+    columns[-1].metric(
+        "Wrong on left-out tests", f"{wrong} of {decided}" if decided else "–",
+        f"at most {100 * largest_share(wrong, decided):.1f} %" if decided else None, delta_color="off",
+        delta_arrow="off", help="Verdicts met and not met, with the exact one-sided 95 % bound of the wrong ones' share.",
+    )  # fmt: skip
+    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in to_test(certification)))
+    n = len(certification.matrix.ids)
+    with st.container(height=46 + 24 * FEW_CONDITIONS if n > FEW_CONDITIONS else "content", border=False):
+        show_clickable(
+            verdict_matrix(certification),
+            alt="Verdicts by condition and criterion; the same words are in the table below",
+            key="verdict matrix",
+            on_click=lambda cell: st.session_state.update({_CELL: cell}),
+        )
+    st.caption("Numbers: probability that a test there would meet the criterion. Click a cell for its reason.")
+    _show_cell(certification)
+
+
+def show_table(certification: Certification) -> None:
+    """Show verdicts of chosen kinds, one row a condition and criterion."""
+    words = st.pills(
+        "Verdicts", WORDS, selection_mode="multi", default=WORDS, key="verdicts", bind="query-params",
+        persist_state="session",
+    )  # fmt: skip
+    table = _table(certification)
+    table = table[table["Verdict"].isin(words)]
+    st.dataframe(
+        _coloured(table),
+        hide_index=True,
+        height=min(36 * len(table) + 40, 560),
+        column_config={
+            "Speed (mph)": st.column_config.NumberColumn(format="%.1f"),
+            "Probability": st.column_config.NumberColumn(format="%.3f"),
+            "Reason": st.column_config.TextColumn(width="large"),
+        },
+        alt="Verdicts by condition and criterion, with values, intervals, probabilities and reasons",
+    )
+
+
+def _show_cell(certification: Certification) -> None:
+    cells = {cell_name(i, verdict): verdict for i, verdict in certification.cells}
+    if st.session_state.get(_CELL) not in (None, *cells):  # of another matrix, or of a criterion that was renamed
+        del st.session_state[_CELL]
+    chosen = st.selectbox(
+        "Cell", list(cells), index=None, placeholder="Choose a condition and criterion, or click a cell", key=_CELL,
+        bind="query-params", persist_state="session", label_visibility="collapsed",
+    )  # fmt: skip
+    if chosen is None:
+        return
+    verdict = cells[chosen]
+    with st.container(border=True):
+        st.markdown(f"**{plain(chosen)}: {verdict.word}**")
+        st.markdown(plain(verdict.reason))
+        st.caption(f"{plain(str(verdict.condition))}; {plain(verdict.criterion.label)}, {verdict.criterion.limits}")
+        button = "See the predicted pulse there"
+        args = (certification.campaign, verdict.condition)
+        if st.button(button, icon=":material/arrow_forward:", on_click=_take_to_predict, args=args):
+            open_page("predict")
+
+
+def _take_to_predict(campaign: Campaign, condition: Condition) -> None:
+    """Fill in a condition on the page Predict."""
+    given = dict(condition.factors)
+    st.session_state.update(
+        {
+            "speed_mph": round(condition.speed_mps / MPH, 3),
+            "front_weight_lb": round(condition.front_weight_kg / LB, 3),
+            "rear_weight_lb": round(condition.rear_weight_kg / LB, 3),
+            **{f"{name} {campaign.fingerprint[:8]}": given.get(name) or None for name in campaign.factors},
+        }
+    )
+
+
+def _table(certification: Certification) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "Condition": i,
+            "Speed (mph)": verdict.condition.speed_mps / MPH,
+            "Criterion": verdict.criterion.name,
+            "Limit": verdict.criterion.limits,
+            "Expected": verdict.criterion.shown(verdict.value),
+            "95 % of tests": _interval(verdict),
+            "Probability": verdict.probability,
+            "Verdict": verdict.word,
+            "Reason": verdict.reason,
+        }
+        for i, verdict in certification.cells
+    )
+
+
+def _interval(verdict: Verdict) -> str:
+    if verdict.lower is None or verdict.upper is None:
+        return "–"
+    return f"{verdict.criterion.shown(verdict.lower)} to {verdict.criterion.shown(verdict.upper)}"
+
+
+def _coloured(table: pd.DataFrame) -> Styler:
+    def style(word: str) -> str:
+        return f"background-color: {VERDICT_COLOURS[word]}; color: #000000"
+
+    return table.style.map(style, subset=["Verdict"])
