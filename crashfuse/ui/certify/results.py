@@ -39,7 +39,7 @@ def show_verdicts(certification: Certification) -> None:
     columns[-1].metric(
         "Wrong on left-out tests", f"{wrong} of {decided}" if decided else "–",
         f"at most {100 * largest_share(wrong, decided):.1f} %" if decided else None, delta_color="off",
-        delta_arrow="off", help="Verdicts met and not met, with the exact one-sided 95 % bound of the wrong ones' share.",
+        delta_arrow="off", help="Of verdicts met and not met; with the exact one-sided 95 % bound of their share.",
     )  # fmt: skip
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in to_test(certification)))
     n = len(certification.matrix.ids)
