@@ -54,6 +54,8 @@ def test_all_code_on_a_page_runs(
     tests = tuple(dataclasses.replace(test, id=name) for name, test in zip(IDS, apart, strict=True))
     write_campaign(dataclasses.replace(campaign, tests=tests), tmp_path / "campaign")
     condition_table([("N1", tests[1].condition)]).to_csv("candidates.csv", index=False)
+    condition_table([("M1", tests[1].condition)]).to_csv("campaign/matrix.csv", index=False)
+    Path("campaign/criteria.toml").write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 430\n', encoding="utf-8")
     names: dict[str, object] = {}
     for language, code in re.findall(r"```(python|console)\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.S):
         if language == "python":
