@@ -2,7 +2,7 @@
 
 Each seed is another synthetic vehicle (``benchmarks/next_test.py``), tested at the eleven conditions of Zeng et al.
 2023, Table 1, or at fewer speeds evenly over the range. The limits lie in the middle of what occurs at 60 further
-conditions, so that guessing is wrong half the time; every verdict there is compared with a test that nothing was learned
+conditions, so that guessing is wrong half the time; every verdict is compared with a test that nothing was learned
 from. Printed: coverage and width of the metrics' intervals, verdicts by kind and how many were wrong, Brier scores
 beside those of the raw CAE with its own error as band, the probabilities in bins, and seconds.
 """
