@@ -128,9 +128,9 @@ def _restored(campaign: Campaign, windows_ms: Sequence[float], entry: Entry) -> 
     for test, rows in zip(campaign.tests, entry["found"].tolist(), strict=True):
         repeats = tuple(other.id for other in repeats_of(test, campaign))
         by_test[test.id] = {
-            window: Repeatability(*row, repeats)
-            for window, row in zip(windows_ms, rows, strict=True)
-            if not np.isnan(row[0])
+            window: Repeatability(value, lower, upper, repeats)
+            for window, (value, lower, upper) in zip(windows_ms, rows, strict=True)
+            if not np.isnan(value)
         }
     return by_test
 

@@ -1,7 +1,8 @@
 """Leave-one-out studies: from a campaign to rated predictions.
 
-hold out → fit → predict → rate. The held-out test's pulse is used in the last step only, and for how well tests
-repeat, once everything is predicted: everything before works on ``campaign.without(test)``, whose fingerprint is also the key under which the prediction is cached.
+hold out → fit → predict → rate. The held-out test's pulse is used in the last step only, and after it for how well
+tests repeat: everything before works on ``campaign.without(test)``, whose fingerprint is also the key under which the
+prediction is cached.
 """
 
 import time
@@ -60,11 +61,9 @@ class Study:
         return float(np.mean([fold.ratings[approach][window_ms].overall for fold in self.folds]))
 
     def mean_repeat(self, window_ms: float) -> float | None:
-        """What repeats would rate over one window, averaged over the held-out tests; None if it is not known for all."""
-        repeats = self.repeats(window_ms)
-        return (
-            float(np.mean([repeat.value for repeat in repeats.values()])) if len(repeats) == len(self.folds) else None
-        )
+        """What repeats would rate over one window, averaged over the held-out tests; None unless known for all."""
+        values = [repeat.value for repeat in self.repeats(window_ms).values()]
+        return float(np.mean(values)) if len(values) == len(self.folds) else None
 
     def repeats(self, window_ms: float) -> dict[str, Repeatability]:
         """What a repeat of each held-out test would rate over one window, where it is known."""
