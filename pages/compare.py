@@ -72,7 +72,7 @@ explanations.show_recommendation(said)
 repeats = study.repeatability.get(test.id, {})
 if window_ms in repeats:
     rated = fold.ratings[advice.approach][window_ms].overall
-    st.markdown(f"{LABELS[advice.approach]}: {repeats[window_ms].sentence(rated)}", help=glossary.REPEAT)
+    st.markdown(repeats[window_ms].sentence(rated, LABELS[advice.approach]), help=glossary.REPEAT)
 left, right = st.columns([3, 2], vertical_alignment="center")
 with left:
     shown = choose("Figure", ["Motion", "Residuals"], key="compared")

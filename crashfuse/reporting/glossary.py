@@ -9,5 +9,5 @@ TIME_DOMAIN = "Time domain: multi-fidelity (MF) network, the LF network fine-tun
 
 REPEAT = (
     "A repeat: the rating that a second test at the same condition would get against this one, estimated from how much "
-    "the tests of this campaign scatter; no prediction can be expected to rate better."
+    "the tests of this campaign scatter. A prediction that rates as high is as good as another test."
 )

@@ -54,5 +54,6 @@ def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
 
 def best(table: pd.DataFrame) -> pd.DataFrame:
     """Mask of the best approach of each test and window, compared as shown, to three digits. Same shape, bool."""
-    shown = table.round(3).mask(table.index.get_level_values(1) == REPEAT)
+    shown = table.round(3)
+    shown.loc[table.index.get_level_values(1) == REPEAT] = np.nan
     return shown == shown.groupby(level=0, sort=False).transform("max")

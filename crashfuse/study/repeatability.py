@@ -1,7 +1,7 @@
-"""Repeatability: the rating that a repeat of each test would get against it, the most to expect of a prediction.
+"""Repeatability: the rating that a repeat of each test would get against it, a measure for its predictions.
 
-A rating of 0.85 is poor where repeats rate 0.97, and all that can be had where they rate 0.86. How well tests repeat is
-estimated from all tests of a campaign: pulses of repeats are drawn with the scatter that the tests show
+A rating of 0.85 is poor where repeats rate 0.97, and as good as another test where they rate 0.86. How well tests
+repeat is estimated from all tests of a campaign: pulses of repeats are drawn with the scatter that the tests show
 (:class:`crashfuse.approaches.displacement_domain.scatter.Scatter`) and rated against the test. Where a test has been
 repeated, what the repeats rate counts too, by how much it says. Nothing of this is used to predict.
 """
@@ -52,15 +52,15 @@ class Repeatability:
         """The value with its interval."""
         return f"{self.value:.2f} [{self.lower:.2f}, {self.upper:.2f}]"
 
-    def sentence(self, rating: float) -> str:
-        """How the rating of a prediction compares with what a repeat would get."""
+    def sentence(self, rating: float, label: str) -> str:
+        """How the rating of an approach's prediction compares with what a repeat would get."""
         if rating < self.lower:
             compared = "is below what repeats reach: there is something left to improve"
         elif rating > self.upper:
             compared = "is above what a repeat would get"
         else:
             compared = "is within what repeats reach"
-        return f"A repeat of this test would rate {self.text}; the prediction's {rating:.2f} {compared}."
+        return f"A repeat of this test would rate {self.text}; the prediction's {rating:.2f} ({label}) {compared}."
 
 
 def repeatability(

@@ -104,11 +104,12 @@ def test_it_is_computed_once_and_can_be_cancelled(campaign: Campaign, tmp_path: 
 def test_a_sentence_places_a_prediction_beside_what_repeats_reach() -> None:
     """Below, within and above the interval."""
     repeat = Repeatability(0.95, 0.91, 0.97)
-    assert repeat.sentence(0.93) == (
-        "A repeat of this test would rate 0.95 [0.91, 0.97]; the prediction's 0.93 is within what repeats reach."
+    assert repeat.sentence(0.93, "Fused") == (
+        "A repeat of this test would rate 0.95 [0.91, 0.97]; the prediction's 0.93 (Fused) is within what repeats "
+        "reach."
     )
-    assert "0.85 is below what repeats reach" in repeat.sentence(0.85)
-    assert "0.98 is above what a repeat would get" in repeat.sentence(0.98)
+    assert "0.85 (CAE) is below what repeats reach" in repeat.sentence(0.85, "CAE")
+    assert "0.98 (CAE) is above what a repeat would get" in repeat.sentence(0.98, "CAE")
 
 
 @pytest.mark.slow

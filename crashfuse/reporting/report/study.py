@@ -83,7 +83,8 @@ def _repeats(study: Study) -> pd.DataFrame | None:
 def _by_approach(ratings: dict[float, dict[str, float]]) -> pd.DataFrame:
     """Ratings by window and approach as a table, the best of each window in bold."""
     table = pd.DataFrame({f"0–{window:g} ms": own for window, own in ratings.items()})
-    shown = table.round(3).mask(table.index == REPEAT)
+    shown = table.round(3)
+    shown.loc[table.index == REPEAT] = np.nan
     bold = shown == shown.max()
     return _shown(table.rename(index=LABELS).rename_axis("Approach"), bold)
 
@@ -113,7 +114,7 @@ def _fold(study: Study, fold: Fold) -> dict[str, object]:
         "test": test,
         "advice": advice.sentences,
         "outcome": fold.ratings[advice.approach][window],
-        "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall),
+        "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall, LABELS[advice.approach]),
         "motion": motion(test.pulse, predictions, speed, Display(window_ms=window)),
         "ratings": _by_approach(
             {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}
