@@ -13,6 +13,7 @@ from crashfuse.reporting.report import prediction_report, study_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 
 CONFIG = StudyConfig(approaches=("cae",))
@@ -69,6 +70,17 @@ def test_a_study_has_its_figures_and_two_for_each_held_out_test(text: str) -> No
 def test_a_study_has_every_part_a_certification_review_asks_for(text: str, heading: str) -> None:
     """Data, method, results, bands, limits and provenance, each under its heading."""
     assert f"<h2>{heading}" in text
+
+
+def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
+    """In a table by window, as a row of the means that is never bold, and in a sentence with each test."""
+    repeats = {"T1": {60.0: Repeatability(0.95, 0.91, 0.97, ("T9",))}, "T2": {60.0: Repeatability(1.0, 0.9, 1.0)}}
+    text = study_report(replace(study, repeatability=repeats))
+    assert "<h2>How well tests repeat" in text
+    assert re.search(r"<td>T1</td><td>–</td><td>–</td><td>0.95 \[0.91, 0.97\]</td><td>T9</td>", text)
+    assert re.search(r"<td>A repeat</td><td>–</td><td>–</td><td>0.975</td>", text)
+    assert "A repeat of this test would rate 0.95 [0.91, 0.97]; the prediction&#39;s 1.00 (CAE) is above" in text
+    assert "How well tests repeat" not in study_report(study)
 
 
 def test_a_study_recommends_before_it_shows(text: str) -> None:
