@@ -12,14 +12,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from crashfuse.campaign_folder.condition_tables import Role, read_conditions
+from crashfuse.campaign_folder.copies import copied_tests
+from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
-from crashfuse.campaign_folder.writer import check_ids, csv_text, pulse_csv, table_row, toml_text
+from crashfuse.campaign_folder.writer import check_ids, csv_text, pulse_csv, quality_columns, table_row, toml_text
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.atomic import new_folder, write_atomically
-from crashfuse.signals.pulse import Pulse
+from crashfuse.run_quality import RunQuality
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 
 Told = Mapping[str, str | float | Sequence[str]]
 _MARKS = ("tests.csv", "cae.csv", "campaign.toml")  # any of these marks a campaign folder
@@ -27,12 +33,13 @@ _MARKS = ("tests.csv", "cae.csv", "campaign.toml")  # any of these marks a campa
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Addition:
-    """A pulse to be added to a campaign folder, and the provenance to record in ``campaign.toml``."""
+    """A pulse to be added to a campaign folder, what the solver says of it, and provenance for ``campaign.toml``."""
 
     id: str
     condition: Condition
     pulse: Pulse
     told: Told = field(default_factory=dict)
+    quality: RunQuality = field(default_factory=RunQuality)
 
 
 def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
@@ -49,8 +56,8 @@ def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> 
     Raises
     ------
     DataError
-        If an id is already in the campaign, occurs twice in the additions or is not a valid file name, or if the
-        campaign's own table is invalid; nothing is changed.
+        If an id is already in the campaign, occurs twice in the additions or is not a valid file name, if a test is a
+        copy of another, or if the campaign's own table is invalid; nothing is changed.
     OSError
         If writing fails; the campaign is unchanged.
     """
@@ -72,9 +79,11 @@ def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
     table = folder / f"{role}.csv"
     text, header = _table_to_extend(table, role, additions)
     settings = _settings_with(folder / "campaign.toml", role, additions)
-    rows = [table_row(header, addition.id, addition.condition) for addition in additions]
+    rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in additions]
     content = text + csv_text(rows)
     _check_readable({table.name: content, "campaign.toml": settings}, role)
+    if role == "tests":
+        _check_copies(folder, additions)
     written: list[Path] = []
     try:
         tables = [path for ending in ("parquet", "csv") if (path := folder / f"{role}_pulses.{ending}").is_file()]
@@ -98,10 +107,14 @@ def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
 
 
 def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> tuple[str, list[str]]:
-    """The text of the condition table, ready for rows to be appended, and its columns."""
+    """The text of the condition table, ready for rows to be appended, and its columns.
+
+    Columns of run quality that it lacks are added to its header; its rows are then short, which counts as empty cells.
+    """
+    quality = quality_columns([addition.quality for addition in additions])
     if not table.is_file():
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
-        header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors]
+        header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors, *quality]
         return csv_text([header]), header
     problems: list[Problem] = []
     known = read_conditions(table, standstill_allowed=role == "cae", problems=problems)
@@ -115,7 +128,34 @@ def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> t
         raise DataError([Problem(table.name, "an id that is not there yet", repr(i), advice, "id") for i in twice[:20]])
     text = table.read_bytes().decode("utf-8-sig")
     header = [cell.strip() for cell in next(csv.reader(io.StringIO(text), skipinitialspace=True))]
-    return text if text.endswith("\n") else f"{text}\n", header
+    text = text if text.endswith("\n") else f"{text}\n"
+    if new := [name for name in quality if name not in header]:
+        first, _, rest = text.partition("\n")
+        text, header = f"{first.rstrip()},{','.join(new)}\n{rest}", [*header, *new]
+    return text, header
+
+
+def _check_copies(folder: Path, additions: Sequence[Addition]) -> None:
+    """Raise a DataError if one of these tests is a copy of another, or of one in the campaign."""
+    table, problems = folder / "tests.csv", list[Problem]()
+    cfc = read_settings(folder, problems, []).channel_filter_class
+    known = read_conditions(table, standstill_allowed=False, problems=problems) if table.is_file() else None
+    ids = [] if known is None else list(known.ids)
+    there = PulseFiles(folder, "tests", cfc).read(ids)
+    new = np.array([_as_read(addition.pulse, cfc) for addition in additions])
+    ids += [addition.id for addition in additions]
+    for one, other in copied_tests(np.concatenate([there, new])):
+        if other >= len(there):
+            expected = f"a record for {ids[other]} that no other test has"
+            problems.append(Problem("tests", expected, f"that of {ids[one]}", "add each crash once", "id"))
+    if problems:
+        raise DataError(problems[:20])
+
+
+def _as_read(pulse: Pulse, cfc: float | None) -> FloatArray:
+    """A pulse on the study grid, as the campaign will read it."""
+    accel = pulse.accel_mps2 if cfc is None else cfc_filter(pulse.accel_mps2, cfc=cfc, dt_s=pulse.dt_s)
+    return np.interp(GRID_S, pulse.time_s, accel, right=0.0)
 
 
 def _check_readable(files: Mapping[str, str], role: Role) -> None:
