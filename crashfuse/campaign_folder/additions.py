@@ -12,11 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from crashfuse.campaign_folder.condition_tables import Role, read_conditions
-from crashfuse.campaign_folder.copies import copied_tests
-from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
 from crashfuse.campaign_folder.writer import check_ids, csv_text, pulse_csv, quality_columns, table_row, toml_text
@@ -24,8 +20,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.atomic import new_folder, write_atomically
 from crashfuse.run_quality import RunQuality
-from crashfuse.signals.filters import cfc_filter
-from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.pulse import Pulse
 
 Told = Mapping[str, str | float | Sequence[str]]
 _MARKS = ("tests.csv", "cae.csv", "campaign.toml")  # any of these marks a campaign folder
@@ -56,8 +51,8 @@ def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> 
     Raises
     ------
     DataError
-        If an id is already in the campaign, occurs twice in the additions or is not a valid file name, if a test is a
-        copy of another, or if the campaign's own table is invalid; nothing is changed.
+        If an id is already in the campaign, occurs twice in the additions or is not a valid file name, or if the
+        campaign's own table is invalid; nothing is changed.
     OSError
         If writing fails; the campaign is unchanged.
     """
@@ -82,8 +77,6 @@ def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
     rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in additions]
     content = text + csv_text(rows)
     _check_readable({table.name: content, "campaign.toml": settings}, role)
-    if role == "tests":
-        _check_copies(folder, additions)
     written: list[Path] = []
     try:
         tables = [path for ending in ("parquet", "csv") if (path := folder / f"{role}_pulses.{ending}").is_file()]
@@ -133,29 +126,6 @@ def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> t
         first, _, rest = text.partition("\n")
         text, header = f"{first.rstrip()},{','.join(new)}\n{rest}", [*header, *new]
     return text, header
-
-
-def _check_copies(folder: Path, additions: Sequence[Addition]) -> None:
-    """Raise a DataError if one of these tests is a copy of another, or of one in the campaign."""
-    table, problems = folder / "tests.csv", list[Problem]()
-    cfc = read_settings(folder, problems, []).channel_filter_class
-    known = read_conditions(table, standstill_allowed=False, problems=problems) if table.is_file() else None
-    ids = [] if known is None else list(known.ids)
-    there = PulseFiles(folder, "tests", cfc).read(ids)
-    new = np.array([_as_read(addition.pulse, cfc) for addition in additions])
-    ids += [addition.id for addition in additions]
-    for one, other in copied_tests(np.concatenate([there, new])):
-        if other >= len(there):
-            expected = f"a record for {ids[other]} that no other test has"
-            problems.append(Problem("tests", expected, f"that of {ids[one]}", "add each crash once", "id"))
-    if problems:
-        raise DataError(problems[:20])
-
-
-def _as_read(pulse: Pulse, cfc: float | None) -> FloatArray:
-    """A pulse on the study grid, as the campaign will read it."""
-    accel = pulse.accel_mps2 if cfc is None else cfc_filter(pulse.accel_mps2, cfc=cfc, dt_s=pulse.dt_s)
-    return np.interp(GRID_S, pulse.time_s, accel, right=0.0)
 
 
 def _check_readable(files: Mapping[str, str], role: Role) -> None:

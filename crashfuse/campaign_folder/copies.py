@@ -32,6 +32,7 @@ _AROUND = np.arange(-20.0, 21.0, 2.0)  # samples of 0.8 ms around half the chang
 _ALIKE = 2e-3  # distance of two runs around there: copies 0.2e-3 in the median, 2e-3 at 90 %
 _IDENTICAL = 1e-7
 _LOOKED_AT = 2000  # pairs of runs
+_NAMED = 5
 
 
 def check_tests_differ(table: ConditionTable, accel: FloatArray, problems: list[Problem]) -> None:
@@ -52,10 +53,12 @@ def check_tests_differ(table: ConditionTable, accel: FloatArray, problems: list[
 def check_runs_differ(table: ConditionTable, accel: npt.NDArray[np.float32], warnings: list[str]) -> None:
     """Warn of CAE runs at different conditions that have one pulse; ``accel`` is of shape (n_runs, 1250)."""
     speeds = np.array([condition.speed_mps for condition in table.conditions])
-    for one, other in copied_runs(speeds, accel):
+    pairs = [f"{table.ids[one]} and {table.ids[other]}" for one, other in copied_runs(speeds, accel)]
+    if pairs:
+        more = f" and {len(pairs) - _NAMED:,} more pairs" if len(pairs) > _NAMED else ""
         warnings.append(
-            f"cae.csv: {table.ids[one]} and {table.ids[other]} have the same pulse, scaled or shifted at most; one of "
-            "them may be a copy."
+            f"cae.csv: the same pulse, scaled or shifted at most, for {', '.join(pairs[:_NAMED])}{more}; check that none "
+            "is a copy of another run."
         )
 
 

@@ -81,9 +81,7 @@ def load_campaign(folder: str | Path) -> Campaign:
     _check_factors(tables["tests"], warnings)
     runs = tables["cae"]
     cae = CaeLibrary(runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, gone)
-    copies: list[str] = []
-    check_runs_differ(runs, cae.accel_mps2, copies)
-    warnings += _shortened(copies)
+    check_runs_differ(runs, cae.accel_mps2, warnings)
     cae.accel_mps2.flags.writeable = False
     tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
     crash_tests = tuple(

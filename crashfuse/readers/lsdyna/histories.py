@@ -1,9 +1,10 @@
 """Nodal histories of an LS-DYNA run, whichever file they come from."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from crashfuse.errors import DataError, Problem
+from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 
 MOST_NODES = 200_000
@@ -45,6 +46,8 @@ class Histories:
         Kinetic energy of the whole model at its first state (``glstat``), in the units of the run.
     notes : tuple of str
         What was joined or left out.
+    quality : RunQuality
+        What the solver says of the run (``glstat``, ``matsum``).
     """
 
     title: str
@@ -52,6 +55,7 @@ class Histories:
     total: int
     kinetic_energy: float | None = None
     notes: tuple[str, ...] = ()
+    quality: RunQuality = field(default_factory=RunQuality)
 
 
 def kept_of(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:
