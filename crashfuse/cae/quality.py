@@ -47,9 +47,11 @@ class QualityVerdict:
     @property
     def sentences(self) -> tuple[str, ...]:
         """The verdict in words; what is not recorded is said, and never counts as passed."""
-        return (self._summary(), *map(self._quantity, self.table.to_dict("records")), *self._named())
+        return (self.summary, *map(self._quantity, self.table.to_dict("records")), *self.named)
 
-    def _summary(self) -> str:
+    @property
+    def summary(self) -> str:
+        """By which limits the runs were judged, and how many pass, fail and cannot be judged."""
         if not len(self.table):
             return (
                 f"Energy balance, hourglass energy and added mass are not recorded for any of the {self.runs:,} CAE "
@@ -62,6 +64,17 @@ class QualityVerdict:
             f"{self.unknown:,} cannot be judged, for not everything is recorded."
         )
 
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The runs that fail, by name, and what becomes of them; empty if none does."""
+        if not self.failing:
+            return ()
+        shown = [f"{row['id']} ({row['fails']})" for row in self.failing_runs.head(_NAMED).to_dict("records")]
+        more = f" and {len(self.failing) - _NAMED:,} more" if len(self.failing) > _NAMED else ""
+        fate = "They are left out" if self.left_out else "They are used all the same"
+        advice = "" if self.left_out else "; leave_out_failing = true in campaign.toml leaves them out"
+        return (f"Runs that fail: {', '.join(shown)}{more}. {fate}{advice}.",)
+
     def _quantity(self, row: dict[str, object]) -> str:
         name, missing = str(row["quantity"]), int(str(row["not_recorded"]))
         unrecorded = f"not recorded for {missing:,} of {self.runs:,} runs" if missing else "recorded for every run"
@@ -71,15 +84,6 @@ class QualityVerdict:
         worst = f"at worst {100 * float(str(row['worst'])):.3g} % (run {row['worst_run']})"
         judged = f"{row['passed']:,} pass, {row['failed']:,} fail; " if pd.notna(row["limit"]) else ""
         return f"{start}: {judged}{worst}; {unrecorded}."
-
-    def _named(self) -> list[str]:
-        if not self.failing:
-            return []
-        shown = [f"{row['id']} ({row['fails']})" for row in self.failing_runs.head(_NAMED).to_dict("records")]
-        more = f" and {len(self.failing) - _NAMED:,} more" if len(self.failing) > _NAMED else ""
-        fate = "They are left out" if self.left_out else "They are used all the same"
-        advice = "" if self.left_out else "; leave_out_failing = true in campaign.toml leaves them out"
-        return [f"Runs that fail: {', '.join(shown)}{more}. {fate}{advice}."]
 
 
 def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityVerdict:

@@ -57,8 +57,8 @@ def check_runs_differ(table: ConditionTable, accel: npt.NDArray[np.float32], war
     if pairs:
         more = f" and {len(pairs) - _NAMED:,} more pairs" if len(pairs) > _NAMED else ""
         warnings.append(
-            f"cae.csv: the same pulse, scaled or shifted at most, for {', '.join(pairs[:_NAMED])}{more}; check that none "
-            "is a copy of another run."
+            f"cae.csv: the same pulse, scaled or shifted at most, for {', '.join(pairs[:_NAMED])}{more}; check that "
+            "none is a copy of another run."
         )
 
 
