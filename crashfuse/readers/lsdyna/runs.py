@@ -21,12 +21,11 @@ from crashfuse.readers.energies import quality_sentence
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.lsdyna.binout import read_binout
 from crashfuse.readers.lsdyna.energies import States, glstat_text, kinetic_energy, matsum_text, quality_of
-from crashfuse.readers.lsdyna.histories import Histories, History
+from crashfuse.readers.lsdyna.histories import Histories, History, channel_of, integral, is_aliased
 from crashfuse.readers.lsdyna.nodout import read_nodout
 from crashfuse.readers.lsdyna.unit_system import mass_kg, units_of
 from crashfuse.readers.members import opened_members
-from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record, RecordedChannel
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record
 from crashfuse.units import MS
 
 LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
@@ -37,7 +36,6 @@ _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept for a single 
 _BESIDE = ("glstat", "matsum")
 _ENERGIES = re.compile(rf"({'|'.join(_BESIDE)})[^.]*(\.(txt|asc))?", re.IGNORECASE | re.DOTALL)
 _ALIKE = 0.1  # of the median travel
-_ALIASED = 0.05  # of the velocity
 _DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
 _PLACES = (
     (r"(?=.*\b(rear|rr|hinten)\b)(?=.*(cross|x-?member|floor|sill|seat|tunnel))", "at the rear, behind the crush"),
@@ -153,7 +151,7 @@ def _record(run_id: str, source: str, run: Histories) -> Record:
     speed = float(np.median([abs(node.velocity[0]) for node in proposed])) * ACCELERATION_UNITS[unit or "m/s²"]
     speed *= 1.0 if per_second == 1 else MS  # velocity unit = acceleration unit times time unit
     mass = None if unit is None else mass_kg(run.kinetic_energy, proposed)
-    aliased = [node.name for node in run.nodes if _is_aliased(node)]
+    aliased = [node.name for node in run.nodes if is_aliased(node)]
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units_told, why]
     if aliased and {node.name for node in proposed} & set(aliased):
         steps.append("Accelerations that do not add up to the nodes' velocities are taken from the velocities.")
@@ -165,7 +163,7 @@ def _record(run_id: str, source: str, run: Histories) -> Record:
     if mass is not None:
         steps.append(f"Mass {mass:.5g} kg, from the kinetic energy at that speed (glstat).")
     steps.append(quality_sentence(run.quality, "glstat, matsum"))
-    channels = tuple(_channel(node, per_second, unit, derived=node.name in aliased) for node in run.nodes)
+    channels = tuple(channel_of(node, per_second, unit) for node in run.nodes)
     names = tuple(node.name for node in proposed)
     condition = PartialCondition(speed if known else None, mass)
     no_speed = "" if known else f"a {units_told[0].lower()}{units_told[1:].rstrip('.')}"
@@ -178,7 +176,7 @@ def _proposed(nodes: Sequence[History]) -> tuple[list[History], str]:
         named = [n for n in nodes if re.search(words, n.title, re.I) and not _DUMMY.search(n.title)]
         if named:
             return named, f"Nodes {where}: {_listed(named)}; {_average(named)}."
-    travels = np.array([np.abs(_integral(node.velocity, node.time)).max() for node in nodes])
+    travels = np.array([np.abs(integral(node.velocity, node.time)).max() for node in nodes])
     if len(nodes) == 1 or not np.isfinite(travels).any():
         return list(nodes), f"No titles say which nodes are accelerometers; {_listed(nodes)}: {_average(nodes)}."
     middle = np.nanmedian(travels)
@@ -195,22 +193,3 @@ def _listed(nodes: Sequence[History]) -> str:
 
 def _average(nodes: Sequence[History]) -> str:
     return "their average is the pulse" if len(nodes) > 1 else "it is the pulse"
-
-
-def _integral(values: FloatArray, time: FloatArray) -> FloatArray:
-    return np.concatenate([[0.0], np.cumsum(np.diff(time) * (values[1:] + values[:-1]) / 2)])
-
-
-def _is_aliased(node: History) -> bool:
-    """Whether the accelerations, sampled once per output interval, fail to reproduce the velocity."""
-    change = node.velocity - node.velocity[0]
-    if not np.isfinite(change).all() or not np.isfinite(node.acceleration).all() or node.time.size < 3:
-        return False
-    error = np.abs(_integral(node.acceleration, node.time) - change).max()
-    return bool(error > _ALIASED * np.abs(node.velocity).max()) and bool((np.diff(node.time) > 0).all())
-
-
-def _channel(node: History, per_second: float, unit: str | None, *, derived: bool) -> RecordedChannel:
-    values = np.gradient(node.velocity, node.time) if derived else node.acceleration
-    label = node.title or ("rigid body" if node.name.startswith("body") else "node")
-    return RecordedChannel(node.name, label, per_second * node.time, values, unit)
