@@ -148,16 +148,16 @@ def _shapes(accel: npt.NDArray[np.float32]) -> FloatArray:
     at = np.clip(half[:, None] + _AROUND, 0, coarse.shape[1] - 1.001)
     low = at.astype(np.intp)
     values = np.take_along_axis(coarse, low, 1) * (low + 1 - at) + np.take_along_axis(coarse, low + 1, 1) * (at - low)
-    return values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-12)
+    return np.asarray(values / np.maximum(np.linalg.norm(values, axis=1, keepdims=True), 1e-12))
 
 
 def _main_axes(rows: FloatArray) -> FloatArray:
     """Rows in their eight main axes: they hold nearly all, and bring no two rows further apart; shape (n, 8)."""
     centred = rows - rows.mean(axis=0)
-    return centred @ np.linalg.eigh(centred.T @ centred)[1][:, -8:]
+    return np.asarray(centred @ np.linalg.eigh(centred.T @ centred)[1][:, -8:])
 
 
 def _unit(rows: FloatArray) -> FloatArray:
     """Rows without their mean, to a norm of 1."""
     centred = rows - rows.mean(axis=1, keepdims=True)
-    return centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), 1e-12)
+    return np.asarray(centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), 1e-12))

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
@@ -103,17 +103,15 @@ def _number(text: str) -> float | None:
 
 
 def _own_limits(given: dict[str, Any], problems: list[Problem]) -> QualityLimits:
-    own = _OWN
+    own: dict[str, float] = {}
     for name in QUANTITIES:
-        if name not in given:
-            continue
-        limit = given[name]
-        if isinstance(limit, bool) or not isinstance(limit, int | float) or not 0 < limit < 1:
+        limit = given.get(name)
+        if name in given and not isinstance(limit, bool) and isinstance(limit, int | float) and 0 < limit < 1:
+            own[name] = float(limit)
+        elif name in given:
             expected, advice = "a share between 0 and 1 (0.05 for 5 %)", "correct the limit"
             problems.append(Problem(_WHERE, expected, _shown(limit), advice, f"cae_quality.{name}"))
-        else:
-            own = replace(own, **{name: float(limit)})
-    return own
+    return QualityLimits(_OWN.name, *(own.get(name) for name in QUANTITIES))
 
 
 def _shown(value: object) -> str:

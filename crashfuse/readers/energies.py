@@ -39,13 +39,10 @@ class Energies:
     @property
     def quality(self) -> RunQuality:
         """The largest change of energy, share of hourglass energy and share of added mass."""
-        hourglass, internal = _largest(self.hourglass), _largest(self.internal)
-        known = hourglass is not None and internal is not None and internal > 0
-        return RunQuality.of(
-            self._energy_change(),
-            hourglass / internal if known else None,
-            _largest(self.added_mass),  # type: ignore[operator]
-        )
+        hourglass, internal, share = _largest(self.hourglass), _largest(self.internal), None
+        if hourglass is not None and internal is not None and internal > 0:
+            share = hourglass / internal
+        return RunQuality.of(self._energy_change(), share, _largest(self.added_mass))
 
     def _energy_change(self) -> float | None:
         """The deviation of the total energy, less the work, that is largest in size, over the energy at the start."""

@@ -1,5 +1,6 @@
 """What the solver says of CAE runs, in a campaign folder: read, checked, written, and used to leave runs out."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from crashfuse.run_quality import NAMED_LIMITS, RunQuality
 from crashfuse.signals.pulse import GRID_S, Pulse
 
 
-def with_columns(folder: Path, **columns: dict[str, object]) -> Path:
+def with_columns(folder: Path, **columns: Mapping[str, object]) -> Path:
     """Write columns of cae.csv, of the runs that are named."""
     table = pd.read_csv(folder / "cae.csv")
     for name, by_run in columns.items():
