@@ -114,7 +114,7 @@ def make_campaign() -> Campaign:
     rng = np.random.default_rng(1)
     # a mass of its own for each run: at one mass half sines are scaled copies, which are told of
     mass = rng.permutation(np.linspace(3363, 3876, N_RUNS - len(tests)))
-    speed, share = rng.uniform([[5.0], [0.0]], [[36.0], [1.0]], (2, mass.size))
+    speed, share = rng.uniform([[5.0], [0.0]], [[34.5], [1.0]], (2, mass.size))
     front = (1 - share) * np.maximum(mass - 1700, 1950) + share * np.minimum(mass - 1400, 2180)
     conditions = [Condition(v * MPH, f * LB, m * LB - f * LB) for v, f, m in zip(speed, front, mass, strict=True)]
     conditions += [Condition(*test.condition.vector.tolist()) for test in tests]
