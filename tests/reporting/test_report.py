@@ -10,6 +10,7 @@ from plotly.offline import get_plotlyjs
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.reporting.report import prediction_report, study_report
+from crashfuse.run_quality import NAMED_LIMITS, RunQuality
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
@@ -88,6 +89,19 @@ def test_a_study_recommends_before_it_shows(text: str) -> None:
     assert text.index("for this campaign") < text.index("<h2>Result")
     assert text.count("Recommended before it was run") == 2
     assert text.count("It then rated 1.000 (Excellent).") == 2
+
+
+def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, text: str) -> None:
+    """What is not recorded is said; by limits, runs are counted and those that fail are named."""
+    heading = "<h3>Is the CAE model fit to be believed?</h3>"
+    assert f"{heading}\n<p>Energy balance, hourglass energy and added mass are not recorded for any of the 24" in text
+    quality = (RunQuality(-0.02, 0.12, 0.01), *(RunQuality(-0.02, 0.01),) * 23)
+    campaign = replace(study.campaign, cae=replace(study.campaign.cae, quality=quality))
+    judged = replace(campaign, quality_limits=NAMED_LIMITS["euro-ncap-vt-2025"])
+    told = study_report(replace(study, campaign=judged)).partition(heading)[2].partition("</section>")[0]
+    assert "0 of 24 pass, 1 fail, 23 cannot be judged" in told
+    assert "Runs that fail: C00 (hourglass energy 12 %)." in told
+    assert "<td>Hourglass energy, largest</td><td>largest internal energy</td><td>&lt; 10</td><td>23</td>" in told
 
 
 def test_a_study_names_the_command_that_makes_it_again(text: str, campaign: Campaign) -> None:
