@@ -1,10 +1,10 @@
 """How often verdicts are wrong: ``python benchmarks/certification.py --vehicles 4``.
 
 Each seed is another synthetic vehicle (``benchmarks/next_test.py``), tested at the eleven conditions of Zeng et al.
-2023, Table 1, or at fewer speeds evenly over the range. The limits lie in the middle of what occurs at 60 further conditions,
-so that guessing is wrong half the time; every verdict there is compared with a test that nothing was learned from.
-Printed: coverage and width of the metrics' intervals, verdicts by kind and how many were wrong, Brier scores beside
-those of the raw CAE with its own error as band, the probabilities in bins, and seconds.
+2023, Table 1, or at fewer speeds evenly over the range. The limits lie in the middle of what occurs at 60 further
+conditions, so that guessing is wrong half the time; every verdict is compared with a test that nothing was learned
+from. Printed: coverage and width of the metrics' intervals, verdicts by kind and how many were wrong, Brier scores
+beside those of the raw CAE with its own error as band, the probabilities in bins, and seconds.
 """
 
 import argparse
@@ -59,9 +59,8 @@ def _judged(seed: int, campaign: Campaign, new: tuple[CrashTest, ...], approach:
     criteria = Criteria(tuple(Criterion(name, name, at_most=limit) for name, limit in middle.items()))
     matrix = Matrix(tuple(test.id for test in new), tuple(test.condition for test in new))
     start = time.perf_counter()
-    found: Certification = certify_matrix(
-        campaign, criteria, matrix, StudyConfig(approaches=(approach,)), cache=Cache()
-    )
+    config = StudyConfig(approaches=(approach,))
+    found = certify_matrix(campaign, criteria, matrix, config, cache=Cache())
     raw = Cae(cache=Cache()).fit(campaign)
     errors = metric_errors(raw.left_out(campaign), campaign)
     rows = []
