@@ -6,9 +6,12 @@ from .errors import DataError as DataError
 from .errors import UsageError as UsageError
 from .reporting.report import prediction_report as prediction_report
 from .reporting.report import study_report as study_report
+from .reporting.results import write_certification as write_certification
 from .reporting.results import write_learning_curve as write_learning_curve
 from .reporting.results import write_prediction as write_prediction
 from .reporting.results import write_study as write_study
+from .reporting.verdicts import Verdicts as Verdicts
+from .reporting.verdicts import certify as certify
 from .signals.energy import energy_crush as energy_crush
 from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.pulse import Pulse as Pulse

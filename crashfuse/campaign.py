@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
+from crashfuse.run_quality import QualityLimits, RunQuality
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import LB, MPH
 
@@ -45,11 +46,18 @@ class CaeLibrary:
     ----------
     accel_mps2 : ndarray of float32, shape (n_runs, 1250)
         Signed acceleration in m/s² on :data:`crashfuse.signals.pulse.GRID_S`.
+    quality : tuple of RunQuality
+        What the solver says of each run; empty if nothing is recorded for any. It is not in the fingerprint, because
+        nothing that is learned depends on it.
+    left_out : tuple of (str, RunQuality)
+        Ids of runs that were left out for exceeding the campaign's limits, with what the solver says of them.
     """
 
     ids: tuple[str, ...]
     conditions: tuple[Condition, ...]
     accel_mps2: npt.NDArray[np.float32]
+    quality: tuple[RunQuality, ...] = ()
+    left_out: tuple[tuple[str, RunQuality], ...] = ()
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -107,6 +115,8 @@ class Campaign:
         Findings of the check that are allowed but worth knowing.
     channel_filter_class : float, optional
         CFC that records were filtered with on reading (SAE J211-1); None if they were not filtered.
+    quality_limits : QualityLimits, optional
+        Limits that the CAE runs are judged by; None if the campaign sets none.
     """
 
     name: str
@@ -115,6 +125,7 @@ class Campaign:
     notice: str = ""
     warnings: tuple[str, ...] = ()
     channel_filter_class: float | None = None
+    quality_limits: QualityLimits | None = None
 
     @cached_property
     def fingerprint(self) -> str:

@@ -4,6 +4,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS
+from crashfuse.reporting import glossary
 from crashfuse.reporting.plots.pulses import add_corridors, motion, residuals
 from crashfuse.reporting.report import study_report
 from crashfuse.reporting.result_tables import pulses_table, scores_table, study_metrics
@@ -65,8 +66,13 @@ for name, by_window in fold.ratings.items():
             low, high = fold.rating_interval(name, window_ms)
             st.caption(f"Draws: {low:.2f}–{high:.2f}", help=DRAWS_HELP)
 
-said = recommend_for(fold.estimates, rest, test.condition, window_ms).sentences
+advice = recommend_for(fold.estimates, rest, test.condition, window_ms)
+said = advice.sentences
 explanations.show_recommendation(said)
+repeats = study.repeatability.get(test.id, {})
+if window_ms in repeats:
+    rated = fold.ratings[advice.approach][window_ms].overall
+    st.markdown(repeats[window_ms].sentence(rated, LABELS[advice.approach]), help=glossary.REPEAT)
 left, right = st.columns([3, 2], vertical_alignment="center")
 with left:
     shown = choose("Figure", ["Motion", "Residuals"], key="compared")
@@ -95,7 +101,7 @@ networks.show(view, fold, key)
 displacement.show(view, config, predictions, key)
 
 st.subheader("Rating by approach and window")
-st.table(page_tables.ratings(fold.ratings, window_ms), border="horizontal")
+st.table(page_tables.ratings(fold.ratings, window_ms, repeats), border="horizontal")
 
 measured = pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
 columns = [("Test", measured), *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates)]

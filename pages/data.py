@@ -2,8 +2,10 @@
 
 import streamlit as st
 
+from crashfuse.cae.quality import judge_quality
 from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.conditions import condition_space
+from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import frame, page_tables
 from crashfuse.ui.figures import show_cached_figure, show_figure
@@ -100,6 +102,23 @@ def show_library(view: frame.View) -> None:
         "The shaded band holds the middle 90 % of all CAE runs at each time, whatever their speed. "
         "Lines are the runs made at a test's own condition."
     )
+    show_quality(view)
+
+
+def show_quality(view: frame.View) -> None:
+    """Show what the solver says of the CAE runs, judged by the campaign's limits."""
+    st.markdown("**Is the CAE model fit to be believed?**")
+    verdict = judge_quality(view.campaign.cae, view.campaign.quality_limits)
+    st.markdown(plain(verdict.summary))
+    table = quality_table(verdict)
+    if not table.empty:
+        st.table(table.map(plain).style.hide(axis="index"), border="horizontal")
+    for sentence in verdict.named:
+        st.warning(plain(sentence), icon=":material/warning:")
+    if verdict.failing:
+        with st.expander("All runs that fail"):
+            runs = verdict.failing_runs[["id", "fails"]].rename(columns={"id": "CAE run", "fails": "Beyond the limit"})
+            st.dataframe(runs, hide_index=True)
 
 
 view = frame.enter()

@@ -64,14 +64,14 @@ def show_ratings(study: Study, way: str) -> None:
     }
     st.markdown(f"**Each test, {window}**")
     chosen = show_clickable(
-        rating_heatmap(overall),
+        rating_heatmap(overall, study.repeats(view.display.window_ms)),
         alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables below",
         key=way,
         on_click=lambda test_id: open_test(test_id, study),
     )
     if chosen:
         open_page("compare")
-    st.caption("Click a cell to open its test on the page Compare.")
+    st.caption(f"Click a cell to open its test on the page Compare. {glossary.REPEAT}")
 
 
 explanations.show_recommendation(recommend(study).sentences)
@@ -90,12 +90,12 @@ for test in campaign.tests:
 if study.coverage:
     st.subheader(f"How sure the ratings are, {window}")
     show_figure(
-        rating_spread(study.rating_spread(view.display.window_ms)),
+        rating_spread(study.rating_spread(view.display.window_ms), study.repeats(view.display.window_ms)),
         alt="Rating of each held-out test by approach, with the interval of the ratings of single drawn pulses",
     )
     st.caption(
         "Marks: rating of the expected pulse. Lines: 95 % of the ratings of single pulses drawn from the band. A "
-        "single pulse has oscillations of its own, so it rates lower."
+        "single pulse has oscillations of its own, so it rates lower. Grey: where a repeat of the test would rate."
     )
     st.subheader("What the 95 % band is worth", help=glossary.TTZV)
     st.table(coverage_table(study.coverage).style.hide(axis="index"), border="horizontal")

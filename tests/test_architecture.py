@@ -25,6 +25,7 @@ ROOMS = (
     "synthetic",
     "execution",
     "campaign",
+    "run_quality",
     "condition",
     "signals",
     "files",

@@ -15,10 +15,11 @@ from pathlib import Path
 from crashfuse.campaign_folder.condition_tables import Role, read_conditions
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
-from crashfuse.campaign_folder.writer import check_ids, csv_text, pulse_csv, table_row, toml_text
+from crashfuse.campaign_folder.writer import check_ids, csv_text, pulse_csv, quality_columns, table_row, toml_text
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.atomic import new_folder, write_atomically
+from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import Pulse
 
 Told = Mapping[str, str | float | Sequence[str]]
@@ -27,12 +28,13 @@ _MARKS = ("tests.csv", "cae.csv", "campaign.toml")  # any of these marks a campa
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Addition:
-    """A pulse to be added to a campaign folder, and the provenance to record in ``campaign.toml``."""
+    """A pulse to be added to a campaign folder, what the solver says of it, and provenance for ``campaign.toml``."""
 
     id: str
     condition: Condition
     pulse: Pulse
     told: Told = field(default_factory=dict)
+    quality: RunQuality = field(default_factory=RunQuality)
 
 
 def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
@@ -72,7 +74,7 @@ def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
     table = folder / f"{role}.csv"
     text, header = _table_to_extend(table, role, additions)
     settings = _settings_with(folder / "campaign.toml", role, additions)
-    rows = [table_row(header, addition.id, addition.condition) for addition in additions]
+    rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in additions]
     content = text + csv_text(rows)
     _check_readable({table.name: content, "campaign.toml": settings}, role)
     written: list[Path] = []
@@ -98,10 +100,14 @@ def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
 
 
 def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> tuple[str, list[str]]:
-    """The text of the condition table, ready for rows to be appended, and its columns."""
+    """The text of the condition table, ready for rows to be appended, and its columns.
+
+    Columns of run quality that it lacks are added to its header; its rows are then short, which counts as empty cells.
+    """
+    quality = quality_columns([addition.quality for addition in additions])
     if not table.is_file():
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
-        header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors]
+        header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors, *quality]
         return csv_text([header]), header
     problems: list[Problem] = []
     known = read_conditions(table, standstill_allowed=role == "cae", problems=problems)
@@ -115,7 +121,11 @@ def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> t
         raise DataError([Problem(table.name, "an id that is not there yet", repr(i), advice, "id") for i in twice[:20]])
     text = table.read_bytes().decode("utf-8-sig")
     header = [cell.strip() for cell in next(csv.reader(io.StringIO(text), skipinitialspace=True))]
-    return text if text.endswith("\n") else f"{text}\n", header
+    text = text if text.endswith("\n") else f"{text}\n"
+    if new := [name for name in quality if name not in header]:
+        first, _, rest = text.partition("\n")
+        text, header = f"{first.rstrip()},{','.join(new)}\n{rest}", [*header, *new]
+    return text, header
 
 
 def _check_readable(files: Mapping[str, str], role: Role) -> None:

@@ -1,19 +1,22 @@
 """Condition tables: ``tests.csv`` and ``cae.csv``, one row per test or run."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import pandas as pd
 
 from crashfuse.campaign_folder.columns import MOST_PROBLEMS, count_rest, find_column, listed, not_a_number
+from crashfuse.campaign_folder.quality_columns import read_quality
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, printable, shortened
 from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import read_rows
+from crashfuse.run_quality import QUANTITIES as QUALITIES
+from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MASS, SPEED
 
@@ -24,17 +27,32 @@ _MOST_CANDIDATES = 1000  # each costs a prediction
 _LONGEST_FACTOR = 200
 _FORMULA = ("=", "+", "-", "@")
 
+T = TypeVar("T")
+
 Role = Literal["tests", "cae"]
 """Either of the two condition tables of a campaign, with its pulses."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConditionTable:
-    """The rows of a condition table, each with its row number in the file (the header is row 1)."""
+    """The rows of a condition table, each with its row number in the file (the header is row 1).
+
+    ``quality`` is what the solver says of each, empty if the table says nothing.
+    """
 
     ids: tuple[str, ...]
     conditions: tuple[Condition, ...]
     rows: tuple[int, ...]
+    quality: tuple[RunQuality, ...] = ()
+
+    def without(self, places: Sequence[int]) -> "ConditionTable":
+        """The table without the rows at these places."""
+        gone = set(places)
+
+        def kept(cells: tuple[T, ...]) -> tuple[T, ...]:
+            return tuple(cell for place, cell in enumerate(cells) if place not in gone)
+
+        return ConditionTable(kept(self.ids), kept(self.conditions), kept(self.rows), kept(self.quality))
 
 
 def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
@@ -67,7 +85,8 @@ def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Prob
         smallest = 0.0 if standstill_allowed and name == "speed" else _SMALLEST[name] / factor
         _check_low(numbers, smallest, frame[column], path.name, problems)
         values[name] = factor * numbers
-    used = {"id", *(column for column, _ in columns.values())}
+    quality = read_quality(frame, path.name, problems)
+    used = {"id", *QUALITIES, *(column for column, _ in columns.values())}
     extra = [name for name in names if name not in used]
     _check_factors(frame[extra], path.name, problems)
     if len(problems) > before:
@@ -75,7 +94,7 @@ def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Prob
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=str).tolist()]
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
     conditions = tuple(Condition(float(v), float(front), float(rear), fac) for v, front, rear, fac in rows)
-    return ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index))
+    return ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality)
 
 
 def sound_ids(path: Path) -> tuple[str, ...]:

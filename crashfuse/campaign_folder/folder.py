@@ -7,8 +7,10 @@ import numpy as np
 
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.campaign_folder.condition_tables import ConditionTable, read_conditions, sound_ids
+from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
 from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units
 from crashfuse.campaign_folder.pulse_files import PulseFiles
+from crashfuse.campaign_folder.quality_columns import failing
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.errors import DataError, Problem, shortened
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
@@ -61,16 +63,25 @@ def load_campaign(folder: str | Path) -> Campaign:
             check_physics(role, table, pulses[role], reader.problems)
             check_ends(role, table, pulses[role], reader)
             check_band(role, pulses[role], reader.warnings)
+            if role == "tests" and not reader.problems:
+                check_tests_differ(table, pulses[role], reader.problems)
         if role == "tests":
             ends_s = reader.ends_s
         problems.extend(reader.problems)
         warnings.extend(_shortened(reader.warnings))
-    _check_counts(tables, problems, warnings)
+    left_out = failing(tables["cae"].quality, settings.quality) if "cae" in tables else []
+    gone = tuple((tables["cae"].ids[place], tables["cae"].quality[place]) for place in left_out)
+    if left_out:
+        tables["cae"] = tables["cae"].without(left_out)
+        pulses["cae"] = np.delete(pulses["cae"], left_out, axis=0)
+    _check_counts(tables, len(left_out), problems, warnings)
     if problems:
         raise DataError(shortened(problems))
     check_units(tables, pulses, warnings)
     _check_factors(tables["tests"], warnings)
-    cae = CaeLibrary(tables["cae"].ids, tables["cae"].conditions, pulses["cae"].astype(np.float32, copy=False))
+    runs = tables["cae"]
+    cae = CaeLibrary(runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, gone)
+    check_runs_differ(runs, cae.accel_mps2, warnings)
     cae.accel_mps2.flags.writeable = False
     tests = zip(tables["tests"].ids, tables["tests"].conditions, pulses["tests"], strict=True)
     crash_tests = tuple(
@@ -78,17 +89,20 @@ def load_campaign(folder: str | Path) -> Campaign:
         for test_id, condition, accel in tests
     )
     cfc = settings.channel_filter_class or settings.filtered_with
-    return Campaign(settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc)
+    limits = settings.quality.limits
+    return Campaign(settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, limits)
 
 
-def _check_counts(tables: dict[str, ConditionTable], problems: list[Problem], warnings: list[str]) -> None:
+def _check_counts(
+    tables: dict[str, ConditionTable], left_out: int, problems: list[Problem], warnings: list[str]
+) -> None:
     if "tests" in tables and len(tables["tests"].ids) == 1:
         warnings.append(
             "Only one test: nothing can be left out, so nothing can be checked; predictions can be made, but how much "
             "tests differ from each other is assumed."
         )
     if "cae" in tables and len(tables["cae"].ids) < _FEWEST_RUNS:
-        found = str(len(tables["cae"].ids))
+        found = str(len(tables["cae"].ids)) + f", and {left_out} left out for their quality" * (left_out > 0)
         problems.append(Problem("cae.csv", f"at least {_FEWEST_RUNS} CAE runs", found, "add runs"))
 
 

@@ -1,10 +1,11 @@
 """Settings of a campaign: ``campaign.toml``."""
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from crashfuse.campaign_folder.quality_columns import QualitySettings, quality_settings
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.csv_text import text_from
 
@@ -14,12 +15,13 @@ _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """A campaign's description, and the channel filter classes its records are to be, or were, filtered with."""
+    """A campaign's description, its limits on CAE runs, and the CFCs its records are to be, or were, filtered with."""
 
     name: str
     notice: str = ""
     channel_filter_class: float | None = None
     filtered_with: float | None = None
+    quality: QualitySettings = field(default_factory=QualitySettings)
 
 
 def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> Settings:
@@ -46,12 +48,13 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
         expected, advice = "one of the two", "leave out channel_filter_class, or pulses are filtered twice"
         problems.append(Problem(path.name, expected, "channel_filter_class and filtered_with", advice))
     values.pop("imported", None)  # provenance of pulses, written by crashfuse import
+    quality = quality_settings(values, problems)
     name = _text(values, "name", unnamed.name, _LONGEST_NAME, problems)
     notice = _text(values, "notice", "", _LONGEST_NOTICE, problems)
     if values:
         unknown = printable(", ".join(values), 200)
         warnings.append(f"{path.name}: {unknown} is not a setting that crashfuse knows; it is left alone.")
-    return Settings(name, notice, cfc, already)
+    return Settings(name, notice, cfc, already, quality)
 
 
 def own_filter_class(folder: Path) -> float | None:

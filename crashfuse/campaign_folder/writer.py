@@ -12,9 +12,11 @@ import pyarrow.parquet as pq
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import id_trouble
+from crashfuse.campaign_folder.quality_columns import QualitySettings
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.atomic import new_folder
+from crashfuse.run_quality import QUANTITIES, RunQuality
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import MASS, SPEED
 
@@ -27,7 +29,8 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
 
     Conditions are written in SI units at full precision, each test as ``tests/<id>.csv``, the CAE runs as
     ``cae_pulses.parquet``. Pulses that were filtered on reading are written filtered; ``filtered_with`` in
-    ``campaign.toml`` says so, and they are not filtered again.
+    ``campaign.toml`` says so, and they are not filtered again. Runs that were left out for their quality are not
+    written.
 
     Raises
     ------
@@ -42,8 +45,9 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
         cae = list(zip(campaign.cae.ids, campaign.cae.conditions, strict=True))
         for role, rows in (("tests", tests), ("cae", cae)):
             factors = list(dict.fromkeys(name for _, condition in rows for name, _ in condition.factors))
-            header = ["id", "speed_mps", "front_weight_kg", "rear_weight_kg", *factors]
-            lines = [table_row(header, run_id, condition) for run_id, condition in rows]
+            quality = (campaign.cae.quality if role == "cae" else ()) or (RunQuality(),) * len(rows)
+            header = ["id", "speed_mps", "front_weight_kg", "rear_weight_kg", *factors, *quality_columns(quality)]
+            lines = [table_row(header, *row, told) for row, told in zip(rows, quality, strict=True)]
             (home / f"{role}.csv").write_text(csv_text([header, *lines]), encoding="utf-8", newline="")
         (home / "tests").mkdir()
         for test in campaign.tests:
@@ -53,17 +57,24 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
         settings += [f"notice = {toml_text(campaign.notice)}"] if campaign.notice else []
         cfc = campaign.channel_filter_class
         settings += [f"filtered_with = {cfc:g}"] if cfc is not None else []
+        settings += QualitySettings(campaign.quality_limits, bool(campaign.cae.left_out)).lines()
         (home / "campaign.toml").write_text("\n".join(settings) + "\n", encoding="utf-8", newline="")
 
 
-def table_row(header: Sequence[str], run_id: str, condition: Condition) -> list[object]:
-    """The cells of a condition in the columns of a table, empty for factors it does not have."""
+def quality_columns(quality: Sequence[RunQuality]) -> list[str]:
+    """The columns for what the solver says of runs; none for what it says of no run."""
+    return [name for name in QUANTITIES if any(getattr(run, name) is not None for run in quality)]
+
+
+def table_row(header: Sequence[str], run_id: str, condition: Condition, quality: RunQuality) -> list[object]:
+    """The cells of a condition in the columns of a table, empty for factors and quality it does not have."""
     quantities = {
         "speed": (condition.speed_mps, SPEED),
         "front_weight": (condition.front_weight_kg, MASS),
         "rear_weight": (condition.rear_weight_kg, MASS),
     }
-    cells: dict[str, object] = {"id": run_id, **dict(condition.factors)}
+    told = {name: value for name in QUANTITIES if (value := getattr(quality, name)) is not None}
+    cells: dict[str, object] = {"id": run_id, **dict(condition.factors), **told}
     for quantity, (value, units) in quantities.items():
         for unit, factor in units.items():
             exact = factor == 1.0

@@ -63,7 +63,7 @@ def criteria_text(criteria: Criteria) -> str:
 def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:
     if not _is_number(confidence) or not 0.5 <= confidence < 1:
         expected, advice = "a confidence from 0.5 to below 1", "0.95 is usual; no prediction is certain"
-        problems.append(Problem(where, expected, _shown(confidence), advice, "confidence"))
+        problems.append(Problem(where, expected, _shown(confidence), advice))
     if not items:
         problems.append(Problem(where, "at least one criterion", "none", "add a table [[criterion]]"))
     if len(items) > _MOST_CRITERIA:
@@ -71,11 +71,11 @@ def _checked(items: list[dict[str, Any]], confidence: object, where: str, proble
         raise DataError(Problem(where, expected, str(len(items)), "leave out those that matter least"))
     found: dict[str, Criterion] = {}
     for number, item in enumerate(items, start=1):
-        own = f"criterion {number}"
-        criterion = _Check(where, own, problems).criterion(item)
+        own = f"{where}, criterion {number}"
+        criterion = _Check(own, problems).criterion(item)
         if criterion is not None and criterion.name in found:
             advice = "give one of them another name"
-            problems.append(Problem(where, "each name once", f"{criterion.name!r} a second time", advice, own))
+            problems.append(Problem(own, "each name once", f"{criterion.name!r} a second time", advice))
         elif criterion is not None:
             found[criterion.name] = criterion
     if problems or not _is_number(confidence):
@@ -86,11 +86,11 @@ def _checked(items: list[dict[str, Any]], confidence: object, where: str, proble
 class _Check:
     """Check of one criterion; its problems are appended to a list."""
 
-    def __init__(self, where: str, own: str, problems: list[Problem]) -> None:
-        self.where, self.own, self.problems = where, own, problems
+    def __init__(self, where: str, problems: list[Problem]) -> None:
+        self.where, self.problems = where, problems
 
     def wrong(self, expected: str, found: object, advice: str) -> None:
-        self.problems.append(Problem(self.where, expected, _shown(found), advice, self.own))
+        self.problems.append(Problem(self.where, expected, _shown(found), advice))
 
     def criterion(self, item: dict[str, Any]) -> Criterion | None:
         """The criterion, or None if it cannot be judged."""

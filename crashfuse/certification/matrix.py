@@ -16,6 +16,7 @@ from crashfuse.study.estimate import FASTEST_MPS, HEAVIEST_KG
 from crashfuse.units import LB, MPH
 
 _MOST = 10_000  # each costs a prediction
+_BOUNDS = f"at most {FASTEST_MPS / MPH:.0f} mph and {HEAVIEST_KG / LB:.0f} lb in all"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +62,8 @@ class Matrix:
                 advice = "remove one of them"
                 found = f"that of {first[condition]} a second time"
                 problems.append(Problem(path.name, "each condition once", found, advice, "id", row))
-            elif condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG:
-                most = f"at most {FASTEST_MPS / MPH:.0f} mph and {HEAVIEST_KG / LB:.0f} lb in all"
-                problems.append(Problem(path.name, most, str(condition), "correct the cell", "id", row))
+            elif _is_beyond(condition):
+                problems.append(Problem(path.name, _BOUNDS, str(condition), "correct the cell", "id", row))
             first.setdefault(condition, test_id)
         if problems:
             raise DataError(shortened(problems))
@@ -90,7 +90,7 @@ class Matrix:
         Raises
         ------
         UsageError
-            If a value is given twice, is not above 0, or too large, or there are too many combinations.
+            If a value is given twice, is not above 0 or beyond any barrier test, or there are too many combinations.
         """
         for name, values in (
             ("speed", speeds_mps),
@@ -103,11 +103,12 @@ class Matrix:
         axes = list(product(speeds_mps, front_weights_kg, rear_weights_kg, kinds))
         if len(axes) > _MOST:
             raise UsageError(f"A matrix has at most {_MOST:,} conditions; this grid has {len(axes):,}.")
-        heaviest = max(front_weights_kg, default=0.0) + max(rear_weights_kg, default=0.0)
-        if axes and (max(speeds_mps) > FASTEST_MPS or heaviest > HEAVIEST_KG):
-            most = f"{FASTEST_MPS / MPH:.0f} mph and {HEAVIEST_KG / LB:.0f} lb in all"
-            raise UsageError(
-                f"A grid goes up to {most}, not to {max(speeds_mps) / MPH:g} mph and {heaviest / LB:g} lb."
-            )
         ids = tuple(f"M{number:03d}" for number in range(1, len(axes) + 1))
-        return cls(ids, tuple(Condition(v, front, rear, kind) for v, front, rear, kind in axes))
+        conditions = tuple(Condition(v, front, rear, kind) for v, front, rear, kind in axes)
+        if beyond := next(filter(_is_beyond, conditions), None):
+            raise UsageError(f"No barrier test is made at {beyond}: a grid has {_BOUNDS}.")
+        return cls(ids, conditions)
+
+
+def _is_beyond(condition: Condition) -> bool:
+    return condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from crashfuse.cli.models import factor, settings
 from crashfuse.cli.output import replacing, require_output, say_written, writing
-from crashfuse.errors import UsageError
+from crashfuse.errors import DataError, Problem, UsageError
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
@@ -54,7 +54,11 @@ def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":
 
     axes = (arguments.speed_mph, arguments.front_weight_lb, arguments.rear_weight_lb)
     if not any((*axes, arguments.factor)):
-        return Matrix.read(arguments.matrix or arguments.campaign / "matrix.csv", campaign.factors)
+        path = arguments.matrix or arguments.campaign / "matrix.csv"
+        if not path.is_file():
+            advice = "list the conditions in it, or give a grid with --speed-mph and both weights"
+            raise DataError(Problem(path.name, "this file", "no such file", advice))
+        return Matrix.read(path, campaign.factors)
     if arguments.matrix is not None or not all(axes):
         raise UsageError(
             "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb, all three, and no --matrix."

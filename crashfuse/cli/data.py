@@ -26,6 +26,7 @@ def sample(arguments: argparse.Namespace) -> None:
 
 def check(arguments: argparse.Namespace) -> None:
     """Print what a campaign contains."""
+    from crashfuse.cae.quality import judge_quality
     from crashfuse.campaign_folder.folder import load_campaign
 
     campaign = load_campaign(arguments.campaign)
@@ -40,8 +41,12 @@ def check(arguments: argparse.Namespace) -> None:
             print(f"    {note}")
     for warning in campaign.warnings:
         print(f"Note: {warning}")
+    verdict = judge_quality(campaign.cae, campaign.quality_limits)
+    for sentence in verdict.sentences:
+        print(sentence)
     print(f"Fingerprint {campaign.fingerprint}")
-    print("Nothing is wrong.")
+    used = verdict.failing and not verdict.left_out
+    print("Nothing is wrong with the files; see the CAE runs that fail." if used else "Nothing is wrong.")
 
 
 def rate(arguments: argparse.Namespace) -> None:

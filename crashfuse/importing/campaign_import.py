@@ -114,7 +114,7 @@ def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") 
     OSError
         If writing fails.
     """
-    additions = [Addition(one.id, one.condition, one.pulse, _told(one)) for one in settled]
+    additions = [Addition(one.id, one.condition, one.pulse, _told(one), one.quality) for one in settled]
     with Cache().alone("campaign", {"folder": str(out.resolve())}):  # concurrent additions take turns
         add_to_campaign(out, role, additions)
 

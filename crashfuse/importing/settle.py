@@ -4,7 +4,7 @@ The order matters: detecting unit and sign needs the impact speed, the filter ne
 before contact, and only then is the record cut to the crash.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from crashfuse.importing.detection import (
 )
 from crashfuse.importing.sampling import even, on_one_clock
 from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
+from crashfuse.run_quality import RunQuality
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.units import MS
@@ -54,6 +55,8 @@ class Settled:
         Class the record was filtered with here; None if it was not.
     steps : tuple of str
         Everything that was found and done, in order.
+    quality : RunQuality
+        What the solver says of a CAE run; nothing of a test.
     """
 
     id: str
@@ -66,6 +69,7 @@ class Settled:
     time_zero_s: float
     channel_filter_class: float | None
     steps: tuple[str, ...]
+    quality: RunQuality = field(default_factory=RunQuality)
 
 
 def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests", raw: bool = False) -> Settled:
@@ -110,7 +114,8 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
     pulse = _cut(time_s - zero_s, accel, raw=raw, filtered=cfc is not None)
     _check(record, pulse, condition, role, steps)
     names = tuple(channel.name for channel in channels)
-    return Settled(record.id, record.source, condition, pulse, names, unit, sign, zero_s, cfc, tuple(steps))
+    quality = record.quality if role == "cae" else RunQuality()
+    return Settled(record.id, record.source, condition, pulse, names, unit, sign, zero_s, cfc, tuple(steps), quality)
 
 
 def _missing(record: Record, choices: Choices) -> list[Problem]:

@@ -72,6 +72,7 @@ FORMATS = {
         f"{_HERE}.lsdyna.runs:read_lsdyna",
         role="cae",
     ),
+    "radioss": Format("Radioss", "T01", r"[^.]+T\d\d", f"{_HERE}.radioss:read_radioss", one_a_file=True, role="cae"),
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
     TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|xls[xm]?)"),
 }

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.readers.axle_weights import AxleWeights
+from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import G
 
@@ -102,6 +103,8 @@ class Record:
         Why no speed could be read although the file has something like one ("nodes at 612 a second, …").
     unread : mapping of str to Problem, optional
         Channels that could be the pulse but are damaged, with the problem of each.
+    quality : RunQuality
+        What the solver says of a CAE run.
     """
 
     id: str
@@ -113,6 +116,7 @@ class Record:
     own_time_zero: str = ""
     no_speed: str = ""
     unread: Mapping[str, Problem] = field(default_factory=dict)
+    quality: RunQuality = field(default_factory=RunQuality)
 
     def chosen(self, names: Sequence[str] = ()) -> tuple[RecordedChannel, ...]:
         """The channels with these names; by default the proposed ones.

@@ -11,12 +11,16 @@ from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.units import LB, MPH
 
 _NAMED = 20  # conditions in a sentence
+_UNSUPPORTED = "Criteria whose record does not support the confidence"
+_UNTOUCHED = "Criteria whose limit no left-out test came near"
 
 
 def summary(certification: Certification) -> tuple[str, ...]:
     """What came of the matrix, where a test is needed, and what the record says, in a few sentences."""
     record = certification.record
-    return (matrix_sentence(certification), *to_test(certification), record_sentence(record), *brier_sentence(record))
+    said = (matrix_sentence(certification), *to_test(certification), record_sentence(record), *brier_sentence(record))
+    against = exceptions(certification)
+    return (*said, *against.get(_UNSUPPORTED, ()), *against.get(_UNTOUCHED, ()))
 
 
 def matrix_sentence(certification: Certification) -> str:
@@ -32,7 +36,9 @@ def to_test(certification: Certification) -> Iterator[str]:
     rows = {word: _by_condition(certification, word) for word in WORDS}
     if rows["open"]:
         yield f"To be tested, or redesigned: {_listed([f'{i} ({_names(own)})' for i, own in rows['open'].items()])}."
-    if rows["outside"]:
+    if certification.domain.too_few_tests:
+        yield from certification.domain.too_few_tests
+    elif rows["outside"]:
         yield f"Outside what the tests check: {_listed(list(rows['outside']))}."
     if not rows["open"] and not rows["outside"]:
         yield "No condition of the matrix needs a test."
@@ -94,21 +100,21 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     confidence, record = certification.criteria.confidence, certification.record
     supports = {criterion.name: record.support(criterion) for criterion in certification.criteria.items}
     short = {name: s for name, own in supports.items() if (s := own.shortfall(confidence)) is not None}
-    outside = {(i, own.reason) for i, own in certification.cells if own.word == "outside"}
+    outside = dict.fromkeys(f"{i}: {own.reason}" for i, own in certification.cells if own.word == "outside")
     found = {
         "Warnings about the campaign": certification.campaign.warnings,
-        "Conditions outside the validated domain": tuple(f"{i}: {reason}" for i, reason in sorted(outside)),
+        "Conditions outside the validated domain": certification.domain.too_few_tests or tuple(outside),
         "Tests outside the range of the CAE runs": tuple(
             f"{test.id}: {' '.join(notes)}"
             for test in certification.campaign.tests
             if (notes := certification.campaign.cae.extrapolation(test.condition))
         ),
         "Wrong verdicts on left-out tests": tuple(_wrong(record)),
-        "Criteria whose record does not support the confidence": tuple(f"{n}: {s}" for n, s in short.items()),
-        "Criteria whose limit no left-out test came near": tuple(
-            f"{name}: the record says nothing about this limit."
+        _UNSUPPORTED: tuple(f"{n}: {s}" for n, s in short.items()),
+        _UNTOUCHED: tuple(
+            f"{name}: no left-out test came near this limit; the record says nothing about it."
             for name, own in supports.items()
-            if record.trials and not own.near and name not in short
+            if record.trials and not own.near
         ),
         "No record": () if record.trials else (record_sentence(record),),
     }

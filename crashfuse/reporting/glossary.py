@@ -6,3 +6,8 @@ TTZV = (
 )
 LF = "LF TCN: low-fidelity (LF) network, trained on CAE runs only."
 TIME_DOMAIN = "Time domain: multi-fidelity (MF) network, the LF network fine-tuned on tests."
+
+REPEAT = (
+    "A repeat: the rating that a second test at the same condition would get against this one, estimated from how much "
+    "the tests of this campaign scatter. A prediction that rates as high is as good as another test."
+)

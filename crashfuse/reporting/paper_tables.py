@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.registry import LABELS
@@ -15,9 +16,14 @@ TABLE_5 = {name: LABELS[name] for name in ("time_domain", "displacement_domain",
 
 MEAN = "Mean"
 
+REPEAT = "A repeat"
+"""What a repeat of the test would rate: the last row of each test, where it is known."""
+
 
 def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
     """Overall ratings in the form of the paper's Tables 3 and 5, with the mean over the tests in the last rows.
+
+    Under the approaches stands what a repeat of the test would rate, if it is known.
 
     Parameters
     ----------
@@ -32,17 +38,22 @@ def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
     config = study.config
     columns = {window: f"(0, {window:g}) ms" for window in config.windows_ms}
     own = {name: label for name, label in rows.items() if name in config.approaches}
-    found = {
-        (fold.held_out, label): [fold.ratings[name][window].overall for window in columns]
-        for fold in study.folds
-        for name, label in own.items()
-    }
+    found: dict[tuple[str, str], list[float]] = {}
+    for fold in study.folds:
+        for name, label in own.items():
+            found[fold.held_out, label] = [fold.ratings[name][window].overall for window in columns]
+        if own and fold.held_out in study.repeatability:
+            repeats = study.repeatability[fold.held_out]
+            found[fold.held_out, REPEAT] = [repeats[w].value if w in repeats else np.nan for w in columns]
     means = {(MEAN, label): [study.mean_rating(name, window) for window in columns] for name, label in own.items()}
+    if own and study.repeatability:
+        means[MEAN, REPEAT] = [np.nan if (mean := study.mean_repeat(w)) is None else mean for w in columns]
     index = pd.MultiIndex.from_tuples([*found, *means], names=["Test", "Approach"])
     return pd.DataFrame([*found.values(), *means.values()], index=index, columns=list(columns.values()))
 
 
 def best(table: pd.DataFrame) -> pd.DataFrame:
-    """Mask of the highest rating of each test and window, compared as shown, to three digits. Same shape, bool."""
+    """Mask of the best approach of each test and window, compared as shown, to three digits. Same shape, bool."""
     shown = table.round(3)
+    shown.loc[table.index.get_level_values(1) == REPEAT] = np.nan
     return shown == shown.groupby(level=0, sort=False).transform("max")

@@ -182,6 +182,13 @@ def _study_record(study: Study) -> dict[str, object]:
             }
             for fold in study.folds
         },
+        "repeatability": {
+            fold.held_out: {
+                f"{w:g}": {end: round(getattr(repeat, end), 4) for end in ("value", "lower", "upper")}
+                for w, repeat in study.repeatability.get(fold.held_out, {}).items()
+            }
+            for fold in study.folds
+        },
         "fits": [
             {"held_out": fold.held_out, **_fit_record(estimate)} for fold in study.folds for estimate in fold.estimates
         ],

@@ -1,12 +1,13 @@
 """Leave-one-out studies: from a campaign to rated predictions.
 
-hold out → fit → predict → rate. The held-out test's pulse is used in the last step only: everything before it
-works on ``campaign.without(test)``, whose fingerprint is also the key under which the prediction is cached.
+hold out → fit → predict → rate. The held-out test's pulse is used in the last step only, and after it for how well
+tests repeat: everything before works on ``campaign.without(test)``, whose fingerprint is also the key under which the
+prediction is cached.
 """
 
 import time
 from collections import defaultdict
-from collections.abc import Hashable, MutableMapping, Sequence, Set
+from collections.abc import Hashable, Mapping, MutableMapping, Sequence, Set
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -27,6 +28,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.fold import Fold
 from crashfuse.study.plan import StudyPlan
+from crashfuse.study.repeatability import Repeatability, repeatability
 
 _STEPS = {"test": "Held-out predictions", "speed group": "Held-out speed groups"}
 
@@ -39,6 +41,8 @@ class Study:
     ----------
     speed_groups : Study, optional
         The same tests, each left out with all others at about its speed, if both were requested and are possible.
+    repeatability : mapping of str to mapping of float to Repeatability
+        By test, then window in ms, see :func:`crashfuse.study.repeatability.repeatability`.
     """
 
     campaign: Campaign
@@ -46,6 +50,7 @@ class Study:
     folds: tuple[Fold, ...]
     seconds: dict[str, float] = field(default_factory=dict)
     speed_groups: "Study | None" = None
+    repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)
 
     def fold(self, held_out: str) -> Fold:
         """The fold with this test held out."""
@@ -54,6 +59,16 @@ class Study:
     def mean_rating(self, approach: str, window_ms: float) -> float:
         """Overall rating of an approach over one window, averaged over the held-out tests."""
         return float(np.mean([fold.ratings[approach][window_ms].overall for fold in self.folds]))
+
+    def mean_repeat(self, window_ms: float) -> float | None:
+        """What repeats would rate over one window, averaged over the held-out tests; None unless known for all."""
+        values = [repeat.value for repeat in self.repeats(window_ms).values()]
+        return float(np.mean(values)) if len(values) == len(self.folds) else None
+
+    def repeats(self, window_ms: float) -> dict[str, Repeatability]:
+        """What a repeat of each held-out test would rate over one window, where it is known."""
+        found = {fold.held_out: self.repeatability.get(fold.held_out, {}).get(window_ms) for fold in self.folds}
+        return {test: repeat for test, repeat in found.items() if repeat is not None}
 
     def rating_spread(self, window_ms: float) -> dict[str, dict[str, tuple[float, float, float]]]:
         """Overall rating over one window and interval of single draws, by test and approach with a band."""
@@ -142,7 +157,12 @@ def run_plan(
     tests = [plan.campaign.test(test_id) for test_id in plan.held_out]
     with workers_at(scheduler, workers) as place:
         studies = [_leave_out(plan.campaign, tests, way, cache or Cache(), watch, place, folds) for way in plan.configs]
-    return replace(studies[0], config=plan.config, speed_groups=studies[1] if len(studies) > 1 else None)
+    start, config = time.perf_counter(), plan.config
+    repeats = repeatability(plan.campaign, config.windows_ms, seed=config.seed, cache=cache, watch=watch)
+    studies = [replace(study, repeatability=repeats) for study in studies]
+    seconds = {**studies[0].seconds, "repeatability": time.perf_counter() - start}
+    groups = studies[1] if len(studies) > 1 else None
+    return replace(studies[0], config=config, seconds=seconds, speed_groups=groups)
 
 
 def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:

@@ -8,7 +8,7 @@ from pandas.io.formats.style import Styler
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.paper_tables import best, rating_table
+from crashfuse.reporting.paper_tables import REPEAT, best, rating_table
 from crashfuse.reporting.plots.display import Unit
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
@@ -16,6 +16,7 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import Rating, grade, rate_windows
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.study.next_test import NextTest, next_tests_table
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.units import KPH, LB, MPH, G
 
@@ -56,41 +57,48 @@ def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa:
     return pd.DataFrame(rows).fillna("–")
 
 
-def ratings(by_approach: Mapping[str, Mapping[float, Rating]], window_ms: float) -> Styler:
-    """Overall rating with its grade by approach and window, and the four parts of the rating over one window."""
-    return _coloured(
-        pd.DataFrame(
-            {
-                "Approach": LABELS[name],
-                **{f"Rating {window_label(w)}": _graded(rating.overall) for w, rating in by_window.items()},
-                **{
-                    f"{part.capitalize()} {window_label(window_ms)}": f"{getattr(by_window[window_ms], part):.3f}"
-                    for part in _PARTS
-                },
-            }
-            for name, by_window in by_approach.items()
-        )
+def ratings(
+    by_approach: Mapping[str, Mapping[float, Rating]], window_ms: float, repeats: Mapping[float, Repeatability]
+) -> Styler:
+    """Overall rating with its grade by approach and window, and the four parts of the rating over one window.
+
+    The last row is what a repeat of the test would rate, if it is known.
+    """
+    table = pd.DataFrame(
+        {
+            "Approach": LABELS[name],
+            **{f"Rating {window_label(w)}": _graded(rating.overall) for w, rating in by_window.items()},
+            **{
+                f"{part.capitalize()} {window_label(window_ms)}": f"{getattr(by_window[window_ms], part):.3f}"
+                for part in _PARTS
+            },
+        }
+        for name, by_window in by_approach.items()
     )
+    if repeats:
+        repeat = {f"Rating {window_label(w)}": _graded(own.value) for w, own in repeats.items()}
+        table = pd.concat([table, pd.DataFrame([{"Approach": REPEAT, **repeat}])], ignore_index=True).fillna("–")
+    return _coloured(table)
 
 
 def mean_ratings(study: Study) -> Styler:
-    """Overall rating averaged over the held-out tests, by approach and window."""
-    return _coloured(
-        pd.DataFrame(
-            {
-                "Approach": LABELS[name],
-                **{window_label(w): _graded(study.mean_rating(name, w)) for w in study.config.windows_ms},
-            }
-            for name in study.config.approaches
-        )
-    )
+    """Overall rating averaged over the held-out tests, by approach and window; below, what repeats would rate."""
+    windows = study.config.windows_ms
+    rows = [
+        {"Approach": LABELS[name], **{window_label(w): _graded(study.mean_rating(name, w)) for w in windows}}
+        for name in study.config.approaches
+    ]
+    means = {window_label(w): study.mean_repeat(w) for w in windows}
+    if known := {label: _graded(mean) for label, mean in means.items() if mean is not None}:
+        rows.append({"Approach": REPEAT, **known})
+    return _coloured(pd.DataFrame(rows).fillna("–"))
 
 
 def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
     """Ratings by test, approach and window in the form of the paper's tables, best in bold."""
     table = rating_table(study, rows)
     bold = best(table).reset_index(drop=True).map(lambda is_best: "font-weight: 700" if is_best else "")
-    shown = table.map("{:.3f}".format).reset_index()
+    shown = table.map("{:.3f}".format, na_action="ignore").fillna("–").reset_index()
     marks = bold.reindex(columns=shown.columns, fill_value="")
     shown["Test"] = shown["Test"].where(~shown["Test"].duplicated(), "")  # each named once, as in the paper
     return _plain(shown).apply(lambda _: marks, axis=None)

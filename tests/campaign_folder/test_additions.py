@@ -20,10 +20,11 @@ CONDITION = Condition(30 * MPH, 2050 * LB, 1500 * LB, (("drive", "AWD"), ("colou
 
 
 def addition(run_id: str = "New", speed_mph: float = 30.0) -> Addition:
-    """A half-sine pulse that stops its car."""
+    """A half-sine pulse that stops its car, sooner the faster it is."""
     condition = replace(CONDITION, speed_mps=speed_mph * MPH)
-    peak = 1.1 * condition.speed_mps * np.pi / 0.15
-    pulse = Pulse(GRID_S, np.where(GRID_S < 0.075, -peak * np.sin(np.pi * GRID_S / 0.075), 0.0))
+    duration_s = 0.090 - 5e-4 * speed_mph
+    peak = 1.1 * condition.speed_mps * np.pi / (2 * duration_s)
+    pulse = Pulse(GRID_S, np.where(duration_s > GRID_S, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0))
     return Addition(
         run_id, condition, pulse, {"source": 'a "file"\n\x7f', "steps": ("one", "two"), "time_zero_ms": 1.5}
     )

@@ -540,6 +540,10 @@ def test_a_whole_study_leaves_speed_groups_out_too(
     assert record["speed_groups"]["mean_rating"]["cae"] == pytest.approx(
         groups[groups["window_ms"] == 60]["overall"].mean(), abs=1e-4
     )
+    for test in ("T1", "T2", "T3", "T4"):
+        assert set(record["repeatability"][test]) == {"20", "40", "60"}
+        repeat = record["repeatability"][test]["60"]
+        assert 0 <= repeat["lower"] < repeat["value"] < repeat["upper"] <= 1
     said = capsys.readouterr().out
     assert "Use the raw CAE model for this campaign." in said
     assert said.endswith(

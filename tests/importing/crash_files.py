@@ -11,7 +11,7 @@ from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS, G
-from tests.importing.crashes import SPEED_MPS, clock, half_sine_g
+from tests.importing.crashes import SPEED_MPS, clock, half_sine_g, scatter_g
 
 
 def write(folder: Path, files: dict[str, bytes]) -> Path:
@@ -29,10 +29,10 @@ def german(time_s: FloatArray, *pulses: FloatArray, header: str = "Zeit [ms];a_x
     return "\n".join(lines).replace(".", ",").encode("cp1252")
 
 
-def isomme(name: str) -> dict[str, bytes]:
+def isomme(name: str, scatter: float = 0.0) -> dict[str, bytes]:
     """Files of an ISO-MME test."""
     descriptors = [("Velocity test object 1", f"{SPEED_MPS:.9g}"), ("Mass test object 1", "1700")]
-    channel = Channel("10VEHC000000ACXP", "X", "g", half_sine_g(clock()), 1e-4, -0.05)
+    channel = Channel("10VEHC000000ACXP", "X", "g", half_sine_g(clock()) + scatter_g(clock(), scatter), 1e-4, -0.05)
     return isomme_files(IsommeTest(name, descriptors, (channel,)))
 
 
@@ -41,7 +41,9 @@ def library(folder: Path) -> Path:
     time_s = clock(0.0, 0.12)
     speeds = np.linspace(30, 60, 12)
     header = "Time [s];" + ";".join(f"Run {i} [m/s^2]" for i in range(12))
-    pulses = [-G * half_sine_g(time_s) * v * KPH / SPEED_MPS for v in speeds]
+    pulses = [
+        -G * (half_sine_g(time_s) * v * KPH / SPEED_MPS + scatter_g(time_s, 0.5 * i)) for i, v in enumerate(speeds)
+    ]
     table = german(time_s * MS, *pulses, header=header)
     rows = [f"Run {i};{v:.6f};950;750".replace(".", ",") for i, v in enumerate(speeds.tolist())]
     conditions = "\n".join(["Lauf;v0 [km/h];Gewicht VA [kg];Gewicht HA [kg]", *rows])

@@ -24,6 +24,12 @@ def half_sine_g(time_s: FloatArray) -> FloatArray:
     return np.asarray(np.where(inside, -PEAK_MPS2 / G * np.sin(np.pi * time_s / DURATION_S), 0.0))
 
 
+def scatter_g(time_s: FloatArray, size_g: float) -> FloatArray:
+    """What makes one crash differ from the next: a wave that takes no velocity in all."""
+    inside = (time_s >= 0) & (time_s <= DURATION_S)
+    return np.asarray(np.where(inside, size_g * np.sin(4 * np.pi * time_s / DURATION_S), 0.0))
+
+
 def clock(start_s: float = -0.05, end_s: float = 0.3, rate_hz: float = 10_000) -> FloatArray:
     """An even clock."""
     return start_s + np.arange(round((end_s - start_s) * rate_hz) + 1) / rate_hz

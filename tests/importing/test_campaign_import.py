@@ -16,7 +16,7 @@ from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import KPH
 from tests.conftest import SHARED, needs_shared
 from tests.importing.crash_files import german, imported, isomme, library, write
-from tests.importing.crashes import GIVEN, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g
+from tests.importing.crashes import GIVEN, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g, scatter_g
 from tests.readers.lsdyna_files import MASS_KG, Run
 from tests.readers.nhtsa_files import nhtsa_files
 
@@ -26,8 +26,8 @@ REAL = SHARED / "real/nhtsa_10146_camry2018"
 def test_a_campaign_grows_from_four_formats(tmp_path: Path) -> None:
     """NHTSA, ISO-MME and a German CSV as tests and a foreign table as CAE runs make a campaign without a warning."""
     write(tmp_path / "v00005", nhtsa_files())
-    write(tmp_path / "mme", isomme("M1"))
-    write(tmp_path, {"T7.csv": german(clock(), half_sine_g(clock()))})
+    write(tmp_path / "mme", isomme("M1", scatter=1.5))
+    write(tmp_path, {"T7.csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), -1.5))})
     out = tmp_path / "campaign"
     import_source(tmp_path / "v00005", out)
     import_source(tmp_path / "mme", out, Choices(front_share=0.56))

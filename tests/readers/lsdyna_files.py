@@ -182,3 +182,70 @@ class Run:
 def _row(number: int, values: Iterable[float], exponent: str) -> str:
     first, *rest = (f"{value:.4E}".replace("E", exponent) for value in values)
     return f"{number:9d}{first:>13}" + "".join(f"{value:>12}" for value in rest)
+
+
+@dataclass(frozen=True)
+class Energies:
+    """What glstat and matsum say of a run, at the start, in between and at the end."""
+
+    total: tuple[float, ...] = (100.0, 97.0, 99.0)
+    work: tuple[float, ...] = (0.0, 1.0, 1.0)
+    internal: tuple[float, ...] = (0.0, 80.0, 75.0)
+    hourglass: tuple[float, ...] | None = (0.0, 3.0, 4.0)
+    added_percent: tuple[float, ...] | None = (1.5, 1.5, 2.5)
+    time: tuple[float, ...] = (0.0, 50.0, 100.0)
+
+    def glstat_folders(self) -> dict[str, dict[str, Values]]:
+        """Folders of a binout."""
+        named = {"total_energy": self.total, "external_work": self.work, "internal_energy": self.internal}
+        named |= {"time": self.time, "kinetic_energy": self.total}
+        named |= {} if self.hourglass is None else {"hourglass_energy": self.hourglass}
+        named |= {} if self.added_percent is None else {"percent_increase": self.added_percent}
+        return {
+            f"/glstat/d{state + 1:06d}": {name: np.array([values[state]], "f4") for name, values in named.items()}
+            for state in range(len(self.time))
+        }
+
+    def matsum_folders(self) -> dict[str, dict[str, Values]]:
+        """Folders of a binout with two parts, one of which takes a quarter."""
+        hourglass = self.hourglass or (0.0,) * len(self.time)
+        return {
+            f"/matsum/d{state + 1:06d}": {
+                "time": np.array([self.time[state]], "f4"),
+                "internal_energy": np.array([0.25, 0.75], "f4") * np.float32(self.internal[state]),
+                "hourglass_energy": np.array([0.25, 0.75], "f4") * np.float32(hourglass[state]),
+            }
+            for state in range(len(self.time))
+        }
+
+    def glstat(self) -> bytes:
+        """The same as text, word by word as the solver's converter writes it."""
+        lines = [" Nova full frontal", "                         ls-dyna (version mpp s R)     date 11/21/2026"]
+        for state, time in enumerate(self.time):
+            lines += [f"\n\n dt of cycle{10 * state:8d} is controlled by shell          31 of part       12\n"]
+            lines += [f" time...........................{time:14.5E}", " time step......................   1.00000E-03"]
+            lines += [f" kinetic energy.................{self.total[state]:14.5E}"]
+            lines += [f" internal energy................{self.internal[state]:14.5E}"]
+            lines += [" stonewall energy...............   9.90000E+01 wall# 1"]
+            if self.hourglass is not None:
+                lines += [f" hourglass energy ..............{self.hourglass[state]:14.5E}"]
+            lines += [f" external work..................{self.work[state]:14.5E}"]
+            lines += [f" total energy...................{self.total[state]:14.5E}"]
+            lines += [f" total energy / initial energy..{self.total[state] / self.total[0]:14.5E}"]
+            if self.added_percent is not None:
+                lines += ["\n\n added mass.....................   2.00000E+01"]
+                lines += [f" percentage increase............{self.added_percent[state]:14.5E}"]
+        return "\n".join(lines).encode() + b"\n"
+
+    def matsum(self) -> bytes:
+        """The same by part, as text."""
+        lines = [" Nova full frontal", "{BEGIN LEGEND}", " Entity #        Title", "        1     rail", "{END LEGEND}"]
+        for state, time in enumerate(self.time):
+            lines.append(f"\n\n time ={time:13.4E}")
+            for part, share in ((1, 0.25), (100001, 0.75)):
+                number = f"{part:5d}   " if part < 100_000 else f"{part:8d}"
+                internal, hourglass = (share * values[state] for values in (self.internal, self.hourglass or self.work))
+                lines += [f" mat.#={number}          inten={internal:13.4E}     kinen={0.0:13.4E}"]
+                lines += [" x-mom=   0.0000E+00     y-mom=   0.0000E+00     z-mom=   0.0000E+00"]
+                lines += [f"                         hgeng={hourglass:13.4E}     +mass=   1.0000E+00"]
+        return "\n".join(lines).encode() + b"\n"

@@ -24,6 +24,7 @@ from tests.importing.crash_files import german, isomme, write, zipped
 from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
 from tests.readers.lsdyna_files import Run, lsda
 from tests.readers.nhtsa_files import nhtsa_files
+from tests.readers.radioss_files import time_history
 from tests.readers.test_tdms import by_hand, nhtsa_test
 
 Files = dict[str, bytes]
@@ -34,6 +35,7 @@ GOOD: dict[str, Files] = {
     "nhtsa": {name: content for name, content in nhtsa_files().items() if name[-3:] in ("EV5", "093", "094")},
     "isomme": isomme("M1"),
     "lsdyna": {"binout0000": SHORT.binout()},
+    "radioss": {"hc1T01": time_history(step_ms=0.5)},
     "tdms": {"v1.tdms": nhtsa_test()},
     "csv": {"T1.csv": TABLE},
 }
@@ -186,6 +188,10 @@ def claims(fmt: str) -> Files:
                 name: content.replace(b"samples           :", b"samples           :99999999999")
                 for name, content in GOOD[fmt].items()
             }
+        case "radioss":
+            group = struct.pack(">5i", 1, 0, 0, 2, 3)
+            assert group in sound
+            return {"hc1T01": sound.replace(group, struct.pack(">5i", 1, 0, 0, 999_999, 999_999))}
         case "nhtsa":
             return {**GOOD[fmt], "v00005.093": b"0 1\n" * 1_000_001}
     return {"x.csv": sound + b"1;1\n" * 4_000_001}

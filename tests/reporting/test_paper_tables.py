@@ -1,14 +1,17 @@
 """The paper's tables hold the study's ratings, and mark the best."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.paper_tables import TABLE_3, TABLE_5, best, rating_table
+from crashfuse.reporting.paper_tables import REPEAT, TABLE_3, TABLE_5, best, rating_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 
 
@@ -45,3 +48,15 @@ def test_the_best_of_a_test_is_marked_window_by_window() -> None:
     index = pd.MultiIndex.from_product([["T1", "T2"], ["a", "b"]])
     table = pd.DataFrame({"w": [0.8, 0.9, 0.70004, 0.70001], "v": [0.5, 0.4, 0.1, 0.2]}, index=index)
     assert best(table).to_numpy().tolist() == [[False, True], [True, False], [True, False], [True, True]]
+
+
+def test_what_a_repeat_would_rate_stands_under_the_approaches_and_is_never_the_best(campaign: Campaign) -> None:
+    """In every test and the mean; a window without a value has none."""
+    repeats = {"T1": {20.0: Repeatability(0.9, 0.8, 1.0), 60.0: Repeatability(0.8, 0.7, 0.9)}}
+    repeats["T2"] = {20.0: Repeatability(1.0, 0.9, 1.0)}
+    table = rating_table(replace(study(campaign), repeatability=repeats), TABLE_5)
+    own = table.xs(REPEAT, level=1)
+    assert list(table.index)[2] == ("T1", REPEAT)
+    np.testing.assert_allclose(own, [[0.9, 0.8], [1.0, np.nan], [0.95, np.nan]])
+    assert not best(table).xs(REPEAT, level=1).to_numpy().any()
+    assert best(table).xs("Displacement domain", level=1).to_numpy().all()

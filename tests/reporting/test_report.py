@@ -10,9 +10,11 @@ from plotly.offline import get_plotlyjs
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.reporting.report import prediction_report, study_report
+from crashfuse.run_quality import NAMED_LIMITS, RunQuality
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
+from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 
 CONFIG = StudyConfig(approaches=("cae",))
@@ -71,11 +73,35 @@ def test_a_study_has_every_part_a_certification_review_asks_for(text: str, headi
     assert f"<h2>{heading}" in text
 
 
+def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
+    """In a table by window, as a row of the means that is never bold, and in a sentence with each test."""
+    repeats = {"T1": {60.0: Repeatability(0.95, 0.91, 0.97, ("T9",))}, "T2": {60.0: Repeatability(1.0, 0.9, 1.0)}}
+    text = study_report(replace(study, repeatability=repeats))
+    assert "<h2>How well tests repeat" in text
+    assert re.search(r"<td>T1</td><td>–</td><td>–</td><td>0.95 \[0.91, 0.97\]</td><td>T9</td>", text)
+    assert re.search(r"<td>A repeat</td><td>–</td><td>–</td><td>0.975</td>", text)
+    assert "A repeat of this test would rate 0.95 [0.91, 0.97]; the prediction&#39;s 1.00 (CAE) is above" in text
+    assert "How well tests repeat" not in study_report(study)
+
+
 def test_a_study_recommends_before_it_shows(text: str) -> None:
     """The verdict stands at the top; each test has what was recommended before it was run, and what came of it."""
     assert text.index("for this campaign") < text.index("<h2>Result")
     assert text.count("Recommended before it was run") == 2
     assert text.count("It then rated 1.000 (Excellent).") == 2
+
+
+def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, text: str) -> None:
+    """What is not recorded is said; by limits, runs are counted and those that fail are named."""
+    heading = "<h3>Is the CAE model fit to be believed?</h3>"
+    assert f"{heading}\n<p>Energy balance, hourglass energy and added mass are not recorded for any of the 24" in text
+    quality = (RunQuality(-0.02, 0.12, 0.01), *(RunQuality(-0.02, 0.01),) * 23)
+    campaign = replace(study.campaign, cae=replace(study.campaign.cae, quality=quality))
+    judged = replace(campaign, quality_limits=NAMED_LIMITS["euro-ncap-vt-2025"])
+    told = study_report(replace(study, campaign=judged)).partition(heading)[2].partition("</section>")[0]
+    assert "0 of 24 pass, 1 fail, 23 cannot be judged" in told
+    assert "Runs that fail: C00 (hourglass energy 12 %)." in told
+    assert "<td>Hourglass energy, largest</td><td>largest internal energy</td><td>&lt; 10</td><td>23</td>" in told
 
 
 def test_a_study_names_the_command_that_makes_it_again(text: str, campaign: Campaign) -> None:

@@ -183,8 +183,14 @@ def test_what_other_code_computed_is_not_used(
     config = StudyConfig(approaches=("cae", "lf_tcn", "displacement_domain"))
     run_study(campaign, config, held_out=["T2"], cache=Cache(tmp_path), workers=1)
     before = entries()
-    assert set(before) == {"emulator", "fits", "lf_tcn", "predictions"}
-    for module in ("approaches.fit_cache", "approaches.time_domain.lf_tcn", "cae.model", "study.estimate"):
+    assert set(before) == {"emulator", "fits", "lf_tcn", "metric errors", "predictions", "repeatability"}
+    for module in (
+        "approaches.fit_cache",
+        "approaches.time_domain.lf_tcn",
+        "cae.model",
+        "study.estimate",
+        "study.repeatability",
+    ):
         monkeypatch.setattr(f"crashfuse.{module}.code_digest", lambda _: "other")
     run_study(campaign, config, held_out=["T2"], cache=Cache(tmp_path), workers=1)
     assert entries() == before + before
@@ -196,7 +202,13 @@ def test_a_damaged_cache_is_computed_again(campaign: Campaign, tmp_path: Path) -
     config = StudyConfig(approaches=("displacement_domain",))
     first = run_study(campaign, config, held_out=["T3"], cache=Cache(tmp_path), workers=1)
     entries = {path: path.read_bytes() for path in tmp_path.rglob("*.bin")}
-    assert {path.parent.name for path in entries} == {"emulator", "fits", "predictions"}
+    assert {path.parent.name for path in entries} == {
+        "emulator",
+        "fits",
+        "metric errors",
+        "predictions",
+        "repeatability",
+    }
     for path, content in entries.items():
         path.write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
     second = run_study(campaign, config, held_out=["T3"], cache=Cache(tmp_path), workers=1)

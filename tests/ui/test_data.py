@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import pytest
 import streamlit as st
 
@@ -105,6 +106,22 @@ def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, c
     run = Pulse(GRID_S, campaign.cae.accel_mps2[20].astype(float))
     rating = rate_windows(campaign.tests[0].pulse, run, [40.0])[40.0]
     assert table["0–40 ms"][0] == f"{rating.overall:.3f} {rating.grade}"
+
+
+@pytest.mark.slow
+def test_the_quality_of_the_cae_runs_is_shown(visit: Visit, campaign_folder: Path) -> None:
+    """By the campaign's limits, with those that fail named and all of them listed."""
+    table = pd.read_csv(campaign_folder / "cae.csv")
+    table["hourglass_share"] = [0.2, *[0.01] * 22, None]
+    table.to_csv(campaign_folder / "cae.csv", index=False)
+    (campaign_folder / "campaign.toml").write_text("[cae_quality]\nhourglass_share = 0.1\n")
+    session = open_folder(visit(), str(campaign_folder))
+    assert "22 of 24 pass" in session.words
+    assert "1 cannot be judged" in session.words
+    assert "Runs that fail" in session.words
+    quality = session.tables[1]
+    assert quality["At worst (%)"].tolist() == ["–", "20", "–"]
+    assert session.app.dataframe[0].value["CAE run"].tolist() == ["C00"]
 
 
 @pytest.mark.slow

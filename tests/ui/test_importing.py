@@ -16,7 +16,7 @@ from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.ui import campaigns, uploads
 from crashfuse.units import KPH, MPH
 from tests.importing.crash_files import german, isomme, library, zipped
-from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g
+from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
 from tests.readers.lsdyna_files import Run
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.readers.test_tdms import nhtsa_test
@@ -311,7 +311,7 @@ def test_records_without_conditions_are_told_of_the_table_that_gives_them(visit:
 @pytest.mark.slow
 def test_two_lists_of_problems_stand_on_one_page(visit: Visit, tmp_path: Path) -> None:
     """A record that is left out, and a folder that is refused."""
-    files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)}
+    files = {f"t{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(2)}
     files["t1_csv"] = files["t1_csv"].replace(b"\n100,000000;", b"\nhundred;")
     (tmp_path / "letter.txt").write_text("Dear")
     session = drop(visit(), **files)
@@ -331,7 +331,7 @@ def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_p
     field(session, "Take it as").set_value("cae")
     session = into(session.run(), out).press("Add 12 CAE runs")
     assert "12 CAE runs added" in session.words
-    files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(2)}
+    files = {f"t{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(2)}
     session = drop(session, **files)
     for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
         field(session, label).set_value(value)

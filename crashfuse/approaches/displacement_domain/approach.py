@@ -17,7 +17,7 @@ from crashfuse.approaches.displacement_domain.bias import (
     uniform_points,
 )
 from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
-from crashfuse.approaches.displacement_domain.config import DisplacementConfig
+from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
@@ -34,7 +34,6 @@ from crashfuse.signals.loading import loading_phase
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 
 _SHARES = np.linspace(0.0, 1.0, 101)  # shares of the impact speed at which velocity-dependent parts are drawn
-_LEAST_POINTS = 8  # per test, regardless of the number of tests
 _CHECK_DRAWS = 200  # for each test used to check the band
 _MOST_CHECKED = 20  # tests; more would not change the widening
 _LEAST_CHECKED = 3  # tests; with fewer, too little is left to learn from
@@ -123,7 +122,7 @@ class DisplacementDomain(Approach):
         self.bias_: HierarchicalBias | Table4Bias = (
             Table4Bias(self.config.restarts, seed=self.seed) if by_table_4 else HierarchicalBias(seed=self.seed)
         )
-        self._most_points = max(self.config.max_points // len(campaign.tests), _LEAST_POINTS)
+        self._most_points = max(self.config.max_points // len(campaign.tests), LEAST_POINTS)
         self.points_ = tuple(self._points(test, view.curve) for test, view in both)
         return [] if by_table_4 else [view.beside(test) for test, view in both]
 

@@ -36,6 +36,10 @@ OVER_VELOCITY = (
 _FACTOR_SCALE = LogNormal(0.3, 0.7)
 NOISE = LogNormal(0.07, 0.8)
 
+_EVEN_G, _GROWING_G, _UNRESOLVED_G = 0.3, 1.5, 0.15
+_SCATTER_REACH = (_S, LogNormal(0.05, 0.2))
+GROWTH_UNIT_M = 0.5
+
 
 def bias_parts(factor_columns: Iterable[tuple[str, int]]) -> tuple[Part, ...]:
     """All parts of the bias, including one for each of these factors, given by name and column."""
@@ -43,3 +47,19 @@ def bias_parts(factor_columns: Iterable[tuple[str, int]]) -> tuple[Part, ...]:
         Part(f"by {name}", _FACTOR_SCALE, ((_REACH,),), times=_CRUSHING, same=column) for name, column in factor_columns
     )
     return (*_OVER_DISPLACEMENT[:-1], *by_factor, _OVER_DISPLACEMENT[-1], *OVER_VELOCITY)
+
+
+def scatter_parts(
+    factor_columns: Iterable[tuple[str, int]], growth_column: int, unit_mps2: float
+) -> tuple[tuple[Part, ...], LogNormal]:
+    """Parts of the bias up to the stop with the scatter of tests in two parts, and the noise, for :class:`Scatter`.
+
+    Scatter has physical units, independent of how wrong the CAE model is: a sensor's few tenths of a g throughout, and
+    a part that grows with crush, as every fold begins where the last one ended. The unit is the root mean square of the
+    bias.
+    """
+    common = [part for part in bias_parts(factor_columns) if part.same != TEST and part not in OVER_VELOCITY]
+    unit = unit_mps2 / G
+    even = Part("even", LogNormal(_EVEN_G / unit, 0.7), ((_SCATTER_REACH,),), times=_CRUSHING, same=TEST)
+    growing = Part("growing", LogNormal(_GROWING_G / unit, 0.4), ((_SCATTER_REACH,),), times=growth_column, same=TEST)
+    return (*common, even, growing), LogNormal(_UNRESOLVED_G / unit, 0.5)

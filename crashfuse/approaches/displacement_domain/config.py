@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal, Self
 
+LEAST_POINTS = 8
+"""Bias points of a test, however many tests there are."""
+
 
 @dataclass(frozen=True, slots=True)
 class DisplacementConfig:

@@ -6,7 +6,7 @@ costs O(n³) time and O(n²) memory; its gradient is analytic.
 """
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Self
 
 import numpy as np
@@ -228,6 +228,12 @@ class GaussianProcess:
         known = solve_triangular(self._lower, cross.T, lower=True)
         prior = Covariance(self.parts, x, x)(self.theta_[:-1])
         return self._mean(cross), self.output_scale_**2 * (prior - known.T @ known)
+
+    def prior_of(self, names: Collection[str], x: FloatArray) -> FloatArray:
+        """Prior covariance, shape (m, m), of the sum of the parts with these names, at the fitted hyperparameters."""
+        terms = Covariance(self.parts, x, x).terms(self.theta_[:-1])
+        own = [term for part, term in zip(self.parts, terms, strict=True) if part.name in names]
+        return np.asarray(self.output_scale_**2 * sum(own))
 
     def predict_parts(self, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
         """Posterior mean and standard deviation, shapes (m,), of each part alone; the means add up to the total mean.

@@ -10,8 +10,8 @@ import numpy as np
 from crashfuse.approaches.base import FittedState
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
-from crashfuse.approaches.draws import student_draws
-from crashfuse.signals.loading import LoadingPhase
+from crashfuse.approaches.draws import draw, student_draws
+from crashfuse.signals.loading import LoadingPhase, loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
 from crashfuse.units import G
 
@@ -19,6 +19,7 @@ _JOIN_S = 0.005  # time constant with which a step at zero velocity fades
 _SCALES = (1 / 3, 3.0)  # limits of the scaling that joins the branch to the pulse at zero velocity
 
 _STEP_S = 0.002  # a CFC 60 pulse contains no finer detail
+_AFTER_S: FloatArray = np.arange(0.0, GRID_S[-1] + _STEP_S, _STEP_S)
 _LEAST_S = 0.006  # minimum duration of rebound on record
 _LEAST_UNIT = 5 * G  # a rebound is scaled by the deceleration at zero velocity, or this if larger
 _TIME, _SPEED, _EARLY, _LATE = range(4)
@@ -33,6 +34,7 @@ _PARTS = (
     Part("late", LogNormal(0.2, 0.7), ((_SLOW,),), times=_LATE),
     Part("own late", LogNormal(0.2, 0.7), ((_QUICK,),), times=_LATE, same=-1),
 )
+_OF_A_TEST = {part.name for part in _PARTS if part.same is not None}
 _NOISE = LogNormal(0.1, 0.8)
 _LEAST_FREEDOM = 3
 
@@ -147,14 +149,29 @@ class Rebound:
         pulses = follow_unloading(pulses_mps2, speed_mps, cae_mps2, cae_loading)
         if self.process_ is None:
             return pulses
-        after = np.arange(0.0, GRID_S[-1] + _STEP_S, _STEP_S)
-        mean, covariance = self.process_.posterior(_rows(after, speed_mps, -1))
+        mean, covariance = self.process_.posterior(_rows(_AFTER_S, speed_mps, -1))
         draws = student_draws(mean, widening**2 * covariance, self.freedom_, len(pulses) - 1, rng)
-        t0 = kinematics(pulses, speed_mps, DT_S).t0_s
-        for pulse, start, extra in zip(pulses, t0, np.vstack([mean, draws]), strict=True):
-            later = start < GRID_S  # empty if it does not stop
-            pulse[later] += _unit(np.interp(start, GRID_S, pulse)) * np.interp(GRID_S[later] - start, after, extra)
-        return pulses
+        return _with(np.vstack([mean, draws]), pulses, speed_mps)
+
+    def repeat(
+        self, pulses_mps2: FloatArray, speed_mps: float, test_mps2: FloatArray, rng: np.random.Generator
+    ) -> FloatArray:
+        """Let each pulse rebound as a repeat of this test would: as the test, and differently by what tests do."""
+        pulses = follow_unloading(pulses_mps2, speed_mps, test_mps2, loading_phase(test_mps2, speed_mps))
+        if self.process_ is None:
+            return pulses
+        own = self.process_.prior_of(_OF_A_TEST, _rows(_AFTER_S, speed_mps, -1))
+        differences = draw(np.zeros(_AFTER_S.size), 2 * own, len(pulses), rng)
+        return _with(differences, pulses, speed_mps)
+
+
+def _with(extra: FloatArray, pulses_mps2: FloatArray, speed_mps: float) -> FloatArray:
+    """Add corrections, one row for each pulse, from zero velocity on."""
+    t0 = kinematics(pulses_mps2, speed_mps, DT_S).t0_s
+    for pulse, start, own in zip(pulses_mps2, t0, extra, strict=True):
+        later = start < GRID_S  # empty if it does not stop
+        pulse[later] += _unit(np.interp(start, GRID_S, pulse)) * np.interp(GRID_S[later] - start, _AFTER_S, own)
+    return pulses_mps2
 
 
 def _unit(accel_at_t0: float) -> float:

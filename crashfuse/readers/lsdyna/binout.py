@@ -6,27 +6,29 @@ from typing import IO
 import numpy as np
 
 from crashfuse.errors import printable
+from crashfuse.readers.lsdyna.energies import GLSTAT, MATSUM, States, states_of
 from crashfuse.readers.lsdyna.histories import MOST_NODES, MOST_VALUES, Histories, History, kept_of, too_much
 from crashfuse.readers.lsdyna.lsda import LsdaFile
 
 _DATABASES = {"nodout": ("x_acceleration", "x_velocity"), "rbdout": ("global_ax", "global_vx")}
-_ENERGY = "kinetic_energy"
 _METADATA = frozenset({"ids", "legend", "legend_ids", "title"})
 _TITLE_BYTES = 80
 
 
-def read_binout(shards: Sequence[tuple[IO[bytes], str]], most: int) -> Histories:
+def read_binout(shards: Sequence[tuple[IO[bytes], str]], most: int) -> tuple[Histories, States, States]:
     """Read a run's ``binout``, merging the shards of its processors and restarts.
 
     Each shard is a seekable file and its name in messages. If there are more than ``most`` nodes, those with a title
-    are kept first.
+    are kept first. Returned beside the nodes are the states of ``glstat`` and ``matsum``.
     """
     pieces: dict[str, list[History]] = {}
-    title, energy, listed = "", None, 0
+    title, listed = "", 0
+    glstat: States = {}
+    matsum: States = {}
     for stream, where in shards:
         file = LsdaFile(stream, where, _wanted)
-        first = file.read(("glstat", "d000001"), _ENERGY) if energy is None else None
-        energy = energy if first is None or first.size != 1 else float(first[0])
+        glstat |= states_of(file, "glstat")
+        matsum |= states_of(file, "matsum")
         for database, names in _DATABASES.items():
             title = title or printable(_text(file, (database, "metadata"), "title").strip())
             found, count = _histories(file, where, database, names, most)
@@ -36,7 +38,8 @@ def read_binout(shards: Sequence[tuple[IO[bytes], str]], most: int) -> Histories
     merged = [_joined(parts) for parts in pieces.values()]
     kept = kept_of([node.name for node in merged], {node.name: node.title for node in merged}, most)
     notes = (f"{len(shards)} shards of binout merged.",) if len(shards) > 1 else ()
-    return Histories(title, tuple(n for n in merged if n.name in kept), max(listed, len(merged)), energy, notes)
+    nodes = tuple(node for node in merged if node.name in kept)
+    return Histories(title, nodes, max(listed, len(merged)), notes=notes), glstat, matsum
 
 
 def _wanted(folder: tuple[str, ...]) -> frozenset[str] | None:
@@ -46,8 +49,10 @@ def _wanted(folder: tuple[str, ...]) -> frozenset[str] | None:
             return _METADATA
         case (database, _) if database in _DATABASES:
             return frozenset({"time", *_DATABASES[database]})
-        case ("glstat", "d000001"):
-            return frozenset({_ENERGY})
+        case ("glstat", _):
+            return GLSTAT
+        case ("matsum", _):
+            return MATSUM
     return None
 
 

@@ -2,18 +2,17 @@
 
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.readers.lsdyna.histories import MOST_NODES, MOST_VALUES, Histories, History, kept_of, too_much
+from crashfuse.readers.lsdyna.text import lines_of, number
 
-_LONGEST_LINE = 1 << 16
 _TIME = re.compile(rb"at time\s*([-+.\dEeDd]+)")
 _ROW = re.compile(rb"\s*(\d+)(?=[\s+-]|$)(.*)", re.DOTALL)  # a negative number may directly follow the node number
 _NUMBER = re.compile(rb"[-+]?\d+\.\d*(?:[EeDd][-+]?\d+|[-+]\d+)?")
-_NO_EXPONENT_LETTER = re.compile(r"(?<=[\d.])([-+])")
 
 
 def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
@@ -24,7 +23,7 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
     times: list[float] = []
     titles: dict[str, str] = {}
     series: dict[str, tuple[array[float], array[float]]] = {}
-    lines = _lines(chunks, where)
+    lines = lines_of(chunks, where)
     title = printable(next(lines, b"").decode("latin-1").strip())
     columns: list[bytes] = []
     now, total, in_legend = np.nan, 0, False
@@ -36,7 +35,7 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
             if node.isdecimal() and len(titles) < MOST_NODES:
                 titles[str(int(node))] = printable(text.strip())
         elif b"at time" in line and (header := _TIME.search(line)) is not None:
-            columns, now = [], _number(header.group(1).decode(), where)
+            columns, now = [], number(header.group(1).decode(), where)
         elif b"nodal point" in line:
             columns = line.split()[2:]
             if not {b"x-accl", b"x-vel"} <= set(columns):
@@ -57,7 +56,7 @@ def read_nodout(chunks: Iterable[bytes], where: str, most: int) -> Histories:
                 if len(values) != len(columns):
                     break  # truncated, or cannot be parsed
                 for into, column in zip(series[name], (b"x-accl", b"x-vel"), strict=True):
-                    into.append(_number(values[columns.index(column)].decode(), where))
+                    into.append(number(values[columns.index(column)].decode(), where))
     return _assembled(title, times, titles, series, max(total, len(series)), next(lines, None) is None, where)
 
 
@@ -84,24 +83,3 @@ def _assembled(
         for name, (accel, velocity) in series.items()
     )
     return Histories(title, nodes, total, None, notes)
-
-
-def _lines(chunks: Iterable[bytes], where: str) -> Iterator[bytes]:
-    rest = b""
-    for chunk in chunks:
-        *whole, rest = (rest + chunk).split(b"\n")
-        yield from whole
-        if len(rest) > _LONGEST_LINE:
-            raise DataError(Problem(where, "lines of text", "one without an end", "choose the nodout of a run"))
-    if rest:
-        yield rest
-
-
-def _number(text: str, where: str) -> float:
-    """Read a number as written by Fortran: 1.2E-03, 1.2D-03, and 1.2-103 for three-digit exponents."""
-    plain = text.upper().replace("D", "E")
-    try:
-        return float(plain if "E" in plain else _NO_EXPONENT_LETTER.sub(r"E\1", plain))
-    except ValueError:
-        found = repr(printable(text, 40))
-        raise DataError(Problem(where, "numbers", found, "copy it again from the run")) from None

@@ -10,21 +10,22 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from io import BytesIO
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import IO
 
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, collecting
 from crashfuse.files.archive import Budget, Limits, Member, refuse
+from crashfuse.readers.energies import quality_sentence
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.lsdyna.binout import read_binout
-from crashfuse.readers.lsdyna.histories import Histories, History
+from crashfuse.readers.lsdyna.energies import States, glstat_text, kinetic_energy, matsum_text, quality_of
+from crashfuse.readers.lsdyna.histories import Histories, History, channel_of, integral, is_aliased
 from crashfuse.readers.lsdyna.nodout import read_nodout
 from crashfuse.readers.lsdyna.unit_system import mass_kg, units_of
 from crashfuse.readers.members import opened_members
-from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record, RecordedChannel
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record
 from crashfuse.units import MS
 
 LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
@@ -32,8 +33,9 @@ LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_0
 
 _MOST_UNZIPPED = 256 << 20  # bytes of a zipped binout, which must be read in memory
 _MOST_NODES, _FEWEST_NODES, _MOST_IN_ALL = 200, 20, 20_000  # kept for a single run, per run of many, for all runs
+_BESIDE = ("glstat", "matsum")
+_ENERGIES = re.compile(rf"({'|'.join(_BESIDE)})[^.]*(\.(txt|asc))?", re.IGNORECASE | re.DOTALL)
 _ALIKE = 0.1  # of the median travel
-_ALIASED = 0.05  # of the velocity
 _DUMMY = re.compile(r"\b(dummy|head|neck|chest|thorax|pelvis|femur|tibia|foot|spine)\b", re.I)
 _PLACES = (
     (r"(?=.*\b(rear|rr|hinten)\b)(?=.*(cross|x-?member|floor|sill|seat|tunnel))", "at the rear, behind the crush"),
@@ -52,7 +54,7 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
     energy (``glstat``) at that speed.
     """
     kind = "binout or nodout of LS-DYNA"
-    with opened_members(path, FORMATS["lsdyna"].has, kind, limits) as (members, budget):
+    with opened_members(path, _belongs, kind, limits) as (members, budget):
         zipped = path.suffix.lower() == ".zip"
         runs = _runs(members, path)
         if not runs:
@@ -68,16 +70,23 @@ def read_lsdyna(path: Path, limits: Limits = LSDYNA_LIMITS) -> tuple[Record, ...
     return tuple(records)
 
 
+def _belongs(path: PurePath) -> bool:
+    """Whether a file is of a run: its nodes, or the energies beside them."""
+    return FORMATS["lsdyna"].has(path) or _ENERGIES.fullmatch(path.name) is not None
+
+
 def _runs(members: Sequence[Member], path: Path) -> dict[str, list[Member]]:
-    """Files by run: the files of one folder, or only the shards of a file that was chosen."""
+    """Files by run: those of one folder, or only the shards of a file that was chosen and the energies beside it."""
     zipped = path.suffix.lower() == ".zip"
     single = path.is_file() and not zipped
     family = path.name[:6].lower()
     by_folder: defaultdict[tuple[str, ...], list[Member]] = defaultdict(list)
     for member in members:
         *folder, name = member.path.parts
-        if not single or (not folder and name.lower().startswith(family)):
+        if not single or (not folder and name.lower().startswith((family, *_BESIDE))):
             by_folder[tuple(folder)].append(member)
+    for place in [place for place, files in by_folder.items() if not any(FORMATS["lsdyna"].has(f.path) for f in files)]:
+        del by_folder[place]  # energies alone are no run
     home = path.stem if zipped else (path.parent if single else path).resolve().name
     folders = sorted(by_folder)
     ids = _ids(folders, home)
@@ -101,21 +110,24 @@ def _histories(files: Sequence[Member], budget: Budget, most: int, *, zipped: bo
     """Read the binout of a run, or its nodout if the binout has no nodes."""
     shards = sorted(_named(files, "binout"), key=lambda file: file.where)
     text = _named(files, "nodout")
-    found = Histories("", (), 0)
+    found, glstat, matsum = Histories("", (), 0), States(), States()
     if shards:
         with ExitStack() as opened:
             streams = [
                 (_unzipped(file, budget) if zipped else opened.enter_context(file.opened()), file.where)
                 for file in shards
             ]
-            found = read_binout(streams, most)
+            found, glstat, matsum = read_binout(streams, most)
     if text and not any(node.name.isdecimal() for node in found.nodes):
-        energy = found.kinetic_energy
-        found = replace(read_nodout(text[0].chunks(budget), text[0].where, most), kinetic_energy=energy)
+        found = read_nodout(text[0].chunks(budget), text[0].where, most)
+    for file in _named(files, "glstat")[:1] if not glstat else ():
+        glstat = glstat_text(file.chunks(budget), file.where)
+    for file in _named(files, "matsum")[:1] if not matsum else ():
+        matsum = matsum_text(file.chunks(budget), file.where)
     if not found.nodes:
         advice = "ask the solver for it (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
         raise DataError(Problem(files[0].where, "accelerations of nodes (nodout) or rigid bodies", "none", advice))
-    return found
+    return replace(found, kinetic_energy=kinetic_energy(glstat), quality=quality_of(glstat, matsum))
 
 
 def _named(files: Sequence[Member], beginning: str) -> list[Member]:
@@ -139,7 +151,7 @@ def _record(run_id: str, source: str, run: Histories) -> Record:
     speed = float(np.median([abs(node.velocity[0]) for node in proposed])) * ACCELERATION_UNITS[unit or "m/s²"]
     speed *= 1.0 if per_second == 1 else MS  # velocity unit = acceleration unit times time unit
     mass = None if unit is None else mass_kg(run.kinetic_energy, proposed)
-    aliased = [node.name for node in run.nodes if _is_aliased(node)]
+    aliased = [node.name for node in run.nodes if is_aliased(node)]
     steps = [f"LS-DYNA run{f', {run.title}' if run.title else ''}.", *run.notes, units_told, why]
     if aliased and {node.name for node in proposed} & set(aliased):
         steps.append("Accelerations that do not add up to the nodes' velocities are taken from the velocities.")
@@ -150,11 +162,12 @@ def _record(run_id: str, source: str, run: Histories) -> Record:
         steps.append(f"Speed {speed:.4g} m/s, at which these nodes set out.")
     if mass is not None:
         steps.append(f"Mass {mass:.5g} kg, from the kinetic energy at that speed (glstat).")
-    channels = tuple(_channel(node, per_second, unit, derived=node.name in aliased) for node in run.nodes)
+    steps.append(quality_sentence(run.quality, "glstat, matsum"))
+    channels = tuple(channel_of(node, per_second, unit) for node in run.nodes)
     names = tuple(node.name for node in proposed)
     condition = PartialCondition(speed if known else None, mass)
     no_speed = "" if known else f"a {units_told[0].lower()}{units_told[1:].rstrip('.')}"
-    return Record(run_id, source, condition, channels, names, tuple(steps), no_speed=no_speed)
+    return Record(run_id, source, condition, channels, names, tuple(steps), no_speed=no_speed, quality=run.quality)
 
 
 def _proposed(nodes: Sequence[History]) -> tuple[list[History], str]:
@@ -163,7 +176,7 @@ def _proposed(nodes: Sequence[History]) -> tuple[list[History], str]:
         named = [n for n in nodes if re.search(words, n.title, re.I) and not _DUMMY.search(n.title)]
         if named:
             return named, f"Nodes {where}: {_listed(named)}; {_average(named)}."
-    travels = np.array([np.abs(_integral(node.velocity, node.time)).max() for node in nodes])
+    travels = np.array([np.abs(integral(node.velocity, node.time)).max() for node in nodes])
     if len(nodes) == 1 or not np.isfinite(travels).any():
         return list(nodes), f"No titles say which nodes are accelerometers; {_listed(nodes)}: {_average(nodes)}."
     middle = np.nanmedian(travels)
@@ -180,22 +193,3 @@ def _listed(nodes: Sequence[History]) -> str:
 
 def _average(nodes: Sequence[History]) -> str:
     return "their average is the pulse" if len(nodes) > 1 else "it is the pulse"
-
-
-def _integral(values: FloatArray, time: FloatArray) -> FloatArray:
-    return np.concatenate([[0.0], np.cumsum(np.diff(time) * (values[1:] + values[:-1]) / 2)])
-
-
-def _is_aliased(node: History) -> bool:
-    """Whether the accelerations, sampled once per output interval, fail to reproduce the velocity."""
-    change = node.velocity - node.velocity[0]
-    if not np.isfinite(change).all() or not np.isfinite(node.acceleration).all() or node.time.size < 3:
-        return False
-    error = np.abs(_integral(node.acceleration, node.time) - change).max()
-    return bool(error > _ALIASED * np.abs(node.velocity).max()) and bool((np.diff(node.time) > 0).all())
-
-
-def _channel(node: History, per_second: float, unit: str | None, *, derived: bool) -> RecordedChannel:
-    values = np.gradient(node.velocity, node.time) if derived else node.acceleration
-    label = node.title or ("rigid body" if node.name.startswith("body") else "node")
-    return RecordedChannel(node.name, label, per_second * node.time, values, unit)

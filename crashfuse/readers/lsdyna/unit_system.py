@@ -9,6 +9,7 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.lsdyna.histories import History
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
 _LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # longest duration of a run in either unit
@@ -39,5 +40,11 @@ def mass_kg(energy: float | None, nodes: Sequence[History]) -> float | None:
     speed = float(np.median([abs(node.velocity[0]) for node in nodes]))
     if energy is None or not energy > 0 or not speed > 0:
         return None
-    mass = 2 * energy / speed**2
-    return next((mass * unit for unit in (1.0, 1e3, 1e-3) if 300 <= mass * unit <= 60_000), None)
+    return of_a_vehicle(np.array([2 * energy / speed**2]))
+
+
+def of_a_vehicle(mass: FloatArray | None) -> float | None:
+    """The first mass in kg if it is that of a vehicle in t, kg or g."""
+    if mass is None or not mass.size:
+        return None
+    return next((kg for unit in (1.0, 1e3, 1e-3) if 300 <= (kg := float(mass[0]) * unit) <= 60_000), None)

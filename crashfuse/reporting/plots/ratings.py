@@ -10,14 +10,23 @@ from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import GRADES, grade
+from crashfuse.study.repeatability import Repeatability
 
 
-def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
-    """Draw overall ratings by test id and approach as a table coloured by grade, with the mean over the tests below."""
+def rating_heatmap(
+    scores: Mapping[str, Mapping[str, float]], repeats: Mapping[str, Repeatability] | None = None
+) -> go.Figure:
+    """Draw overall ratings by test id and approach as a table coloured by grade, with the mean over the tests below.
+
+    What a repeat of each test would rate is the last column, if it is known for all.
+    """
     tests = list(scores)
     approaches = list(scores[tests[0]])
     names = [LABELS[name].replace(" domain", "<br>domain") for name in approaches]
     z = np.array([[scores[test][name] for name in approaches] for test in tests])
+    if repeats and set(repeats) == set(tests):
+        names.append("<i>A repeat</i>")
+        z = np.column_stack([z, [repeats[test].value for test in tests]])
     z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
     text = [[f"{value:.3f}  {grade(value)}" for value in row] for row in z]
@@ -39,8 +48,8 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
     )
     figure.add_scatter(  # heat-map cells can't be clicked, marks can; those of the mean belong to no test
         x=names * len(rows),
-        y=[row for row in rows for _ in approaches],
-        customdata=[test for test in (*tests, "") for _ in approaches],
+        y=[row for row in rows for _ in names],
+        customdata=[test for test in (*tests, "") for _ in names],
         mode="markers",
         marker={"size": 26, "opacity": 0},
         hoverinfo="none",
@@ -58,13 +67,27 @@ def rating_heatmap(scores: Mapping[str, Mapping[str, float]]) -> go.Figure:
     return figure
 
 
-def rating_spread(ratings: Mapping[str, Mapping[str, tuple[float, float, float]]]) -> go.Figure:
+def rating_spread(
+    ratings: Mapping[str, Mapping[str, tuple[float, float, float]]], repeats: Mapping[str, Repeatability] | None = None
+) -> go.Figure:
     """Draw each test's rating by approach, with the interval of the ratings of single draws.
 
-    ``ratings`` by test id, then approach: overall rating, and lower and upper end of the interval.
+    ``ratings`` by test id, then approach: overall rating, and lower and upper end of the interval. The interval of what
+    a repeat of each test would rate is drawn behind them.
     """
     figure = new_figure(height=420)
     tests = list(ratings)
+    if known := [(i, repeats[test]) for i, test in enumerate(tests) if repeats and test in repeats]:
+        figure.add_bar(
+            x=[i for i, _ in known],
+            base=[repeat.lower for _, repeat in known],
+            y=[repeat.upper - repeat.lower for _, repeat in known],
+            width=0.7,
+            name="A repeat (95 %)",
+            marker={"color": AXIS, "opacity": 0.25, "line": {"width": 0}},
+            customdata=[(repeat.value, repeat.lower, repeat.upper) for _, repeat in known],
+            hovertemplate="%{customdata[0]:.3f}, %{customdata[1]:.3f} to %{customdata[2]:.3f}",
+        )
     approaches = [name for name in LABELS if any(name in own for own in ratings.values())]
     for place, name in enumerate(approaches):
         own = [(i, *ratings[test][name]) for i, test in enumerate(tests) if name in ratings[test]]

@@ -24,16 +24,21 @@ from crashfuse.reporting.plots.certification import validated_domain, verdict_ma
 from crashfuse.reporting.plots.track_record import record_figure, reliability
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.page import render
+from crashfuse.reporting.report.sections import repeats_table
+from crashfuse.study.repeatability import repeatability
 from crashfuse.units import LB, MPH
 
 _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
 _CONDITIONS_A_FIGURE, _CRITERIA_A_FIGURE = 14, 2  # as many as can be read at the height of a figure on paper
 _MOST_FIGURES = 20
+_WINDOW_MS = 60.0  # of the rating of a repeat, if no criterion names one
 
 
 def certification_report(certification: Certification) -> str:
     """HTML report of a certification, made for paper."""
-    criteria, record = certification.criteria, certification.record
+    campaign, criteria, record = certification.campaign, certification.criteria, certification.record
+    windows_ms = criteria.windows_ms or (_WINDOW_MS,)
+    repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)
     conditions, conditions_left = _shortened(_conditions(certification), "certification.csv")
     verdicts, verdicts_left = _shortened(_verdicts(certification), "certification.csv")
     trials, trials_left = _shortened(_trials(record), "track_record.csv")
@@ -41,14 +46,15 @@ def certification_report(certification: Certification) -> str:
     return render(
         "certification",
         "certification by analysis",
-        certification.campaign,
+        campaign,
         certification.config,
         certify_command(certification.config),
-        certification.campaign.test_ids,
+        campaign.test_ids,
         words=WORDS,
         summary=summary(certification),
         n_conditions=len(certification.matrix.ids),
         quantities=list(dict.fromkeys(criterion.label for criterion in criteria.items)),
+        repeats=repeats_table(repeats, campaign.test_ids, windows_ms),
         domain=domain_sentences(certification.domain),
         domain_figure=validated_domain(certification),
         conditions=conditions,

@@ -11,9 +11,11 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches.registry import CLASSES
+from crashfuse.cae.quality import judge_quality
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
+from crashfuse.reporting.run_quality import quality_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
 
@@ -46,6 +48,7 @@ def render(
 ) -> str:
     """The complete file, from a report's own template and values; the command is the one that reproduces it."""
     cfc = campaign.channel_filter_class
+    quality = judge_quality(campaign.cae, campaign.quality_limits)
     low, high = campaign.cae.vectors.min(axis=0), campaign.cae.vectors.max(axis=0)
     return _TEMPLATES.get_template(f"{template}.html.j2").render(
         own,
@@ -58,6 +61,8 @@ def render(
         tests=_tests(campaign),
         library=f"CAE runs: {low[0] / MPH:.1f}–{high[0] / MPH:.1f} mph, front {low[1] / LB:.0f}–{high[1] / LB:.0f} lb, "
         f"rear {low[2] / LB:.0f}–{high[2] / LB:.0f} lb.",
+        quality=[quality.summary, *quality.named],
+        quality_table=quality_table(quality),
         filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
         methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
         origin=_origin(provenance(campaign, held_out, config), command),

@@ -1,6 +1,6 @@
-"""Sections common to all reports with estimates: metrics, notes and fits of the estimates, and the CAE model's bias."""
+"""Sections common to reports: metrics, notes and fits of estimates, the CAE model's bias, and how tests repeat."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -14,6 +14,7 @@ from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, notes
 from crashfuse.reporting.plots.bias import bias_by_speed
 from crashfuse.signals.metrics import METRIC_LABELS, Metric, missing_sentences
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.repeatability import Repeatability
 
 
 def details(estimates: Sequence[Estimate], measured: Sequence[Metric] = ()) -> dict[str, object]:
@@ -41,3 +42,18 @@ def bias(campaign: Campaign) -> go.Figure:
     """Figure of the CAE model's error in every test, by speed; its emulator is in the cache by now."""
     model = CaeModel(cache=Cache()).fit(campaign.cae)
     return bias_by_speed(campaign.tests, [measured_bias(test, model) for test in campaign.tests])
+
+
+def repeats_table(
+    found: Mapping[str, Mapping[float, Repeatability]], tests: Sequence[str], windows_ms: Sequence[float]
+) -> pd.DataFrame | None:
+    """What a repeat of each of these tests would rate, by window, with its interval; None if nothing is known."""
+    known = {test: found.get(test, {}) for test in tests}
+    if not any(window in own for own in known.values() for window in windows_ms):
+        return None
+    rows = []
+    for test, own in known.items():
+        row = {"Test": test, **{f"0–{w:g} ms": own[w].text if w in own else "–" for w in windows_ms}}
+        repeats = next(iter(own.values())).repeats if own else ()
+        rows.append({**row, "Repeats among the tests": ", ".join(repeats) or "none"})
+    return pd.DataFrame(rows)

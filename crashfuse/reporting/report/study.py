@@ -1,19 +1,20 @@
 """Report of a study: how well each approach predicted every test that was left out."""
 
+import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
 from crashfuse.approaches.calibration import LEVELS
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.fit_explanations import coverage_table
-from crashfuse.reporting.paper_tables import TABLE_3, TABLE_5, best, rating_table
+from crashfuse.reporting.paper_tables import REPEAT, TABLE_3, TABLE_5, best, rating_table
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import motion
 from crashfuse.reporting.plots.ratings import calibration_curves, rating_heatmap, rating_spread
 from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.report.page import render
-from crashfuse.reporting.report.sections import bias, details
+from crashfuse.reporting.report.sections import bias, details, repeats_table
 from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import recommend, recommend_for
@@ -43,8 +44,9 @@ def study_report(study: Study) -> str:
         window=f"0–{window_ms:g} ms",
         result=_result(study),
         speed_groups=study.speed_groups and _result(study.speed_groups),
+        repeats=repeats_table(study.repeatability, [fold.held_out for fold in study.folds], config.windows_ms),
         paper_tables=[(caption, _shown(table, best(table))) for caption, table in tables if len(table)],
-        spread=rating_spread(spread) if any(spread.values()) else None,
+        spread=rating_spread(spread, study.repeats(window_ms)) if any(spread.values()) else None,
         band=study.coverage
         and {"coverage": coverage_table(study.coverage), "curves": calibration_curves(LEVELS, study.reliability)},
         bias=bias(campaign),
@@ -58,20 +60,28 @@ def _result(study: Study) -> dict[str, object]:
     window = max(study.config.windows_ms)
     means = {w: {name: study.mean_rating(name, w) for name in study.config.approaches} for w in study.config.windows_ms}
     overall = {fold.held_out: {name: own[window].overall for name, own in fold.ratings.items()} for fold in study.folds}
-    return {"means": _by_approach(means), "heatmap": rating_heatmap(overall)}
+    for w in means:
+        if (mean := study.mean_repeat(w)) is not None:
+            means[w][REPEAT] = mean
+    return {"means": _by_approach(means), "heatmap": rating_heatmap(overall, study.repeats(window))}
 
 
 def _by_approach(ratings: dict[float, dict[str, float]]) -> pd.DataFrame:
     """Ratings by window and approach as a table, the best of each window in bold."""
     table = pd.DataFrame({f"0–{window:g} ms": own for window, own in ratings.items()})
-    bold = table.round(3) == table.round(3).max()
+    shown = table.round(3)
+    shown.loc[table.index == REPEAT] = np.nan
+    bold = shown == shown.max()
     return _shown(table.rename(index=LABELS).rename_axis("Approach"), bold)
 
 
 def _shown(ratings: pd.DataFrame, bold: pd.DataFrame) -> pd.DataFrame:
     """Ratings to three digits, some in bold, with the index as the first columns."""
     cells = [
-        [Markup("<b>%.3f</b>") % value if chosen else f"{value:.3f}" for value, chosen in zip(*row, strict=True)]
+        [
+            Markup("<b>%.3f</b>") % value if chosen else "–" if np.isnan(value) else f"{value:.3f}"
+            for value, chosen in zip(*row, strict=True)
+        ]
         for row in zip(ratings.to_numpy(), bold.to_numpy(), strict=True)
     ]
     return pd.DataFrame(cells, ratings.index, ratings.columns, dtype=object).reset_index()
@@ -85,10 +95,12 @@ def _fold(study: Study, fold: Fold) -> dict[str, object]:
     speed = test.condition.speed_mps
     rest = study.config.training_campaign(study.campaign, test.id)
     advice = recommend_for(fold.estimates, rest, test.condition, window)
+    repeat = study.repeats(window).get(test.id)
     return {
         "test": test,
         "advice": advice.sentences,
         "outcome": fold.ratings[advice.approach][window],
+        "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall, LABELS[advice.approach]),
         "motion": motion(test.pulse, predictions, speed, Display(window_ms=window)),
         "ratings": _by_approach(
             {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}

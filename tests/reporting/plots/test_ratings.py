@@ -4,6 +4,7 @@ import numpy as np
 
 from crashfuse.reporting.plots import ratings as plots
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
+from crashfuse.study.repeatability import Repeatability
 
 
 def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
@@ -34,6 +35,19 @@ def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
     assert list(marks.y) == [row for row in heat.y for _ in range(2)]
     assert list(marks.x) == list(heat.x) * 3
     assert (figure.layout.hoverdistance, heat.hoverinfo, marks.hoverinfo) == (-1, "skip", "none")
+
+
+def test_repeats_are_the_last_column_of_the_heat_map_and_bars_behind_the_spread() -> None:
+    """The column needs a value for every test, the bars are drawn where there is one."""
+    repeats = {"A": Repeatability(0.9, 0.8, 0.95), "B": Repeatability(0.8, 0.6, 0.9)}
+    scores = {"A": {"cae": 0.5}, "B": {"cae": 0.6}}
+    heat, marks = plots.rating_heatmap(scores, repeats).data
+    np.testing.assert_allclose(heat.z[:, -1], [0.9, 0.8, 0.85], rtol=1e-6)
+    assert len(marks.x) == heat.z.size
+    assert plots.rating_heatmap(scores, {"A": repeats["A"]}).data[0].z.shape == (3, 1)
+    bars = plots.rating_spread({"A": {"fused": (0.7, 0.6, 0.8)}, "B": {}}, {"A": repeats["A"]}).data[0]
+    assert (list(bars.x), list(bars.base)) == ([0], [0.8])
+    np.testing.assert_allclose(bars.y, [0.15])
 
 
 def test_the_spread_of_ratings_reaches_from_the_lowest_to_the_highest_draw() -> None:

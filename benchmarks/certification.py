@@ -1,0 +1,141 @@
+"""How often verdicts are wrong: ``python benchmarks/certification.py --vehicles 4``.
+
+Each seed is another synthetic vehicle (``benchmarks/next_test.py``), tested at the eleven conditions of Zeng et al.
+2023, Table 1, or at fewer speeds evenly over the range. The limits lie in the middle of what occurs at 60 further
+conditions, so that guessing is wrong half the time; every verdict is compared with a test that nothing was learned
+from. Printed: coverage and width of the metrics' intervals, verdicts by kind and how many were wrong, Brier scores
+beside those of the raw CAE with its own error as band, the probabilities in bins, and seconds.
+"""
+
+import argparse
+import time
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from next_test import _RANGE, World, _drawn
+
+from crashfuse.approaches.cae import Cae
+from crashfuse.approaches.metric_calibration import Distribution, metric_errors
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.certification.certify import certify_matrix
+from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.track_record import share_bounds
+from crashfuse.condition import Condition
+from crashfuse.execution.cache import Cache
+from crashfuse.signals.metrics import METRIC_LABELS, metric_values
+from crashfuse.study.config import StudyConfig
+from crashfuse.synthetic.sample import TABLE_1
+from crashfuse.units import LB, MPH
+
+_N_NEW = 60
+_METRICS = tuple(METRIC_LABELS)
+_BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+
+
+def _vehicle(seed: int, n_tests: int) -> tuple[Campaign, tuple[CrashTest, ...]]:
+    """A campaign of a random vehicle, and further tests of it."""
+    world, rng = World.of(seed), np.random.default_rng([seed, 9])
+    if n_tests == len(TABLE_1):
+        conditions = [Condition(speed * MPH, front * LB, rear * LB) for speed, front, rear, *_ in TABLE_1]
+    else:
+        speeds = np.linspace(_RANGE.low.speed_mps, _RANGE.high.speed_mps, n_tests).tolist()
+        conditions = [replace(c, speed_mps=v) for v, c in zip(speeds, _drawn(rng, n_tests), strict=True)]
+    tests = world.test(conditions, first=0)
+    return Campaign(f"Vehicle {seed}", world.library(tests), tests), world.test(_drawn(rng, _N_NEW), first=1000)
+
+
+def _measured(test: CrashTest) -> dict[str, float]:
+    values = metric_values(test.pulse.accel_mps2, test.condition.speed_mps)
+    return {name: float(value) for name, value in values.items()}
+
+
+def _judged(seed: int, campaign: Campaign, new: tuple[CrashTest, ...], approach: str) -> pd.DataFrame:
+    """All verdicts on a vehicle, each with what was measured and what the raw CAE says."""
+    measured = [_measured(test) for test in new]
+    middle = {name: float(np.median([m[name] for m in measured if np.isfinite(m[name])])) for name in _METRICS}
+    criteria = Criteria(tuple(Criterion(name, name, at_most=limit) for name, limit in middle.items()))
+    matrix = Matrix(tuple(test.id for test in new), tuple(test.condition for test in new))
+    start = time.perf_counter()
+    config = StudyConfig(approaches=(approach,))
+    found = certify_matrix(campaign, criteria, matrix, config, cache=Cache())
+    raw = Cae(cache=Cache()).fit(campaign)
+    errors = metric_errors(raw.left_out(campaign), campaign)
+    rows = []
+    for test, truth, row in zip(new, measured, found.verdicts, strict=True):
+        values = metric_values(raw.predict(test.condition).accel_mps2, test.condition.speed_mps)
+        for verdict in row:
+            name, limit = verdict.criterion.metric, verdict.criterion.at_most
+            cae = Distribution.of(np.array([float(values[name])]), errors[name])
+            rows.append(
+                {
+                    "seed": seed,
+                    "metric": name,
+                    "verdict": verdict.word,
+                    "probability": verdict.probability,
+                    "cae": None if cae is None else cae.probability(None, limit),
+                    "measured": truth[name],
+                    "met": truth[name] <= float(limit or 0),
+                    "lower": verdict.lower,
+                    "upper": verdict.upper,
+                    "away": abs(float(limit or 0) - verdict.value) / float(limit or 1) if verdict.value else None,
+                }
+            )
+    decided, wrong = found.record.decided
+    print(
+        f"vehicle {seed}: record {decided} decided, {wrong} wrong; learned in {found.seconds['learn']:.0f} s, judged "
+        f"{len(new)} × {len(_METRICS)} in {found.seconds['judge']:.0f} s ({time.perf_counter() - start:.0f} s)",
+        flush=True,
+    )
+    return pd.DataFrame(rows)
+
+
+def _summary(table: pd.DataFrame) -> None:
+    known = table[np.isfinite(table["measured"]) & table["probability"].notna()].copy()
+    known["decided"] = known["verdict"].isin(["met", "not met"])
+    known["wrong"] = known["decided"] & ((known["verdict"] == "met") != known["met"])
+    known["brier"] = (known["probability"] - known["met"]) ** 2
+    known["brier_cae"] = (known["cae"].astype(float) - known["met"]) ** 2
+    both = known[known["lower"].notna() & known["upper"].notna()].copy()
+    both["inside"] = (both["lower"] <= both["measured"]) & (both["measured"] <= both["upper"])
+    both["half_width"] = (both["upper"] - both["lower"]) / 2 / both["measured"]
+    by = known.groupby("metric", sort=False)
+    shown = by[["decided", "brier", "brier_cae"]].mean()
+    shown["wrong"] = by["wrong"].sum() / by["decided"].sum()
+    shown = shown.join(both.groupby("metric", sort=False)[["inside", "half_width"]].mean())
+    print(shown.to_string(float_format="{:.3f}".format))
+    decided, wrong = int(known["decided"].sum()), int(known["wrong"].sum())
+    print(
+        f"all: {len(known)} cells, decided {decided / len(known):.3f}, wrong {wrong / max(decided, 1):.4f}, outside "
+        f"{(known['verdict'] == 'outside').mean():.3f}; open ones a median of "
+        f"{known.loc[known['verdict'] == 'open', 'away'].median():.3f} from the limit; Brier "
+        f"{known['brier'].mean():.4f}, raw CAE {known['brier_cae'].mean():.4f}"
+    )
+    for low, high in pairwise(_BINS):
+        own = known[(known["probability"] >= low) & (known["probability"] < high + (high == 1))]
+        if n := len(own):
+            met = int(own["met"].sum())
+            bounds = "–".join(f"{end:.3f}" for end in share_bounds(met, n))
+            mean = own["probability"].mean()
+            print(f"  {low:.2f}–{high:.2f}: {n} of mean probability {mean:.3f}, {met / n:.3f} met ({bounds})")
+
+
+def main() -> None:
+    """Judge some vehicles and print the summary."""
+    parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
+    parser.add_argument("--vehicles", type=int, default=4)
+    parser.add_argument("--first", type=int, default=301, help="seed of the first vehicle")
+    parser.add_argument("--tests", type=int, default=len(TABLE_1))
+    parser.add_argument("--approach", default="fused")
+    given = parser.parse_args()
+    tables = [
+        _judged(seed, *_vehicle(seed, given.tests), given.approach)
+        for seed in range(given.first, given.first + given.vehicles)
+    ]
+    _summary(pd.concat(tables))
+
+
+if __name__ == "__main__":
+    main()

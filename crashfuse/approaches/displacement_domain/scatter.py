@@ -1,0 +1,128 @@
+"""How tests scatter: what the bias of each test has for itself, as a model, and repeats of a test drawn with it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Self
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from crashfuse.approaches.base import MOST_TESTS
+from crashfuse.approaches.displacement_domain.bias import BiasPoints, uniform_points
+from crashfuse.approaches.displacement_domain.bias_parts import FIRST_FACTOR, GROWTH_UNIT_M, scatter_parts
+from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
+from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
+from crashfuse.approaches.displacement_domain.dynamics import integrate
+from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
+from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
+from crashfuse.approaches.displacement_domain.rebound import Rebound
+from crashfuse.approaches.draws import draw
+from crashfuse.cae.model import CaeModel, LoadingCurve
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.condition import Condition
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.loading import loading_phase
+from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
+
+_STEPS = 200  # of the displacement grid on which a difference is drawn
+_SHARES = np.linspace(0.0, 1.0, 101)
+_BEYOND = 1.5  # times the test's crush; nothing is known of scatter farther on
+
+
+class _ScatterBias(HierarchicalBias):
+    """The hierarchical bias up to the stop, where a test's own deviation may grow with crush.
+
+    The bias of the displacement domain gives every stage of a crash the same deviation, which is safe for a band. But
+    tests agree closely at first and part as folds follow each other; only what grows shows that.
+    """
+
+    def _take(self, tests: Sequence[BiasPoints]) -> tuple[FloatArray, FloatArray]:
+        rows, y = super()._take(tests)
+        self._unit_mps2 = float(np.sqrt(np.mean(np.square(y)))) or 1.0
+        return rows, y
+
+    def _process(self, factors: Sequence[str]) -> GaussianProcess:
+        columns = [(name, FIRST_FACTOR + list(self._levels).index(name)) for name in factors]
+        parts, noise = scatter_parts(columns, FIRST_FACTOR + len(self._levels), self._unit_mps2)
+        return GaussianProcess(parts, noise, seed=self.seed)
+
+    def _rows(
+        self,
+        condition: Condition,
+        displacement_m: FloatArray,
+        cae_mps2: FloatArray,
+        speed_share: FloatArray,
+        *,
+        test: int = -1,
+        crushing: bool = True,
+    ) -> FloatArray:
+        rows = super()._rows(condition, displacement_m, cae_mps2, speed_share, test=test, crushing=crushing)
+        growth = self.mass_kg_ / condition.mass_kg * displacement_m / GROWTH_UNIT_M
+        return np.column_stack([rows[:, :-1], growth, rows[:, -1]])
+
+    def differences(
+        self, condition: Condition, displacement_m: FloatArray, n: int, rng: np.random.Generator
+    ) -> FloatArray:
+        """Draw differences between two tests at a condition over displacement, shape (n, displacement_m.size)."""
+        rows = self._rows(condition, displacement_m, np.zeros_like(displacement_m), np.ones_like(displacement_m))
+        own = self.process_.prior_of({"even", "growing"}, rows)
+        return draw(np.zeros(displacement_m.size), 2 * own, n, rng)
+
+
+class Scatter:
+    """The scatter of tests, learned from all tests of a campaign; it draws pulses of repeats of a measured test.
+
+    A repeat differs from a test by the difference of their own deviations: twice the variance of one. It is drawn as a
+    function of displacement, added to the test's own pulse, and integrated through the dynamics (Eq. 29), so the
+    timing of all that follows changes with it. The stop and the rebound are the test's own, joined to the new motion.
+    This is for judging predictions, and never part of one: it learns from the test that is judged, too.
+
+    Parameters
+    ----------
+    config : DisplacementConfig, optional
+        Spacing of the bias points and how many there may be.
+    cache : Cache, optional
+        Storage for the trained emulator of the CAE model.
+    """
+
+    def __init__(self, config: DisplacementConfig | None = None, *, cache: Cache | None = None) -> None:
+        self.config = DisplacementConfig() if config is None else config
+        self.cache = cache
+
+    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+        """Learn from the tests of a campaign, two at least."""
+        campaign = campaign.evenly_over_speed(MOST_TESTS)
+        model = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        views = [CaeView.of(model, test.condition) for test in campaign.tests]
+        both = list(zip(campaign.tests, views, strict=True))
+        with threadpool_limits(1):  # two contended threads cost many times the work of one
+            self.bias_ = _ScatterBias().fit([self._points(test, view, len(both)) for test, view in both], watch)
+            self.rebound_ = Rebound().fit([view.beside(test) for test, view in both])
+        return self
+
+    def _points(self, test: CrashTest, view: CaeView, n_tests: int) -> BiasPoints:
+        """The bias of a test before it stops, where the scatter over displacement is learned."""
+        speed, end_share = test.condition.speed_mps, _ScatterBias.end_share
+        phase = loading_phase(test.pulse.accel_mps2, speed)
+        most = max(self.config.max_points // n_tests, LEAST_POINTS)
+        step = max(self.config.step_s * speed, phase.crush_m / most)
+        points = uniform_points(test.condition, phase, view.curve, step, end_share)
+        kept = points.speed_share >= end_share
+        names = ("displacement_m", "speed_share", "cae_mps2", "bias_mps2")
+        return replace(points, **{name: getattr(points, name)[kept] for name in names})
+
+    def repeats(self, test: CrashTest, n: int, rng: np.random.Generator) -> FloatArray:
+        """Draw pulses of repeats of a test, shape (n, 1250)."""
+        condition, accel, end_share = test.condition, test.pulse.accel_mps2, self.bias_.end_share
+        speed = condition.speed_mps
+        phase = loading_phase(accel, speed)
+        own = LoadingCurve(phase)
+        fine = np.linspace(0.0, speed * DT_S * N_SAMPLES, _STEPS * FINER + 1)
+        grid = np.minimum(fine[::FINER], _BEYOND * phase.crush_m)
+        with threadpool_limits(1):
+            differences = self.bias_.differences(condition, grid, n, rng)
+            crushing = own.accel_at(fine, end_share) + [np.interp(fine, fine[::FINER], each) for each in differences]
+            stopping = np.tile(own.stopping_accel(_SHARES, end_share), (n, 1))
+            motion = integrate(crushing, fine[1], stopping, speed)
+            return self.rebound_.repeat(motion.accel_mps2, speed, accel, rng)

@@ -1,0 +1,132 @@
+"""Is the CAE model fit to be believed? What the solver says of its runs, judged by limits."""
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from crashfuse.campaign import CaeLibrary
+from crashfuse.run_quality import QUANTITIES, QualityLimits, RunQuality
+
+_NAMED = 5  # runs in a sentence
+
+
+@dataclass(frozen=True, eq=False)
+class QualityVerdict:
+    """The CAE runs of a campaign, those left out included, judged by limits.
+
+    Parameters
+    ----------
+    limits : QualityLimits, optional
+        None if the campaign sets none; then no run passes or fails.
+    runs : int
+        Number of runs judged.
+    passed : int
+        Runs for which every limited quantity is recorded and within its limit.
+    failing : tuple of str
+        Ids of the runs with a quantity beyond its limit.
+    unknown : int
+        The other runs: nothing is beyond a limit, but something is not recorded.
+    left_out : bool
+        Whether the failing runs are left out of the campaign.
+    table : DataFrame
+        One row a quantity: quantity, limit, passed, failed, not_recorded, worst, worst_run (shares; without a limit
+        passed and failed are 0).
+    failing_runs : DataFrame
+        One row a failing run: id, the three shares, and what fails.
+    """
+
+    limits: QualityLimits | None
+    runs: int
+    passed: int
+    failing: tuple[str, ...]
+    unknown: int
+    left_out: bool
+    table: pd.DataFrame
+    failing_runs: pd.DataFrame
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The verdict in words; what is not recorded is said, and never counts as passed."""
+        return (self.summary, *map(self._quantity, self.table.to_dict("records")), *self.named)
+
+    @property
+    def summary(self) -> str:
+        """By which limits the runs were judged, and how many pass, fail and cannot be judged."""
+        if not len(self.table):
+            return (
+                f"Energy balance, hourglass energy and added mass are not recorded for any of the {self.runs:,} CAE "
+                "runs, so nothing here says whether the model can be believed."
+            )
+        if self.limits is None:
+            return "No CAE run is judged by its quality: [cae_quality] in campaign.toml sets no limits."
+        return (
+            f"CAE runs by {self.limits}: {self.passed:,} of {self.runs:,} pass, {len(self.failing):,} fail, "
+            f"{self.unknown:,} cannot be judged, for not everything is recorded."
+        )
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The runs that fail, by name, and what becomes of them; empty if none does."""
+        if not self.failing:
+            return ()
+        shown = [f"{row['id']} ({row['fails']})" for row in self.failing_runs.head(_NAMED).to_dict("records")]
+        more = f" and {len(self.failing) - _NAMED:,} more" if len(self.failing) > _NAMED else ""
+        fate = "They are left out" if self.left_out else "They are used all the same"
+        advice = "" if self.left_out else "; leave_out_failing = true in campaign.toml leaves them out"
+        return (f"Runs that fail: {', '.join(shown)}{more}. {fate}{advice}.",)
+
+    def _quantity(self, row: dict[str, object]) -> str:
+        name, missing = str(row["quantity"]), int(str(row["not_recorded"]))
+        unrecorded = f"not recorded for {missing:,} of {self.runs:,} runs" if missing else "recorded for every run"
+        start = f"{name[0].upper()}{name[1:]}"
+        if missing == self.runs:
+            return f"{start}: not recorded for any run."
+        worst = f"at worst {100 * float(str(row['worst'])):.3g} % (run {row['worst_run']})"
+        judged = f"{row['passed']:,} pass, {row['failed']:,} fail; " if pd.notna(row["limit"]) else ""
+        return f"{start}: {judged}{worst}; {unrecorded}."
+
+
+def judge_quality(library: CaeLibrary, limits: QualityLimits | None) -> QualityVerdict:
+    """Judge the CAE runs of a campaign, those left out included, by limits.
+
+    >>> judge_quality(campaign.cae, campaign.quality_limits).sentences           # doctest: +SKIP
+    """
+    kept = library.quality or (RunQuality(),) * len(library)
+    judged = [*zip(library.ids, kept, strict=True), *library.left_out]
+    by = limits or QualityLimits("")
+    failing = [(run, told, failed) for run, told in judged if (failed := by.exceeded(told))]
+    unknown = sum(not by.exceeded(told) and bool(by.missing(told)) for _, told in judged) if limits else len(judged)
+    told = any(quality.recorded for _, quality in judged)
+    return QualityVerdict(
+        limits,
+        len(judged),
+        len(judged) - len(failing) - unknown,
+        tuple(run for run, *_ in failing),
+        unknown,
+        bool(library.left_out),
+        pd.DataFrame(
+            [_row(name, judged, by) for name in QUANTITIES] if told else [],
+            columns=["quantity", "limit", "passed", "failed", "not_recorded", "worst", "worst_run"],
+        ),
+        pd.DataFrame(
+            [
+                (run, *(getattr(quality, name) for name in QUANTITIES), _beyond(quality, failed))
+                for run, quality, failed in failing
+            ],
+            columns=["id", *QUANTITIES, "fails"],
+        ),
+    )
+
+
+def _row(name: str, judged: list[tuple[str, RunQuality]], limits: QualityLimits) -> tuple[object, ...]:
+    """The row of one quantity in the verdict's table."""
+    recorded = [(run, value) for run, told in judged if (value := getattr(told, name)) is not None]
+    limit = getattr(limits, name)
+    failed = sum(name in limits.exceeded(told) for _, told in judged)
+    passed = len(recorded) - failed if limit is not None else 0
+    run, worst = max(recorded, key=lambda each: abs(each[1]), default=("", None))
+    return QUANTITIES[name], limit, passed, failed, len(judged) - len(recorded), worst, run
+
+
+def _beyond(quality: RunQuality, failed: tuple[str, ...]) -> str:
+    return ", ".join(f"{QUANTITIES[name]} {100 * getattr(quality, name):.3g} %" for name in failed)

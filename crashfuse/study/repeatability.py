@@ -1,0 +1,182 @@
+"""Repeatability: the rating that a repeat of each test would get against it, a measure for its predictions.
+
+A rating of 0.85 is poor where repeats rate 0.97, and as good as another test where they rate 0.86. How well tests
+repeat is estimated from all tests of a campaign: pulses of repeats are drawn with the scatter that the tests show
+(:class:`crashfuse.approaches.displacement_domain.scatter.Scatter`) and rated against the test. Where a test has been
+repeated, what the repeats rate counts too, by how much it says. Nothing of this is used to predict.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from crashfuse.approaches.displacement_domain.scatter import Scatter
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.execution.cache import Cache, Entry
+from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.rating import rate_many
+
+_KIND = "repeatability"  # of cache entry
+_N_DRAWS = 100
+_SAME = 0.02  # relative difference in speed and mass up to which a test counts as a repeat
+_LEAST_LACK = 1e-4  # of a rating to 1: identical pulses lack nothing, and have no logarithm
+_LEAST_SPREAD = 0.1
+_REACH = 1.96  # standard deviations on each side of a central 95 % interval
+_MODEL_SPREAD, _SPREAD_OF_A_TEST = 0.15, 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Repeatability:
+    """The overall ISO/TS 18571 rating that a repeat of a test would get against it over one window.
+
+    Attributes
+    ----------
+    value, lower, upper : float
+        Its expectation, and the central 95 % interval for a single repeat.
+    repeats : tuple of str
+        Ids of the tests at about the same condition whose own rating counted; empty if the scatter of tests at other
+        conditions alone tells it.
+    """
+
+    value: float
+    lower: float
+    upper: float
+    repeats: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The value with its interval."""
+        return f"{self.value:.2f} [{self.lower:.2f}, {self.upper:.2f}]"
+
+    def sentence(self, rating: float, label: str) -> str:
+        """How the rating of an approach's prediction compares with what a repeat would get."""
+        if rating < self.lower:
+            compared = "is below what repeats reach: there is something left to improve"
+        elif rating > self.upper:
+            compared = "is above what a repeat would get"
+        else:
+            compared = "is within what repeats reach"
+        return f"A repeat of this test would rate {self.text}; the prediction's {rating:.2f} ({label}) {compared}."
+
+
+def repeatability(
+    campaign: Campaign,
+    windows_ms: Sequence[float],
+    *,
+    seed: int = 0,
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+) -> dict[str, dict[float, Repeatability]]:
+    """Estimate for every test and window how a repeat would rate against it; cached.
+
+    A campaign of one test says nothing about repeats: the result is empty. So is that of a test over a window which its
+    record does not fill.
+
+    Parameters
+    ----------
+    windows_ms : sequence of float
+        Ratings are over [0, w) for each w, in ms.
+    seed : int
+        Seed of the draws.
+
+    Raises
+    ------
+    Cancelled
+        If the watch was told to stop.
+    """
+    if len(campaign.tests) < 2:
+        return {}
+    windows = tuple(float(window) for window in windows_ms)
+    cache = cache or Cache()
+    key = {"campaign": campaign.fingerprint, "windows": windows, "seed": seed, "code": code_digest(__name__)}
+    restore = partial(_restored, campaign, windows)
+
+    def compute() -> tuple[dict[str, dict[float, Repeatability]], Entry]:
+        entry = _estimated(campaign, windows, seed, cache, watch)
+        return restore(entry), entry
+
+    return cache.get_or_compute(_KIND, key, compute, restore, watch)
+
+
+def _estimated(campaign: Campaign, windows_ms: Sequence[float], seed: int, cache: Cache, watch: Watch) -> Entry:
+    """Value, lower and upper by test and window, NaN where there is none, shape (n_tests, n_windows, 3)."""
+    scatter = Scatter(cache=cache).fit(campaign, watch)
+    unknown = _MODEL_SPREAD**2 + (_SPREAD_OF_A_TEST / len(campaign.tests)) ** 2
+    found = np.full((len(campaign.tests), len(windows_ms), 3), np.nan)
+    for number, test in enumerate(campaign.tests):
+        watch.report("Repeatability", number, len(campaign.tests))
+        rng = np.random.default_rng([seed, number])
+        drawn = scatter.repeats(test, _N_DRAWS, rng)
+        repeats = np.array([other.pulse.accel_mps2 for other in repeats_of(test, campaign)])
+        for place, window in enumerate(windows_ms):
+            n = round(window / 1e3 / DT_S)
+            if window / 1e3 > test.recorded_s + 1e-3 or np.ptp(test.pulse.accel_mps2[:n]) == 0:
+                continue
+            lack = _lack(test, drawn[:, :n])
+            measured = _lack(test, repeats[:, :n]) if len(repeats) else np.empty(0)
+            found[number, place] = combined(lack, measured, unknown)
+    watch.report("Repeatability", len(campaign.tests), len(campaign.tests))
+    return {"found": found}
+
+
+def _restored(campaign: Campaign, windows_ms: Sequence[float], entry: Entry) -> dict[str, dict[float, Repeatability]]:
+    by_test = {}
+    for test, rows in zip(campaign.tests, entry["found"].tolist(), strict=True):
+        repeats = tuple(other.id for other in repeats_of(test, campaign))
+        by_test[test.id] = {
+            window: Repeatability(value, lower, upper, repeats)
+            for window, (value, lower, upper) in zip(windows_ms, rows, strict=True)
+            if not np.isnan(value)
+        }
+    return by_test
+
+
+def repeats_of(test: CrashTest, campaign: Campaign) -> tuple[CrashTest, ...]:
+    """The other tests at about the condition of this one: speed and mass within 2 %, and the same factors."""
+
+    def near(own: float, other: float) -> bool:
+        return abs(other - own) <= _SAME * own
+
+    condition = test.condition
+    return tuple(
+        other
+        for other in campaign.tests
+        if other.id != test.id
+        and near(condition.speed_mps, other.condition.speed_mps)
+        and near(condition.mass_kg, other.condition.mass_kg)
+        and condition.factors == other.condition.factors
+    )
+
+
+def _lack(test: CrashTest, pulses_mps2: FloatArray) -> FloatArray:
+    """What the ratings of pulses against a test lack to 1."""
+    rated = rate_many(test.pulse.accel_mps2[: pulses_mps2.shape[1]], pulses_mps2, dt_s=DT_S)
+    return np.maximum([1 - rating.overall for rating in rated], _LEAST_LACK)
+
+
+def combined(drawn: FloatArray, measured: FloatArray, unknown: float) -> tuple[float, float, float]:
+    """Value, lower and upper end of a rating from what drawn and real repeats lack to 1.
+
+    What ratings lack is taken as log-normal. The draws' mean is uncertain by the variance ``unknown`` of its logarithm,
+    and each real repeat is one sample with the draws' spread, so the more repeats there are the more they count.
+
+    Parameters
+    ----------
+    drawn, measured : ndarray, shapes (n_draws,) and (n_repeats,)
+        Above 0; the second may be empty.
+    """
+    logs = np.log(drawn)
+    spread = max(float(logs.std()), _LEAST_SPREAD)
+    share, shift = 0.0, 0.0
+    if measured.size:
+        share = unknown / (unknown + spread**2 / measured.size)
+        shift = share * float(np.log(measured).mean() - logs.mean())
+    reach = _REACH * np.sqrt(spread**2 + (1 - share) * unknown)
+    middle = float(logs.mean()) + shift
+    value = 1 - float(drawn.mean()) * np.exp(shift)
+    lower, upper = 1 - np.exp(middle + reach), 1 - np.exp(middle - reach)
+    return max(value, 0.0), max(float(lower), 0.0), float(upper)

@@ -1,0 +1,124 @@
+"""The same record twice: copies are found however they were made, and crashes that are alike are left alone."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.copies import copied_runs, copied_tests
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.errors import DataError
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
+from crashfuse.units import G
+from tests.conftest import ROOT, SHARED, needs_shared
+
+WORLDS = ("alpha", "beta", "eta", "theta")
+MADE: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "exactly": lambda accel: accel,
+    "5 ms later": lambda accel: np.interp(GRID_S - 5e-3, GRID_S, accel),
+    "5 ms sooner": lambda accel: np.interp(GRID_S + 5e-3, GRID_S, accel),
+    "half": lambda accel: 0.5 * accel,
+    "double": lambda accel: 2.0 * accel,
+    "with a sensor's zero": lambda accel: accel + 0.3 * G,
+    "at 10 kHz": lambda accel: np.interp(GRID_S, GRID_S[::2], accel[::2]),
+    "filtered again": lambda accel: cfc_filter(accel, cfc=60, dt_s=DT_S),
+    "to 0.1 g": lambda accel: np.round(accel / G, 1) * G,
+    "all of it": lambda accel: (
+        np.round(cfc_filter(0.6 * np.interp(GRID_S - 4e-3, GRID_S, accel), cfc=60, dt_s=DT_S) / G + 0.1, 2) * G
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def sample() -> Campaign:
+    """The sample campaign: repeats at two speeds, with scatter and noise."""
+    return load_campaign(ROOT / "sample_data")
+
+
+def pulses(campaign: Campaign) -> FloatArray:
+    """The pulses of its tests."""
+    return np.array([test.pulse.accel_mps2 for test in campaign.tests])
+
+
+@pytest.mark.parametrize("way", MADE)
+def test_a_copy_of_a_test_is_found_however_it_was_made(sample: Campaign, way: str) -> None:
+    """Of every test, and nothing else is taken for one."""
+    tests = pulses(sample)
+    n = len(tests)
+    for place, accel in enumerate(tests):
+        assert copied_tests(np.vstack([tests, MADE[way](accel)])) == [(place, n)]
+
+
+@needs_shared
+@pytest.mark.parametrize("world", WORLDS)
+def test_crashes_of_other_vehicles_are_not_copies(world: str) -> None:
+    """Repeats at one condition among them, of lumped masses and of finite elements, and no CAE run is told of."""
+    campaign = load_campaign(SHARED / "worlds" / world)
+    tests = list(pulses(campaign))
+    for path in sorted((SHARED / "worlds" / world / "repeats").glob("*.csv")):
+        table = pd.read_csv(path)
+        tests.append(np.interp(GRID_S, table["time_ms"] * 1e-3, table["acceleration_g"] * G, right=0.0))
+    assert copied_tests(np.array(tests)) == []
+    assert not any("the same pulse" in warning for warning in campaign.warnings)
+
+
+def test_a_test_beside_its_copy_is_refused_with_both_named(campaign_folder: Path) -> None:
+    """Scaled to another speed and shifted it would pass every other check."""
+    table = pd.read_csv(campaign_folder / "tests.csv")
+    row = table[table.id == "T2"].assign(id="Again", speed_mph=table.speed_mph[1] * 0.9)
+    pd.concat([table, row]).to_csv(campaign_folder / "tests.csv", index=False)
+    pulse = pd.read_csv(campaign_folder / "tests" / "T2.csv")
+    pulse["acceleration_g"] *= 0.9
+    pulse.to_csv(campaign_folder / "tests" / "Again.csv", index=False)
+    with pytest.raises(DataError) as caught:
+        load_campaign(campaign_folder)
+    assert str(caught.value) == (
+        "tests.csv, column id Again, row 6: expected a record of its own for each test, found the same record for T2 "
+        "and Again, shifted, scaled or filtered at most; remove one of them, or give it its own record."
+    )
+
+
+@pytest.mark.parametrize("way", ["exactly", "half", "double", "at 10 kHz"])
+def test_copies_among_cae_runs_are_told(sample: Campaign, way: str) -> None:
+    """The same pulse at another speed, scaled or not; what is alike because the conditions are is no copy."""
+    cae = sample.cae
+    speeds = cae.vectors[:, 0]
+    for run in np.flatnonzero(speeds > 4)[::150].tolist():
+        accel = np.vstack([cae.accel_mps2, MADE[way](cae.accel_mps2[run].astype(np.float64))]).astype(np.float32)
+        assert copied_runs(np.append(speeds, 0.9 * speeds[run]), accel) == [(run, len(cae))]
+
+
+def test_a_copied_cae_run_is_a_warning(campaign_folder: Path) -> None:
+    """It does not keep a campaign from being used."""
+    pulses_of = pd.read_parquet(campaign_folder / "cae_pulses.parquet")
+    own = pulses_of.id == "C05"
+    pulses_of.loc[own, "acceleration_g"] = pulses_of.loc[pulses_of.id == "C15", "acceleration_g"].to_numpy()
+    table = pd.read_csv(campaign_folder / "cae.csv")
+    speed = table.loc[table.id == "C15", "speed_mph"].item()
+    table.loc[table.id == "C05", "speed_mph"] = speed * 1.05
+    table.to_csv(campaign_folder / "cae.csv", index=False)
+    pulses_of.to_parquet(campaign_folder / "cae_pulses.parquet", index=False)
+    (warning,) = load_campaign(campaign_folder).warnings
+    assert warning == (
+        "cae.csv: the same pulse, scaled or shifted at most, for C05 and C15; check that none is a copy of another run."
+    )
+
+
+def test_a_large_library_is_looked_through_in_little_time() -> None:
+    """20,000 runs that vary in four ways take less than two seconds of CPU, and the copy is found."""
+    rng = np.random.default_rng(0)
+    speeds = rng.uniform(4, 17, 20_000)
+    angle = np.where(GRID_S < 0.08, np.pi * GRID_S / 0.08, 0.0).astype(np.float32)
+    accel = -np.tile(np.sin(angle), (speeds.size, 1))
+    for harmonic in (2, 3, 4, 5):
+        accel += rng.uniform(-0.2, 0.2, (speeds.size, 1)).astype(np.float32) * np.sin(harmonic * angle)
+    accel *= speeds[:, None].astype(np.float32)
+    accel[7_000], speeds[7_000] = 0.8 * accel[123], 0.8 * speeds[123] + 4
+    began = time.process_time()
+    assert (123, 7_000) in copied_runs(speeds, accel)
+    assert time.process_time() - began < 2
