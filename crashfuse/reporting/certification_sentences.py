@@ -104,6 +104,11 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     found = {
         "Warnings about the campaign": certification.campaign.warnings,
         "Conditions outside the validated domain": certification.domain.too_few_tests or tuple(outside),
+        "Open, because the record is too short to predict": tuple(
+            f"{i}: {_names(unknown)}."
+            for i, own in _by_condition(certification, "open").items()
+            if (unknown := [verdict for verdict in own if verdict.probability is None])
+        ),
         "Tests outside the range of the CAE runs": tuple(
             f"{test.id}: {' '.join(notes)}"
             for test in certification.campaign.tests
