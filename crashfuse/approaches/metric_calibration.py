@@ -18,8 +18,13 @@ from crashfuse.signals.pulse import FloatArray
 
 _TAIL = 0.1  # draws beyond the central 80 % do not count: in a mixture they may all be those of one component
 _PRIOR_TESTS = 8.0
-_PRIOR_SCALE = 0.88  # t with 8 degrees of freedom and this scale has about the 95 % interval of the normal
-_PRIOR_SCALES = {"peak_time": 1.4}  # it jumps from one peak to another, farther than draws around either say
+_USUAL_SCALE = 0.88  # t with 8 degrees of freedom and this scale has about the 95 % interval of the normal
+# Usual errors on random vehicles, in units of the draws' spread: what is integrated over a crash is known better
+# than the draws of a mixture say, and the time of the peak jumps from one peak to another.
+_USUAL_SCALES = {
+    **{"peak": 0.9, "peak_time": 1.4, "delta_v": 0.7, "t0": 1.0, "max_crush": 0.7},
+    **{"mean": 1.0, "sm25": 1.0, "olc": 0.7, "vpi": 0.8},
+}
 _WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95
 
@@ -63,7 +68,7 @@ class Distribution:
         freedom = prior + known.size
         if spread is None or not freedom:
             return None
-        usual = _PRIOR_SCALES.get(metric, _PRIOR_SCALE)
+        usual = _USUAL_SCALES.get(metric, _USUAL_SCALE)
         scale = float(np.sqrt((prior * usual**2 + ((known - moved) ** 2).sum()) / freedom))
         median, unit = spread
         return cls(median + moved * unit, scale * unit, freedom, _share(values, -np.inf), _share(values, np.inf))
@@ -119,13 +124,18 @@ def drawn_metrics(prediction: Prediction) -> dict[str, FloatArray]:
     return metric_values(np.asarray(draws, dtype=np.float64), prediction.condition.speed_mps)
 
 
+def metric_distributions(prediction: Prediction, errors: Errors) -> dict[str, Distribution | None]:
+    """Calibrated distributions of all metrics for a single test; None where :meth:`Distribution.of` has none."""
+    drawn = drawn_metrics(prediction)
+    return {name: Distribution.of(drawn[name], errors.get(name, np.empty(0)), name) for name in drawn}
+
+
 def calibrated_metrics(prediction: Prediction, errors: Errors) -> tuple[Metric, ...]:
     """Metrics of a predicted pulse, with the calibrated 95 % interval for a single test if it has draws."""
     metrics = pulse_metrics(prediction.accel_mps2, prediction.condition.speed_mps)
     if prediction.draws_mps2 is None:
         return metrics
-    drawn = drawn_metrics(prediction)
-    found = {name: Distribution.of(drawn[name], errors.get(name, np.empty(0)), name) for name in drawn}
+    found = metric_distributions(prediction, errors)
     intervals = {name: (None, None) if own is None else own.interval() for name, own in found.items()}
     return tuple(Metric(m.name, m.value, *intervals[m.name], m.unit) for m in metrics)
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.metric_calibration import Distribution, drawn_metrics, standardised_error
+from crashfuse.approaches.metric_calibration import Distribution, metric_distributions, standardised_error
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest
-from crashfuse.signals.metrics import METRIC_LABELS, metric_values
+from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.estimate import Fit
@@ -122,8 +122,7 @@ class Forecaster:
         prediction = self.fit.estimate(condition).prediction
         values = metric_values(prediction.accel_mps2, condition.speed_mps)
         known = {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
-        drawn, errors = drawn_metrics(prediction), self.fit.metric_errors
-        found = {name: Distribution.of(drawn[name], errors.get(name, np.empty(0)), name) for name in METRIC_LABELS}
+        found = metric_distributions(prediction, self.fit.metric_errors)
         for window in self.rated:
             rating = found[_rating(window)] = self._rating_at(prediction, window)
             known[_rating(window)] = None if rating is None else rating.centre

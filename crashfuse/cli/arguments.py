@@ -86,6 +86,9 @@ def parser() -> argparse.ArgumentParser:
     curve.add_argument(
         "--approach", nargs="+", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: cae fused)"
     )
+    curve.add_argument(
+        "--criteria", type=Path, metavar="FILE", help="acceptance criteria (default: criteria.toml of CAMPAIGN, if any)"
+    )
     curve.add_argument("--cost-per-test", metavar="AMOUNT", help="cost of one test, such as 60000 or '60000 EUR'")
     curve.add_argument(
         "--repeats", type=_whole(0), metavar="N", help="random choices of each number of tests (default: 3)"

@@ -2,6 +2,7 @@
 
 import argparse
 from dataclasses import replace
+from pathlib import Path
 
 from crashfuse.cli.output import replacing, require_output, say_written, writing
 
@@ -9,6 +10,8 @@ from crashfuse.cli.output import replacing, require_output, say_written, writing
 def learning_curve(arguments: argparse.Namespace) -> None:
     """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
     from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.certification.criteria_file import read_criteria
+    from crashfuse.certification.decided import with_decided
     from crashfuse.cli.progress_bar import watching
     from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.results import write_learning_curve
@@ -26,12 +29,16 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     }
     config = replace(curves.CURVE_CONFIG, **{name: value for name, value in given.items() if value is not None})
     config.check()
+    own = Path(arguments.campaign, "criteria.toml")
+    criteria = read_criteria(arguments.criteria or own) if arguments.criteria or own.is_file() else None
     campaign = load_campaign(arguments.campaign)
     repeats = curves.REPEATS if arguments.repeats is None else arguments.repeats
     with watching() as watch:
         curve = curves.learning_curve(
             campaign, config, repeats=repeats, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler
         )
+    if criteria is not None:
+        curve = with_decided(curve, criteria)
     with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
         write_learning_curve(curve, folder, cost)
     if not (table := gains_table(curve, cost)).empty:

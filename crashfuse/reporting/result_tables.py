@@ -106,6 +106,7 @@ def curve_table(curve: LearningCurve) -> pd.DataFrame:
             "80 % within": [f"{low:.2f}–{high:.2f}" for low, high in zip(table["low"], table["high"], strict=True)],
             "a(t) in band (%)": (100 * table["inside"]).map("{:.0f}".format).where(known, "–"),
             "Band (± g)": table["half_width_g"].map("{:.1f}".format).where(known, "–"),
+            **({"Decided (%)": (100 * table["decided"]).map("{:.0f}".format)} if "decided" in table else {}),
         }
     )
 

@@ -9,7 +9,7 @@ import json
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast
@@ -19,6 +19,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.fit_cache import settings
+from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.approaches.settings import Device
 from crashfuse.campaign import Campaign, CrashTest
@@ -46,6 +47,7 @@ CURVE_CONFIG = StudyConfig(approaches=("cae", "fused"))
 
 _STEP = "Predictions from fewer tests"
 _KIND = "learning curve"  # kind of cache entry
+_FORECAST = "forecast"  # column of what is kept, but not of the table
 _Row = dict[str, Any]
 
 
@@ -62,12 +64,15 @@ class LearningCurve:
         (half the mean width of that band in g); the last two are NaN without a band.
     repeats : int
         Random choices of each number of tests.
+    forecasts : tuple of dict
+        For each row, the calibrated distributions of all metrics for the held-out test, by name; None where unknown.
     """
 
     campaign: Campaign
     config: StudyConfig
     repeats: int
     table: pd.DataFrame
+    forecasts: tuple[dict[str, Distribution | None], ...]
     seconds: float
 
     @property
@@ -159,7 +164,8 @@ def learning_curve(
                 cache.put(_KIND, _key(campaign, chosen, config), {"rows": np.array(json.dumps(rows))})
                 known[chosen] = rows
             watch.report(_STEP, len(known), len(distinct))
-    return LearningCurve(campaign, config, repeats, _table(parts, known), time.perf_counter() - start)
+    table, forecasts = _table(parts, known)
+    return LearningCurve(campaign, config, repeats, table, forecasts, time.perf_counter() - start)
 
 
 def is_curve_cached(campaign: Campaign, config: StudyConfig, cache: Cache, repeats: int = REPEATS) -> bool:
@@ -188,7 +194,15 @@ def _predicted(
                 store_estimate(estimate, training, config, cache)
         tests = [test for test in held_out for _ in config.approaches]
         pairs = zip(estimates, tests, strict=True)
-        return [(chosen, [measure(*pair, window) for pair in pairs for window in config.windows_ms])]
+        return [(chosen, [row for pair in pairs for row in _measured(*pair, config.windows_ms)])]
+
+
+def _measured(estimate: Estimate, test: CrashTest, windows_ms: Sequence[float]) -> Iterator[_Row]:
+    """One row for each window, with the forecast as plain JSON values."""
+    forecast = metric_distributions(estimate.prediction, estimate.metric_errors)
+    plain = {name: None if own is None else astuple(own) for name, own in forecast.items()}
+    for window in windows_ms:
+        yield {**measure(estimate, test, window), _FORECAST: plain}
 
 
 def measure(estimate: Estimate, test: CrashTest, window_ms: float) -> _Row:
@@ -211,13 +225,19 @@ def measure(estimate: Estimate, test: CrashTest, window_ms: float) -> _Row:
     }
 
 
-def _table(parts: Sequence[Subset], known: dict[tuple[str, ...], list[_Row]]) -> pd.DataFrame:
+def _table(
+    parts: Sequence[Subset], known: dict[tuple[str, ...], list[_Row]]
+) -> tuple[pd.DataFrame, tuple[dict[str, Distribution | None], ...]]:
     def rows() -> Iterator[_Row]:
         for part in parts:
             about = {"n_tests": len(part.chosen), "chosen": " ".join(part.chosen), "choice": part.choice}
             yield from ({**about, **row} for row in known[part.chosen])
 
-    return pd.DataFrame(rows()).astype({"inside": float, "half_width_g": float})
+    table = pd.DataFrame(rows()).astype({"inside": float, "half_width_g": float})
+    forecasts = tuple(
+        {name: None if own is None else Distribution(*own) for name, own in row.items()} for row in table.pop(_FORECAST)
+    )
+    return table, forecasts
 
 
 def _rows(entry: dict[str, Any]) -> list[_Row]:

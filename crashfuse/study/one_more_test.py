@@ -127,12 +127,13 @@ def summary(curve: LearningCurve) -> pd.DataFrame:
 
     Columns: approach, choice, n_tests, predictions (their number), rating and error (mean over the held-out tests, each
     counted once, and its standard error), low and high (the central 80 % of the single predictions), inside and
-    half_width_g (means).
+    half_width_g (means); decided too, if the curve has it.
     """
+    shares = [name for name in ("inside", "half_width_g", "decided") if name in curve.table]
     own = curve.table[curve.table["window_ms"] == curve.window_ms]
     rows = []
     for (approach, choice, n_tests), part in own.groupby(["approach", "choice", "n_tests"], sort=False):
-        by_test = part.groupby("held_out")[["overall", "inside", "half_width_g"]].mean()
+        by_test = part.groupby("held_out")[["overall", *shares]].mean()
         low, high = part["overall"].quantile([0.1, 0.9])
         rows.append(
             {
@@ -144,8 +145,7 @@ def summary(curve: LearningCurve) -> pd.DataFrame:
                 "error": _error(by_test["overall"]),
                 "low": low,
                 "high": high,
-                "inside": by_test["inside"].mean(),
-                "half_width_g": by_test["half_width_g"].mean(),
+                **{name: by_test[name].mean() for name in shares},
             }
         )
     return pd.DataFrame(rows)
@@ -177,6 +177,8 @@ def _standing(curve: LearningCurve, name: str, n: int) -> str:
     )
     if "cae" in curve.config.approaches and name != "cae":
         said += f"; the raw CAE model, without any test, {curve.by_test('cae').iloc[:, -1].mean():.3f}"
+    if not math.isnan(last.get("decided", math.nan)):
+        said += f". It decides {100 * last['decided']:.0f} % of the verdicts on metrics, counted over these tests"
     if math.isnan(last["half_width_g"]):
         return f"{said}."
     band, inside = f"± {last['half_width_g']:.1f} g", f"{100 * last['inside']:.0f} %"

@@ -29,7 +29,7 @@ def curve_of(campaign: Campaign, rating: Callable[[int, int], float], sizes: tup
         rows.append({**row, "approach": "cae", "overall": 0.6})
         fused = {"overall": rating(size, number), "inside": 0.95, "half_width_g": 9.0 / size}
         rows.append({**row, "approach": "fused", **fused})
-    return LearningCurve(replace(campaign, tests=tests), CONFIG, 1, pd.DataFrame(rows), 1.0)
+    return LearningCurve(replace(campaign, tests=tests), CONFIG, 1, pd.DataFrame(rows), (), 1.0)
 
 
 def law(size: int, test: int) -> float:

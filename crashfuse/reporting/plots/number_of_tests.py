@@ -36,9 +36,13 @@ def over_number_of_tests(curve: LearningCurve) -> go.Figure:
         _points(figure, name, even, "evenly over speed", "circle", -_SHIFT)
         _points(figure, name, random, "at random", "circle-open", _SHIFT)
         _widths(figure, name, even)
+        _decided(figure, name, even)
     if CLASSES[curve.judged].learns_from_tests and (more := one_more(curve)) is not None:
         _expected(figure, curve, more)
-    _axes(figure, n, has_band=bool(table["half_width_g"].notna().any()))
+    lower = {"y2": "Half width of<br>the 95 % band (g)"} if table["half_width_g"].notna().any() else {}
+    if "decided" in table:
+        lower["y3"] = "Verdicts<br>decided (%)"
+    _axes(figure, n, lower)
     return figure
 
 
@@ -75,6 +79,16 @@ def _widths(figure: go.Figure, name: str, even: pd.DataFrame) -> None:
     )  # fmt: skip
 
 
+def _decided(figure: go.Figure, name: str, even: pd.DataFrame) -> None:
+    if "decided" not in even or even["decided"].isna().all():
+        return
+    figure.add_scatter(
+        x=np.float32(even["n_tests"]), y=np.float32(100 * even["decided"]), yaxis="y3", mode="lines+markers",
+        name=LABELS[name], showlegend=False, line={"color": COLOURS[name], "width": 2}, marker={"size": 9},
+        hovertemplate=f"%{{x:.0f}} tests: %{{y:.0f}} % of verdicts decided<extra>{LABELS[name]}</extra>",
+    )  # fmt: skip
+
+
 def _expected(figure: go.Figure, curve: LearningCurve, more: OneMore) -> None:
     """Join the last point to the rating expected with one test more than the campaign has."""
     name = curve.judged
@@ -94,7 +108,8 @@ def _expected(figure: go.Figure, curve: LearningCurve, more: OneMore) -> None:
     )  # fmt: skip
 
 
-def _axes(figure: go.Figure, n: int, *, has_band: bool) -> None:
+def _axes(figure: go.Figure, n: int, lower: dict[str, str]) -> None:
+    """Label the axes; below the ratings lie further panels, by axis with their titles."""
     title = "Number of tests learned from"
     figure.update_layout(hovermode="closest", margin={"t": 64})
     figure.update_xaxes(
@@ -102,18 +117,13 @@ def _axes(figure: go.Figure, n: int, *, has_band: bool) -> None:
         zeroline=False,
     )  # fmt: skip
     figure.update_yaxes(title="Overall rating, held-out tests")
-    if has_band:
-        look = figure.layout.yaxis.to_plotly_json()
-        figure.update_layout(
-            xaxis={"anchor": "y2"},
-            yaxis={"domain": [0.4, 1.0]},
-            yaxis2={
-                **look,
-                "domain": [0.0, 0.32],
-                "title": "Half width of<br>the 95 % band (g)",
-                "rangemode": "tozero",
-            },
-        )
+    look, share = figure.layout.yaxis.to_plotly_json(), 0.4 / max(len(lower), 1)
+    for number, (axis, label) in enumerate(lower.items()):
+        end = 0.4 - number * share
+        own = {**look, "domain": [end - share + 0.02, end - 0.08], "title": label, "rangemode": "tozero"}
+        figure.update_layout({f"yaxis{axis[1:]}": own, "xaxis": {"anchor": axis}})
+    if lower:
+        figure.update_layout(yaxis={"domain": [0.4, 1.0]}, height=640 + 120 * (len(lower) - 1))
     figure.add_vline(
         x=n, line={"color": CURSOR, "width": 1, "dash": "dot"}, annotation_text=f"all {n} tests",
         annotation_position="top right",

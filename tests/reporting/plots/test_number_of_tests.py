@@ -21,7 +21,9 @@ def made_up(campaign: Campaign, approaches: tuple[str, ...], sizes: tuple[int, .
         }
         for size in sizes for choice in ("even", "random") for test in campaign.test_ids for name in approaches
     ]  # fmt: skip
-    return LearningCurve(campaign, StudyConfig(approaches=approaches, windows_ms=(60.0,)), 1, pd.DataFrame(rows), 1.0)
+    return LearningCurve(
+        campaign, StudyConfig(approaches=approaches, windows_ms=(60.0,)), 1, pd.DataFrame(rows), (), 1.0
+    )
 
 
 def test_ratings_and_band_are_drawn_over_the_number_of_tests(campaign: Campaign) -> None:
