@@ -15,7 +15,7 @@ VIEW = {"campaign": "sample", "held_out": "T03 · 16.7 mph", "window": "0–40 m
 LIGHT, DARK = "rgba(255, 255, 255, 1)", "rgba(20, 24, 31, 1)"
 
 
-@pytest.mark.parametrize("page", ["data", "train", "compare", "study", "predict"])
+@pytest.mark.parametrize("page", ["data", "train", "compare", "study", "predict", "certify"])
 def test_a_link_reproduces_the_view_on_a_cold_server(server: "Server", user: "User", page: str) -> None:
     """Campaign, test, window, unit and sign, on whichever page; a reload and another page keep them."""
 
@@ -28,7 +28,7 @@ def test_a_link_reproduces_the_view_on_a_cold_server(server: "Server", user: "Us
     user.open(server, page, **VIEW)
     user.wait(asked)
     pages = [link.text.split()[-1] for link in user.all('[data-testid="stSidebarNavLink"]')]
-    assert pages == ["Data", "Train", "Compare", "Study", "Predict"]
+    assert pages == ["Data", "Train", "Compare", "Study", "Predict", "Certify"]
     user.browser.refresh()
     user.wait(asked)
     other = {"data": "Study"}.get(page, "Data")

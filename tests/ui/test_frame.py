@@ -18,7 +18,7 @@ PAGES = ("data", "train", "compare", "study", "predict")
 Visit = Callable[..., "Session"]
 
 
-@pytest.mark.parametrize("page", ["train", "compare", "study", "predict"])
+@pytest.mark.parametrize("page", ["train", "compare", "study", "predict", "certify"])
 def test_without_a_campaign_a_page_says_what_to_do(visit: Visit, page: str) -> None:
     """It offers the sample and the way to the page Data, and no more."""
     session = visit(page)

@@ -38,7 +38,7 @@ from crashfuse.units import LB, MPH, G
 from tests.conftest import ROOT
 
 APP = ROOT / "app.py"
-PAGES = ("data", "train", "compare", "study", "predict")
+PAGES = ("data", "train", "compare", "study", "predict", "certify")
 SOON = 30.0
 FAST = ("cae", "lf_tcn")
 FITS: dict[str, dict[str, object]] = {

@@ -1,0 +1,159 @@
+"""Figures of a certification show every verdict with its word, and where each condition lies."""
+
+from dataclasses import replace
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.domain import Domain
+from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.track_record import TrackRecord
+from crashfuse.certification.verdict import Verdict, Word
+from crashfuse.reporting.plots.canvas import darkened
+from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
+from crashfuse.reporting.plots.palette import VERDICT_COLOURS
+from crashfuse.reporting.verdicts import Verdicts
+from crashfuse.study.config import StudyConfig
+from crashfuse.units import LB, MPH
+
+CRUSH = Criterion("crush", "max_crush", at_most=500.0)
+RATING = Criterion("rating", "rating", at_least=0.8, window_ms=60.0)
+WORDS: dict[str, tuple[Word, Word]] = {
+    "fast": ("not met", "open"),
+    "slow": ("met", "met"),
+    "far": ("outside", "outside"),
+}
+SPEEDS_MPH = {"fast": 30.0, "slow": 20.0, "far": 70.0}
+SAID: dict[Word, float] = {"met": 0.998, "not met": 0.031, "open": 0.5, "outside": 0.7}
+
+
+def certification(
+    campaign: Campaign, words: dict[str, tuple[Word, Word]], speeds_mph: dict[str, float]
+) -> Certification:
+    """A certification with these verdicts on crush and rating."""
+    here = campaign.tests[1].condition
+    conditions = [replace(here, speed_mps=speeds_mph[name] * MPH) for name in words]
+    verdicts = tuple(
+        tuple(
+            Verdict(condition, criterion, 0.9, 0.85, 0.95, SAID[word], word, f"Because of {criterion.name}.")
+            for criterion, word in zip((CRUSH, RATING), row, strict=True)
+        )
+        for condition, row in zip(conditions, words.values(), strict=True)
+    )
+    return Certification(
+        campaign,
+        Criteria((CRUSH, RATING)),
+        Matrix(tuple(words), tuple(conditions)),
+        StudyConfig(approaches=("fused",)),
+        Domain.of(campaign),
+        verdicts,
+        TrackRecord(()),
+        {},
+    )
+
+
+@pytest.fixture
+def three(campaign: Campaign) -> Certification:
+    """Three conditions: one is slow, one fast, one outside."""
+    return certification(campaign, WORDS, SPEEDS_MPH)
+
+
+def colour_of(heat: go.Heatmap, z: float) -> str:
+    """Colour that a heat map gives to a value."""
+    place = (z - heat.zmin) / (heat.zmax - heat.zmin)
+    return str(next(colour for (limit, colour) in heat.colorscale if limit >= place))
+
+
+def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(three: Certification) -> None:
+    """Rows in order of speed, columns as the criteria are; a condition outside has no number."""
+    heat, marks, *_ = verdict_matrix(three).data
+    assert list(heat.y) == ["slow · 20.0 mph", "fast · 30.0 mph", "far · 70.0 mph"]
+    assert list(heat.x) == ["<b>crush</b><br>at most 500 mm", "<b>rating</b><br>at least 0.80"]
+    assert [list(row) for row in heat.text] == [
+        ["met  >0.99", "met  >0.99"],
+        ["not met  0.03", "open  0.50"],
+        ["outside", "outside"],
+    ]
+    words = [WORDS[name] for name in ("slow", "fast", "far")]
+    assert [[colour_of(heat, z) for z in row] for row in heat.z] == [[VERDICT_COLOURS[w] for w in row] for row in words]
+    assert list(marks.customdata) == [f"{i} | {name}" for i in ("slow", "fast", "far") for name in ("crush", "rating")]
+    assert "0.90, 95 % of tests 0.85 to 0.95; limit at least 0.80" in marks.hovertext[1]
+    assert "Because of crush." in marks.hovertext[0]
+
+
+def test_the_legend_counts_the_verdicts(three: Certification) -> None:
+    """All four words, those that do not occur included."""
+    _, _, *legend = verdict_matrix(three).data
+    assert [trace.name for trace in legend] == ["met (2)", "not met (1)", "open (1)", "outside (2)"]
+    assert [trace.marker.color for trace in legend] == list(VERDICT_COLOURS.values())
+
+
+def test_verdicts_keep_their_colours_on_a_dark_page(three: Certification) -> None:
+    """Black words stay on light cells."""
+    heat, _, *legend = darkened(verdict_matrix(three)).data
+    assert heat.textfont.color == "#000000"
+    assert {colour for _, colour in heat.colorscale} == {trace.marker.color for trace in legend}
+
+
+@pytest.mark.parametrize(("n", "words_shown", "row_px"), [(40, True, 34), (100, True, 22), (201, False, None)])
+def test_many_conditions_become_narrow_rows_and_then_colours(
+    campaign: Campaign, n: int, words_shown: bool, row_px: float | None
+) -> None:
+    """A hundred can be read; of hundreds, only colours can be told, with the words under the mouse."""
+    names = [f"M{i}" for i in range(n)]
+    many = certification(campaign, dict.fromkeys(names, WORDS["fast"]), dict.fromkeys(names, 20.0))
+    figure = verdict_matrix(many)
+    heat = figure.data[0]
+    assert list(heat.y) == [f"{name} · 20.0 mph" for name in names]  # as fast: in the order of the matrix
+    assert (heat.text is not None) == words_shown
+    assert list(figure.layout.yaxis.range) == [n - 0.5, -0.5]
+    if row_px is not None:
+        assert (figure.layout.height - 110) / n == row_px
+    else:
+        assert "<b>M0, crush: not met</b>" in heat.hovertext[0][0]
+        assert figure.layout.height < 2000
+
+
+def test_the_domain_shows_each_condition_by_its_worst_verdict(three: Certification) -> None:
+    """In mph and lb, with a mark and a colour of its own for each word."""
+    figure = validated_domain(three)
+    shown = {trace.name: trace for trace in figure.data}
+    weight = three.matrix.conditions[0].mass_kg / LB
+    for name, speed in (
+        ("Worst verdict: not met (1)", 30.0),
+        ("Worst verdict: met (1)", 20.0),
+        ("Worst verdict: outside (1)", 70.0),
+    ):
+        np.testing.assert_allclose([*shown[name].x, *shown[name].y], [speed, weight], rtol=1e-6)
+        assert shown[name].marker.color == VERDICT_COLOURS[name.split(": ")[1].split(" (")[0]]
+    assert len({trace.marker.symbol for name, trace in shown.items() if name.startswith("Worst")}) == 3
+    np.testing.assert_allclose(shown["4 tests"].x, [15, 25, 26, 35], rtol=1e-6)
+
+
+def test_what_is_shaded_is_what_is_not_outside(three: Certification) -> None:
+    """On a grid over speed and mass, both say the same."""
+    figure, domain = validated_domain(three), three.domain
+    here, rng = three.matrix.conditions[0], np.random.default_rng(0)
+    shaded = [trace for trace in figure.data if trace.legendgroup == "checked"]
+    assert len(shaded) == len(domain.speed_ranges_mps) == 1
+    for speed, mass in rng.uniform([1.0, 3000.0], [45.0, 4200.0], (400, 2)).tolist():
+        scale = mass * LB / here.mass_kg
+        condition = replace(
+            here,
+            speed_mps=speed * MPH,
+            front_weight_kg=here.front_weight_kg * scale,
+            rear_weight_kg=here.rear_weight_kg * scale,
+        )
+        inside = any(min(t.x) <= speed <= max(t.x) and min(t.y) <= mass <= max(t.y) for t in shaded)
+        said = domain.exceeded_by(condition)
+        if not any("weight" in sentence for sentence in said):  # one axle alone is not in this figure
+            assert inside == (not said), (speed, mass, said)
+
+
+def test_the_library_plots_the_same_matrix(three: Certification) -> None:
+    """One figure for page, report and library."""
+    assert Verdicts(three).plot() == verdict_matrix(three)

@@ -1,0 +1,262 @@
+"""The page Certify: from criteria and conditions, of files or typed in, to verdicts and what stands behind them."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+import pytest
+
+import crashfuse
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.certification.criteria_file import criteria_text, read_criteria
+from crashfuse.errors import UsageError
+from crashfuse.reporting.certification_sentences import to_test
+from crashfuse.reporting.certification_tables import certification_table, matrix_table, verdict_counts
+from crashfuse.reporting.verdicts import Verdicts
+from crashfuse.ui.certify import matrix as matrix_ui
+from crashfuse.ui.computation import jobs
+
+if TYPE_CHECKING:
+    from tests.ui.conftest import Session
+
+Visit = Callable[..., "Session"]
+
+APPROACH = "displacement_domain"
+LINK = {"approach": LABELS[APPROACH]}
+CRITERIA = """confidence = 0.9
+
+[[criterion]]
+name = "crush"
+metric = "max_crush"
+at_most = 430.0
+
+[[criterion]]
+name = "rating"
+metric = "rating"
+window_ms = 40
+at_least = 0.6
+"""
+MATRIX = """id,speed_mph,front_weight_lb,rear_weight_lb
+M1,20,2050,1500
+M2,33,2050,1500
+M3,70,2050,1500
+"""
+FILES = ["certification.csv", "track_record.csv", "criteria.toml", "matrix.csv", "report.html"]
+
+pytestmark = pytest.mark.usefixtures("one_cache")
+
+
+@pytest.fixture
+def asking(open_campaign: Path) -> Path:
+    """The small campaign with criteria and a matrix in its folder."""
+    (open_campaign / "criteria.toml").write_text(CRITERIA)
+    (open_campaign / "matrix.csv").write_text(MATRIX)
+    return open_campaign
+
+
+def certified(session: "Session") -> "Session":
+    """Press Certify, unless that was done before, and wait for the verdicts."""
+    if "Certify" in session.buttons:
+        session.press("Certify")
+    for job in jobs().active:
+        assert job.wait(60)
+    return session.run()
+
+
+def of_library(folder: Path, confidence: float = 0.9) -> Verdicts:
+    """The same verdicts from the library."""
+    criteria = [
+        {"name": "crush", "metric": "max_crush", "at_most": 430.0},
+        {"name": "rating", "metric": "rating", "window_ms": 40, "at_least": 0.6},
+    ]
+    return crashfuse.certify(
+        load_campaign(folder), criteria, folder / "matrix.csv", confidence=confidence, approach=APPROACH, workers=1
+    )
+
+
+def shown(session: "Session") -> pd.DataFrame:
+    """The table of all verdicts."""
+    (table,) = [own.value for own in session.app.dataframe if "Verdict" in own.value]
+    return table
+
+
+def draft(session: "Session", folder: Path) -> pd.DataFrame:
+    """The criteria as typed in last, which no test can do: it is the browser's own table."""
+    rows: pd.DataFrame = session.app.session_state[f"draft {load_campaign(folder).fingerprint[:8]}"].rows
+    return rows
+
+
+def fields(session: "Session") -> dict[str, str]:
+    """The text fields by label."""
+    return {field.label: field.value for field in session.app.text_input}
+
+
+@pytest.mark.slow
+def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) -> None:
+    """Counts, the conditions to test, the whole table, the record, and the files."""
+    session = certified(visit("certify", **LINK))
+    expected = of_library(asking)
+    counts = verdict_counts(expected.certification)
+    assert {word.lower(): int(n) for word, n in session.numbers.items() if word.lower() in counts} == counts
+    decided, wrong = expected.certification.record.decided
+    assert session.numbers["Wrong on left-out tests"] == f"{wrong} of {decided}"
+    for sentence in to_test(expected.certification):
+        assert sentence in session.words
+    table, own = shown(session), expected.table
+    assert table["Verdict"].tolist() == own["verdict"].tolist()
+    assert table["Reason"].tolist() == own["reason"].tolist()
+    assert table["Probability"].tolist() == pytest.approx(own["probability"].tolist(), nan_ok=True)
+    assert [button.label for button in session.app.download_button] == FILES
+    assert session.charts == 4
+    (record,) = [own for own in session.tables if "What this record supports" in own]
+    assert record["Criterion"].tolist() == ["crush", "rating"]
+
+
+@pytest.mark.slow
+def test_another_limit_or_confidence_is_answered_at_once(
+    asking: Path, visit: Visit, fitting_is_an_error: Callable[[], None]
+) -> None:
+    """Nothing is fitted, nothing has to be pressed."""
+    session = certified(visit("certify", **LINK))
+    fitting_is_an_error()
+    (confidence,) = session.app.number_input
+    confidence.set_value(0.7)
+    session.run()
+    assert "Certify" not in session.buttons
+    looser = of_library(asking, confidence=0.7)
+    assert shown(session)["Verdict"].tolist() == looser.table["verdict"].tolist()
+    (asking / "criteria.toml").write_text(CRITERIA.replace("430.0", "300.0"))
+    other = visit("certify", **LINK)
+    assert shown(other)["Limit"].tolist()[0] == "at most 300 mm"
+
+
+@pytest.mark.slow
+def test_a_link_to_a_cell_shows_its_reason_and_leads_to_predict(asking: Path, visit: Visit) -> None:
+    """The condition is filled in there."""
+    session = certified(visit("certify", **LINK, cell="M2 | crush"))
+    reason = of_library(asking).table.set_index(["id", "criterion"]).loc[("M2", "crush"), "reason"]
+    assert reason in session.words
+    session.press("See the predicted pulse there").go("predict")  # without a browser, no page leads to another
+    speeds = {field.label: field.value for field in session.app.number_input}
+    assert speeds["Impact speed (mph)"] == 33.0
+    assert speeds["Front weight (lb)"] == 2050.0
+
+
+@pytest.mark.slow
+def test_verdicts_are_filtered_by_word(asking: Path, visit: Visit) -> None:
+    """Only the chosen words stay in the table."""
+    session = certified(visit("certify", **LINK))
+    words = of_library(asking).table["verdict"]
+    (pills,) = [own for own in session.app.pills if own.label == "Verdicts"]
+    pills.set_value(["outside"])
+    session.run()
+    assert shown(session)["Condition"].tolist() == ["M3", "M3"]
+    assert (words == "outside").sum() == 2
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_without_criteria_the_page_says_how_to_declare_them(visit: Visit) -> None:
+    """No limits are invented, and nothing can be computed."""
+    session = visit("certify")
+    assert "No criteria yet" in session.words
+    assert "Certify" not in session.buttons
+    assert "at_most = …" in session.app.code[0].value
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("criteria.toml", '[[criterion]]\nmetric = "crush"\nat_most = 3', "expected a metric of peak"),
+        ("criteria.toml", "confidence = 1\n" + CRITERIA[17:], "a confidence from 0.5 to below 1"),
+        ("matrix.csv", MATRIX + "M4,20,2050,1500\n", "found that of M1 a second time"),
+        ("matrix.csv", "id,speed_mph,front_weight_lb,rear_weight_lb\n", "matrix.csv"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_a_sentence(
+    asking: Path, visit: Visit, name: str, content: str, sentence: str
+) -> None:
+    """Of the campaign's own criteria or matrix; nothing can be computed from them."""
+    (asking / name).write_text(content)
+    session = visit("certify", **LINK)
+    assert sentence in session.words
+    assert "Certify" not in session.buttons
+
+
+def test_an_uploaded_file_takes_the_place_of_the_campaigns_own(asking: Path, visit: Visit) -> None:
+    """Criteria with their confidence; a wrong one changes nothing, and is said."""
+    session = visit("certify", **LINK)
+    (upload,) = session.app.file_uploader
+    upload.set_value([("mine.toml", b"confidence = 0.8\n[[criterion]]\nmetric = 'peak'\nat_most = 20", "text/plain")])
+    session.run()
+    assert session.app.number_input[0].value == 0.8
+    assert draft(session, asking)["metric"].tolist() == ["peak"]
+    (upload,) = session.app.file_uploader
+    upload.set_value([("mine.toml", b"[[criterion]]\nmetric = 'force'\nat_most = 20", "text/plain")])
+    session.run()
+    assert "expected a metric of peak" in session.words
+    assert draft(session, asking)["metric"].tolist() == ["peak"]
+    assert (asking / "criteria.toml").read_text() == CRITERIA
+
+
+def test_rows_typed_in_stay_when_the_page_is_left(asking: Path, visit: Visit) -> None:
+    """Another page and back: the table is as it was edited."""
+    session = visit("certify", **LINK)
+    edited = draft(session, asking)
+    edited.loc[0, "at_most"] = 444.0
+    session.go("data").go("certify")
+    assert draft(session, asking)["at_most"].tolist()[0] == 444.0
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_grid_is_in_the_link(visit: Visit) -> None:
+    """Every combination; at first over the tests' speeds at their middle weights."""
+    grid = visit("certify")
+    assert fields(grid)["Speeds (mph)"] == "15:35:5"
+    assert fields(grid)["Front weights (lb)"] == "2060"
+    linked = visit("certify", matrix="Grid", speeds="20:30:5", front_weights="2000, 2100")
+    assert "6 conditions, 20.0 to 30.0 mph" in [own.label for own in linked.app.expander]
+
+
+@pytest.mark.parametrize(
+    "text", ["fast", "20:30", "30:20:5", "20:30:0", "20:30:-1", "1:2:3:4", "0:1e9:0.001", "nan", ""]
+)
+@pytest.mark.usefixtures("open_campaign")
+def test_a_grid_that_cannot_be_read_is_a_sentence(visit: Visit, text: str) -> None:
+    """What was expected, and what was found."""
+    session = visit("certify")
+    session.app.text_input(key="speeds").set_value(text)
+    session.run()
+    errors = [error.value.replace("\\", "") for error in session.app.error]
+    assert len(errors) == 1
+    assert errors[0].startswith(("Speeds (mph): expected numbers", "A grid takes each speed once"))
+
+
+def test_ranges_and_lists_may_be_mixed() -> None:
+    """First, last and step, ends included."""
+    assert matrix_ui._numbers("10, 20:21:0.5; 30", "Speeds") == [10.0, 20.0, 20.5, 21.0, 30.0]
+    with pytest.raises(UsageError, match="found 'a'"):
+        matrix_ui._numbers("a", "Speeds")
+
+
+@pytest.mark.slow
+def test_what_is_downloaded_asks_for_the_same(asking: Path, tmp_path: Path) -> None:
+    """Criteria and matrix go from the page into a folder and back."""
+    verdicts = of_library(asking).certification
+    (tmp_path / "criteria.toml").write_text(criteria_text(verdicts.criteria))
+    assert read_criteria(tmp_path / "criteria.toml") == verdicts.criteria
+    table = matrix_table(verdicts.matrix)
+    again = type(verdicts.matrix).of(table, verdicts.campaign.factors)
+    assert again.ids == verdicts.matrix.ids
+    assert certification_table(verdicts)["id"].unique().tolist() == list(again.ids)
+
+
+@pytest.mark.usefixtures("asking")
+def test_one_campaigns_confidence_is_not_anothers(visit: Visit) -> None:
+    """The sample's criteria come with their own."""
+    session = visit("certify", **LINK)
+    assert session.app.number_input[0].value == 0.9
+    session.app.selectbox(key="campaign").set_value("sample")
+    session.run()
+    assert session.app.number_input[0].value == 0.95
