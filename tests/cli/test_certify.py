@@ -14,7 +14,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.certification.criteria_file import criteria_of
 from crashfuse.certification.matrix import Matrix
-from crashfuse.files import atomic
 from tests.conftest import write_campaign
 
 pytestmark = pytest.mark.usefixtures("one_cache")
@@ -212,7 +211,7 @@ def test_a_full_disk_leaves_no_part_of_a_certification(
             raise OSError(28, "No space left on device")
         return real(path, content)
 
-    monkeypatch.setattr(atomic.Path, "write_bytes", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     assert certify(planned, tmp_path / "out") == cli.WRONG_DATA
     assert "Nothing was written to" in capsys.readouterr().err
     assert list((tmp_path / "out").iterdir()) == []
