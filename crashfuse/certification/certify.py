@@ -137,7 +137,7 @@ def certify_matrix(
         for cell in cells
     ]
     for column, criterion in enumerate(criteria.items):
-        if all(row[column].probability is None for row in verdicts):
+        if not domain.too_few_tests and all(row[column].probability is None for row in verdicts):
             raise UsageError(
                 f"The criterion {criterion.name} cannot be judged: at every condition the record is too short for the "
                 f"{criterion.label}; remove the criterion, or take other conditions."

@@ -98,7 +98,7 @@ class _Check:
         for key in [key for key in item if key not in _KEYS]:
             self.wrong(f"the keys {', '.join(_KEYS)}", key, _advice_on(key))
         metric = item.get("metric")
-        if metric is None or (metric not in METRIC_LABELS and metric != RATING):
+        if not isinstance(metric, str) or (metric not in METRIC_LABELS and metric != RATING):
             self.wrong(f"a metric of {', '.join(METRIC_LABELS)} or {RATING}", metric, "choose one of them")
             return None
         unit = METRIC_UNITS.get(metric, "")
@@ -109,7 +109,7 @@ class _Check:
         if not isinstance(name, str) or not name.strip() or len(name) > 100 or printable(name) != name:
             self.wrong("a name of at most 100 characters in one line", name, "rename it")
         at_least, at_most = (self._limit(item, key, metric) for key in ("at_least", "at_most"))
-        if "at_least" not in item and "at_most" not in item:
+        if not any(key.startswith(("at_least", "at_most")) for key in item):
             self.wrong("at_least or at_most", "neither", "add a limit")
         if at_least is not None and at_most is not None and at_most < at_least:
             self.wrong(

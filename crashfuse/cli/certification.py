@@ -67,5 +67,5 @@ def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":
     for text in arguments.factor or ():
         name, value = factor(text, campaign.factors)
         factors.setdefault(name, {})[value] = None
-    speeds, *weights = ([value * unit for value in axis] for axis, unit in zip(axes, (MPH, LB, LB), strict=True))
-    return Matrix.grid(speeds, *weights, {name: tuple(values) for name, values in factors.items()})
+    speeds, front, rear = ([value * unit for value in axis] for axis, unit in zip(axes, (MPH, LB, LB), strict=True))
+    return Matrix.grid(speeds, front, rear, {name: tuple(values) for name, values in factors.items()})

@@ -104,13 +104,18 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     found = {
         "Warnings about the campaign": certification.campaign.warnings,
         "Conditions outside the validated domain": certification.domain.too_few_tests or tuple(outside),
+        "Open, because the record is too short to predict": tuple(
+            f"{i}: {_names(unknown)}."
+            for i, own in _by_condition(certification, "open").items()
+            if (unknown := [verdict for verdict in own if verdict.probability is None])
+        ),
         "Tests outside the range of the CAE runs": tuple(
             f"{test.id}: {' '.join(notes)}"
             for test in certification.campaign.tests
             if (notes := certification.campaign.cae.extrapolation(test.condition))
         ),
         "Wrong verdicts on left-out tests": tuple(_wrong(record)),
-        _UNSUPPORTED: tuple(f"{n}: {s}" for n, s in short.items()),
+        _UNSUPPORTED: _grouped(short),
         _UNTOUCHED: tuple(
             f"{name}: no left-out test came near this limit; the record says nothing about it."
             for name, own in supports.items()
@@ -119,6 +124,14 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
         "No record": () if record.trials else (record_sentence(record),),
     }
     return {subject: sentences for subject, sentences in found.items() if sentences}
+
+
+def _grouped(sentences: Mapping[str, str]) -> tuple[str, ...]:
+    """Each sentence once, after the names that it is about."""
+    names: dict[str, list[str]] = {}
+    for name, sentence in sentences.items():
+        names.setdefault(sentence, []).append(name)
+    return tuple(f"{', '.join(own)}: {sentence}" for sentence, own in names.items())
 
 
 def _wrong(record: TrackRecord) -> Iterator[str]:

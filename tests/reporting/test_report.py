@@ -93,7 +93,7 @@ def test_a_study_recommends_before_it_shows(text: str) -> None:
 
 def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, text: str) -> None:
     """What is not recorded is said; by limits, runs are counted and those that fail are named."""
-    heading = "<h3>Is the CAE model fit to be believed?</h3>"
+    heading = "<h2>Is the CAE model fit to be believed?</h2>"
     assert f"{heading}\n<p>Energy balance, hourglass energy and added mass are not recorded for any of the 24" in text
     quality = (RunQuality(-0.02, 0.12, 0.01), *(RunQuality(-0.02, 0.01),) * 23)
     campaign = replace(study.campaign, cae=replace(study.campaign.cae, quality=quality))

@@ -19,6 +19,7 @@ FEW_CONDITIONS = 40
 
 _MOST_WORDS = 200  # conditions; of more, only colours can be made out
 _ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
+_HEADER_CHARACTERS = 80  # of all columns together, on paper
 _WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
 _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "triangle-up"}
 _MAX_RUNS = 600  # more points only fill the same cloud
@@ -31,7 +32,8 @@ def verdict_matrix(certification: Certification) -> go.Figure:
     A cell's mark carries ``"<condition> | <criterion>"``. Beyond 200 conditions only colours are drawn.
     """
     ids, rows = _by_speed(certification)
-    names = [_header(criterion) for criterion in certification.criteria.items]
+    width = min(max(_HEADER_CHARACTERS // len(certification.criteria.items), 9), 22)
+    names = [_header(criterion, width) for criterion in certification.criteria.items]
     labels = [f"{i} · {row[0].condition.speed_mps / MPH:.1f} mph" for i, row in zip(ids, rows, strict=True)]
     with_words = len(rows) <= _MOST_WORDS
     row_px = _ROW_PX if len(rows) <= FEW_CONDITIONS else _NARROW_ROW_PX
@@ -83,7 +85,7 @@ def verdict_matrix(certification: Certification) -> go.Figure:
         legend={"y": 0, "yref": "container", "yanchor": "bottom"},
     )
     plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
-    figure.update_xaxes(**plain, side="top", range=[-0.5, len(names) - 0.5], showspikes=False)
+    figure.update_xaxes(**plain, side="top", tickangle=0, range=[-0.5, len(names) - 0.5], showspikes=False)
     figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
     figure.update_yaxes(tickmode="linear" if with_words else "auto", dtick=1 if with_words else None)
     return figure
@@ -161,8 +163,8 @@ def _by_speed(certification: Certification) -> tuple[list[str], list[tuple[Verdi
     return list(ids), list(verdicts)
 
 
-def _header(criterion: Criterion) -> str:
-    return "<br>".join([f"<b>{line}</b>" for line in wrap(criterion.name, 22)] + wrap(criterion.limits, 22))
+def _header(criterion: Criterion, width: int) -> str:
+    return "<br>".join([f"<b>{line}</b>" for line in wrap(criterion.name, width)] + wrap(criterion.limits, width))
 
 
 def _cell(verdict: Verdict) -> str:

@@ -10,7 +10,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
-from crashfuse.certification.verdict import WORDS
+from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.reporting.certification_sentences import (
     brier_sentence,
     domain_sentences,
@@ -130,8 +130,7 @@ def _verdicts(certification: Certification) -> pd.DataFrame:
         {
             "Condition": i,
             "Criterion": own.criterion.name,
-            "Expected, 95 % of tests": f"{_together(own.criterion.shown(own.value))}, "
-            + _interval(own.criterion, own.lower, own.upper),
+            "Expected, 95 % of tests": _predicted(own),
             "Probability": _probability(own.probability),
             "Verdict": own.word,
             "Reason": own.reason,
@@ -203,6 +202,13 @@ def _open_cells(certification: Certification) -> pd.DataFrame:
         }
         rows.append((margin / half_width if half_width else 0.0, row))
     return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))
+
+
+def _predicted(verdict: Verdict) -> str:
+    """What is expected, and its interval, as far as they are known."""
+    value = _together(verdict.criterion.shown(verdict.value))
+    interval = _interval(verdict.criterion, verdict.lower, verdict.upper)
+    return value if interval == "–" else f"{value}, {interval}"
 
 
 def _interval(criterion: Criterion, lower: float | None, upper: float | None) -> str:

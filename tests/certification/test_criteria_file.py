@@ -1,0 +1,132 @@
+"""Acceptance criteria: what a file declares, and what is refused, each in a sentence."""
+
+from pathlib import Path
+
+import pytest
+
+from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.criteria_file import criteria_of, read_criteria
+from crashfuse.errors import DataError
+
+SOUND = """
+confidence = 0.9
+
+[[criterion]]
+name = "crush"
+metric = "max_crush"
+unit = "mm"
+at_most = 650
+
+[[criterion]]
+metric = "olc"
+at_least = 10.5
+at_most = 25.0
+
+[[criterion]]
+metric = "rating"
+at_least = 0.8
+"""
+
+
+def criteria_file(folder: Path, text: str) -> Path:
+    """A file of criteria."""
+    path = folder / "criteria.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_file_declares_criteria_and_their_confidence(tmp_path: Path) -> None:
+    """A criterion takes the metric's name unless it has its own; a rating is over 60 ms unless a window is given."""
+    found = read_criteria(criteria_file(tmp_path, SOUND))
+    assert found.confidence == 0.9
+    assert found.items == (
+        Criterion("crush", "max_crush", at_most=650.0),
+        Criterion("olc", "olc", at_least=10.5, at_most=25.0),
+        Criterion("rating", "rating", at_least=0.8, window_ms=60.0),
+    )
+    assert found.windows_ms == (60.0,)
+
+
+def test_mappings_declare_the_same_criteria_as_a_file(tmp_path: Path) -> None:
+    """The library takes the tables of the file as they stand."""
+    items = [
+        {"name": "crush", "metric": "max_crush", "unit": "mm", "at_most": 650},
+        {"metric": "olc", "at_least": 10.5, "at_most": 25.0},
+        {"metric": "rating", "at_least": 0.8},
+    ]
+    assert criteria_of(items, 0.9) == read_criteria(criteria_file(tmp_path, SOUND))
+    assert criteria_of(items).confidence == 0.95
+
+
+CRUSH = '[[criterion]]\nmetric = "max_crush"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "criteria.toml: expected at least one criterion, found none"),
+        ("[[criterion]", "criteria.toml: expected a TOML file in UTF-8, found "),
+        (f"{'[' * 3000}", "criteria.toml: expected a TOML file in UTF-8, found "),
+        ("criterion = 3", "expected tables [[criterion]], found another value"),
+        ("criterion = [3]", "expected tables [[criterion]], found another value"),
+        ('[[criterion]]\nmetric = "hic"\nat_most = 3', "criterion 1: expected a metric of peak, peak_time, "),
+        ('[[criterion]]\nmetric = ["olc"]\nat_most = 3', "criterion 1: expected a metric of peak, peak_time, "),
+        ("[[criterion]]\nat_most = 3", "vpi or rating, found nothing; choose one of them."),
+        (CRUSH, "criterion 1: expected at_least or at_most, found neither; add a limit."),
+        (
+            f'{CRUSH}unit = "m"\nat_most = 0.65',
+            "expected limits of max_crush in mm, found m; convert the limits to mm.",
+        ),
+        (f"{CRUSH}at_most_m = 0.65", "found at_most_m; write at_most, with the limit in the metric's own unit."),
+        (f'{CRUSH}at_most = "650 mm"', "expected a number of 0 or more for at_most, in mm, found 650 mm; correct"),
+        (f"{CRUSH}at_most = true", "expected a number of 0 or more for at_most, in mm, found True; correct the limit."),
+        (f"{CRUSH}at_most = inf", "expected a number of 0 or more for at_most, in mm, found inf; correct the limit."),
+        (f"{CRUSH}at_most = -1", "expected a number of 0 or more for at_most, in mm, found -1; correct the limit."),
+        (f"{CRUSH}at_least = 700\nat_most = 600", "expected at_most of at least 700, which is at_least, found 600.0"),
+        (f"{CRUSH}at_most = 650\nwindow_ms = 60", "expected no window_ms, which only the rating has, found 60"),
+        (
+            f"{CRUSH}at_most = 650\nhint = 1",
+            "expected the keys name, metric, window_ms, at_least, at_most, unit, found",
+        ),
+        (f'{CRUSH}at_most = 650\nname = " "', "expected a name of at most 100 characters in one line"),
+        (f"{CRUSH}at_most = 1\n{CRUSH}at_most = 2", "criterion 2: expected each name once, found 'max_crush' a second"),
+        ('[[criterion]]\nmetric = "rating"\nat_least = 1.2', "for at_least, up to 1, found 1.2"),
+        ('[[criterion]]\nmetric = "rating"\nunit = "g"\nat_least = 0.8', "expected no unit for the rating, found g"),
+        ('[[criterion]]\nmetric = "rating"\nwindow_ms = 150\nat_least = 0.8', "expected a window_ms from 10 to 100"),
+        (f"confidence = 1\n{CRUSH}at_most = 650", "expected a confidence from 0.5 to below 1, found 1; 0.95 is usual"),
+        (f"confidence = 0.4\n{CRUSH}at_most = 650", "expected a confidence from 0.5 to below 1, found 0.4"),
+        (f'confidence = "high"\n{CRUSH}at_most = 650', "expected a confidence from 0.5 to below 1, found high"),
+        (
+            f"sure = 0.95\n{CRUSH}at_most = 650",
+            "expected confidence and [[criterion]], found sure; remove or rename it.",
+        ),
+    ],
+)
+def test_what_cannot_be_judged_is_refused_in_a_sentence(tmp_path: Path, text: str, sentence: str) -> None:
+    """File and criterion, what was expected, what was found, what to do."""
+    with pytest.raises(DataError) as caught:
+        read_criteria(criteria_file(tmp_path, text))
+    [problem] = map(str, caught.value.problems)
+    assert sentence in problem
+    assert problem.startswith("criteria.toml")
+
+
+def test_every_problem_of_a_file_is_told_at_once(tmp_path: Path) -> None:
+    """Nobody has to correct one criterion to learn of the next."""
+    text = f'confidence = 1\n{CRUSH}\n[[criterion]]\nmetric = "hic"\nat_most = 1000\n'
+    with pytest.raises(DataError) as caught:
+        read_criteria(criteria_file(tmp_path, text))
+    assert len(caught.value.problems) == 3
+
+
+def test_a_file_that_is_missing_or_no_text_is_one_sentence(tmp_path: Path) -> None:
+    """So is one that is far too large."""
+    with pytest.raises(DataError, match=r"criteria\.toml: expected this file, found no such file"):
+        read_criteria(tmp_path / "criteria.toml")
+    (tmp_path / "criteria.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(DataError, match=r"criteria\.toml"):
+        read_criteria(tmp_path / "criteria.toml")
+    with pytest.raises(DataError, match="at most 1 MiB"):
+        read_criteria(criteria_file(tmp_path, "#" * (1 << 21)))
+    with pytest.raises(DataError, match="at most 100 criteria, found 101"):
+        criteria_of([{"name": f"{i}", "metric": "peak", "at_most": 30} for i in range(101)])

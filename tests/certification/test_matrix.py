@@ -1,0 +1,97 @@
+"""The matrix of conditions: from a table or as a grid, each condition once."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from crashfuse.certification.matrix import Matrix
+from crashfuse.condition import Condition
+from crashfuse.errors import DataError, UsageError
+from crashfuse.units import KPH, LB, MPH
+
+FACTORS = {"drive": ("AWD", "FWD")}
+HEADER = "id,speed_mph,front_weight_lb,rear_weight_lb"
+
+
+def matrix_file(folder: Path, *lines: str) -> Path:
+    """A table of conditions."""
+    path = folder / "matrix.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_table_is_read_with_its_units_and_factors(tmp_path: Path) -> None:
+    """Columns end in their unit, as in tests.csv; a factor that no test has that value of is read as it stands."""
+    path = matrix_file(
+        tmp_path, "id,speed_kph,front_weight_lb,rear_weight_kg,drive", "A,50,2000,700,FWD", "B,56,2000,700,RWD"
+    )
+    found = Matrix.read(path, FACTORS)
+    assert found.ids == ("A", "B")
+    assert found.conditions[0] == Condition(50 * KPH, 2000 * LB, 700.0, (("drive", "FWD"),))
+    assert found.conditions[1].factors == (("drive", "RWD"),)
+
+
+def test_a_data_frame_is_the_same_matrix_as_its_file(tmp_path: Path) -> None:
+    """To the last digit."""
+    path = matrix_file(tmp_path, f"{HEADER},drive", "A,30.1,2000,1500,FWD", "B,35.7,2050.55,1500,AWD")
+    assert Matrix.of(pd.read_csv(path), FACTORS) == Matrix.read(path, FACTORS)
+
+
+@pytest.mark.parametrize(
+    ("lines", "sentence"),
+    [
+        ([""], "matrix.csv: expected a table with a header, found an empty one"),
+        ([HEADER], "matrix.csv: expected a header and at least one row, found an empty table"),
+        ([HEADER, "A,30,2000,1500", "B,30,2000,1500"], "row 3: expected each condition once, found that of A a second"),
+        ([HEADER, "A,30,2000,1500", "A,31,2000,1500"], "row 3: expected each id once, found 'A' a second time"),
+        ([HEADER, "A,30,2000,x"], "column rear_weight_lb, row 2: expected a number, found 'x'"),
+        ([HEADER, "A,0,2000,1500"], "column speed_mph, row 2: expected a number of at least"),
+        ([HEADER, "A,300,2000,1500"], "row 2: expected at most 224 mph and 132277 lb in all, found 300.0 mph"),
+        (
+            [f"{HEADER},fuel", "A,30,2000,1500,gas"],
+            "expected no further columns than those of tests.csv (drive), found",
+        ),
+        (["id,speed_mph,front_weight_lb", "A,30,2000"], "rear_weight"),
+    ],
+)
+def test_a_table_that_is_no_matrix_is_refused_in_a_sentence(tmp_path: Path, lines: list[str], sentence: str) -> None:
+    """File, column and row, what was expected, what was found."""
+    with pytest.raises(DataError) as caught:
+        Matrix.read(matrix_file(tmp_path, *lines), FACTORS)
+    [problem] = map(str, caught.value.problems)
+    assert sentence in problem
+
+
+def test_a_table_of_more_conditions_than_can_be_predicted_is_refused(tmp_path: Path) -> None:
+    """10,000 at most."""
+    rows = (f"C{i},{5 + i / 1000},2000,1500" for i in range(10_001))
+    with pytest.raises(DataError, match="expected at most 10,000 conditions, found 10,001"):
+        Matrix.read(matrix_file(tmp_path, HEADER, *rows), FACTORS)
+
+
+def test_a_grid_has_every_combination_once() -> None:
+    """Speeds before weights before factors, numbered."""
+    found = Matrix.grid([20 * MPH, 30 * MPH], [900.0], [650.0, 700.0], {"drive": ("FWD", "AWD")})
+    assert found.ids == tuple(f"M{number:03d}" for number in range(1, 9))
+    assert len(set(found.conditions)) == 8
+    assert found.conditions[1] == Condition(20 * MPH, 900.0, 650.0, (("drive", "AWD"),))
+    assert found.conditions[-1] == Condition(30 * MPH, 900.0, 700.0, (("drive", "AWD"),))
+
+
+@pytest.mark.parametrize(
+    ("speeds", "sentence"),
+    [
+        ([10.0, 10.0], "A grid takes each speed once"),
+        ([0.0], "as a number above 0"),
+        ([float("nan")], "as a number above 0"),
+        ([float("inf")], "as a number above 0"),
+        ([1000.0], "No barrier test is made at 2236.9 mph"),
+        ([1 + i / 1000 for i in range(10_001)], "at most 10,000 conditions; this grid has 10,001"),
+        ([], "1 to 10,000 conditions, not 0"),
+    ],
+)
+def test_a_grid_that_cannot_be_predicted_is_refused(speeds: list[float], sentence: str) -> None:
+    """Said before anything learns."""
+    with pytest.raises(UsageError, match=sentence):
+        Matrix.grid(speeds, [900.0], [650.0], {})

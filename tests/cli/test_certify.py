@@ -1,0 +1,217 @@
+"""The command certify: verdicts, files and refusals."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from crashfuse import cli
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.certification.criteria_file import criteria_of
+from crashfuse.certification.matrix import Matrix
+from tests.conftest import write_campaign
+
+pytestmark = pytest.mark.usefixtures("one_cache")
+
+CRITERIA = """
+confidence = 0.8
+
+[[criterion]]
+name = "crush"
+metric = "max_crush"
+at_most = 430.0
+
+[[criterion]]
+metric = "peak"
+at_most = 25.0
+
+[[criterion]]
+metric = "rating"
+at_least = 0.7
+"""
+HEADER = "id,speed_mph,front_weight_lb,rear_weight_lb,drive"
+MATRIX = f"{HEADER}\nA,20,2040,1500,FWD\nB,30,2040,1500,FWD\nC,70,2040,1500,FWD\n"
+GRID = ["--front-weight-lb", "2040", "--rear-weight-lb", "1500"]
+QUICK = ["--approach", "cae", "--workers", "1"]
+CONTRACT = ["id", "speed_mph", "front_weight_lb", "rear_weight_lb", "drive", "criterion", "metric", "window_ms"]
+CONTRACT += ["at_least", "at_most", "unit", "value", "lower", "upper", "probability", "verdict", "reason"]
+
+
+@pytest.fixture(scope="module")
+def planned(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small campaign with criteria and a matrix, which no test changes."""
+    folder = write_campaign(campaign, tmp_path_factory.mktemp("planned") / "campaign")
+    (folder / "criteria.toml").write_text(CRITERIA, encoding="utf-8")
+    (folder / "matrix.csv").write_text(MATRIX, encoding="utf-8")
+    return folder
+
+
+def certify(campaign: Path, out: Path, *options: str) -> int:
+    """Run the command."""
+    return cli.main(["certify", str(campaign), "--out", str(out), *QUICK, *options])
+
+
+@pytest.mark.slow
+def test_the_files_have_the_columns_and_numbers_of_the_contract(
+    planned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Four files and nothing else; counts in the JSON and on the terminal are those of the tables."""
+    assert certify(planned, tmp_path / "out") == cli.DONE
+    names = {"certification.csv", "track_record.csv", "certification.json", "report.html"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
+    assert list(verdicts) == CONTRACT
+    assert verdicts["id"].tolist() == [i for i in "ABC" for _ in range(3)]
+    assert verdicts["window_ms"].dropna().unique().tolist() == [60.0]
+    assert (verdicts["lower"] <= verdicts["value"]).all()
+    assert (verdicts["value"] <= verdicts["upper"]).all()
+    assert verdicts.query("id == 'C'")["verdict"].unique().tolist() == ["outside"]
+    trials = pd.read_csv(tmp_path / "out" / "track_record.csv")
+    columns = ["held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"]
+    assert list(trials)[:7] == columns
+    assert len(trials) == 4 * 2 * 3
+    crush = trials.query("criterion == 'crush'")
+    assert (crush["met"] == (crush["measured"] <= 430)).all()
+    record = json.loads((tmp_path / "out" / "certification.json").read_text(encoding="utf-8"))
+    counts = verdicts["verdict"].value_counts()
+    assert record["verdicts"] == {word: int(counts.get(word, 0)) for word in ("met", "not met", "open", "outside")}
+    by_criterion = [own["verdicts"] for own in record["by_criterion"].values()]
+    assert {word: sum(own[word] for own in by_criterion) for word in record["verdicts"]} == record["verdicts"]
+    printed = capsys.readouterr().out
+    assert f"3 conditions × 3 criteria, confidence 0.8: {record['verdicts']['met']} met" in printed
+    assert all(sentence in printed for sentence in record["sentences"])
+    assert "Outside what the tests check: C." in printed
+
+
+@pytest.mark.slow
+def test_the_json_makes_the_same_certification_again(planned: Path, tmp_path: Path) -> None:
+    """Criteria, matrix, fingerprint and settings as used are in it; so are numbers, to the digits of the table."""
+    assert certify(planned, tmp_path / "first", "--seed", "3") == cli.DONE
+    record = json.loads((tmp_path / "first" / "certification.json").read_text(encoding="utf-8"))
+    campaign = load_campaign(planned)
+    assert record["fingerprint"] == campaign.fingerprint
+    assert record["config"]["approaches"] == ["cae"]
+    assert record["seed"] == 3
+    criteria = criteria_of(record["criteria"]["criterion"], record["criteria"]["confidence"])
+    assert [own.name for own in criteria.items] == ["crush", "peak", "rating"]
+    assert criteria.items[2].window_ms == 60.0
+    frame = pd.DataFrame(record["matrix"])
+    for again, own in zip(
+        Matrix.of(frame, campaign.factors).conditions, Matrix.read(planned / "matrix.csv", {"drive": ()}).conditions,
+        strict=True,
+    ):  # fmt: skip
+        np.testing.assert_allclose(again.vector, own.vector, rtol=1e-9)
+    frame.to_csv(tmp_path / "matrix.csv", index=False)
+    assert certify(planned, tmp_path / "again", "--seed", "3", "--matrix", str(tmp_path / "matrix.csv")) == cli.DONE
+    for name in ("certification.csv", "track_record.csv"):
+        assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+
+
+def test_a_grid_takes_the_place_of_the_matrix(planned: Path, tmp_path: Path) -> None:
+    """Every combination of speeds, weights and values of factors."""
+    assert certify(planned, tmp_path, "--speed-mph", "20", "25", *GRID, "--factor", "drive=FWD") == cli.DONE
+    verdicts = pd.read_csv(tmp_path / "certification.csv")
+    assert verdicts[["id", "speed_mph", "drive"]].drop_duplicates().to_numpy().tolist() == [
+        ["M001", 20.0, "FWD"],
+        ["M002", 25.0, "FWD"],
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_too_few_tests_leave_everything_outside_and_say_why(
+    campaign: Campaign, tmp_path: Path, n: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What can't be said is said: exit 0, no verdict met or not met, no record that claims more."""
+    folder = write_campaign(replace(campaign, tests=campaign.tests[:n]), tmp_path / "campaign")
+    (folder / "criteria.toml").write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 430\n', encoding="utf-8")
+    (folder / "matrix.csv").write_text(MATRIX, encoding="utf-8")
+    options = [str(folder), "--out", str(tmp_path / "out"), "--approach", "displacement_domain", "--workers", "1"]
+    assert cli.main(["certify", *options]) == cli.DONE
+    verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
+    assert verdicts["verdict"].unique().tolist() == ["outside"]
+    too_few = "too few to check verdicts by leaving tests out, which takes 4."
+    assert verdicts["reason"].str.contains(too_few, regex=False).all()
+    printed = capsys.readouterr().out
+    assert too_few in printed
+    assert ("There is no record: with a single test, none can be left out." in printed) is (n == 1)
+
+
+def test_a_limit_that_no_test_comes_near_has_no_record(
+    planned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The record says nothing about it, and the command says so."""
+    path = tmp_path / "criteria.toml"
+    path.write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 20000\n', encoding="utf-8")
+    assert certify(planned, tmp_path / "out", "--criteria", str(path)) == cli.DONE
+    told = "max_crush: no left-out test came near this limit; the record says nothing about it."
+    assert told in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "sentence"),
+    [
+        (["--criteria", "{tmp}/none.toml"], 1, "none.toml: expected this file, found no such file"),
+        (["--criteria", "{tmp}/hic.toml"], 1, "hic.toml, criterion 1: expected a metric of peak, "),
+        (["--criteria", "{tmp}/long.toml"], 1, "expected a record over 0–100 ms, found 80 ms"),
+        (["--matrix", "{tmp}/none.csv"], 1, "none.csv: expected this file, found no such file; list the conditions in"),
+        (["--matrix", "{tmp}/empty.csv"], 1, "empty.csv: expected a header and at least one row, found an empty table"),
+        (["--matrix", "{tmp}/twice.csv"], 1, "row 3: expected each condition once, found that of A a second time"),
+        (["--matrix", "{tmp}/fuel.csv"], 1, "expected no further columns than those of tests.csv (drive), found fuel"),
+        (["--approach", "magic"], 2, "There is no approach 'magic'; choose from cae, "),
+        (["--speed-mph", "20"], 2, "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb, all three"),
+        (["--speed-mph", "20", "--matrix", "{tmp}/twice.csv", *GRID], 2, "and no --matrix."),
+        (["--speed-mph", "20", "20", *GRID], 2, "A grid takes each speed once, as a number above 0."),
+        (["--speed-mph", "2000", *GRID], 2, "No barrier test is made at 2000.0 mph"),
+        (["--speed-mph", "20", *GRID, "--factor", "fuel=gas"], 2, "No test has the factor 'fuel=gas'; the tests have"),
+        (
+            ["--criteria", "{tmp}/olc.toml", "--speed-mph", "5", *GRID],
+            2,
+            "The criterion olc cannot be judged: at ",
+        ),
+    ],
+)
+def test_what_cannot_be_certified_is_one_sentence_and_leaves_nothing(
+    planned: Path, tmp_path: Path, options: list[str], code: int, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 1 for the data, 2 for the usage; the folder for the results is not even made."""
+    here = tmp_path / "campaign"
+    shutil.copytree(planned, here)
+    if "{tmp}/long.toml" in options:
+        for path in (here / "tests").iterdir():
+            pulse = pd.read_csv(path)
+            pulse[pulse["time_ms"] <= 80].to_csv(path, index=False)
+    limit = "at_least = 0.5\n"
+    (tmp_path / "hic.toml").write_text(f'[[criterion]]\nmetric = "hic"\n{limit}', encoding="utf-8")
+    (tmp_path / "olc.toml").write_text(f'[[criterion]]\nmetric = "olc"\n{limit}', encoding="utf-8")
+    (tmp_path / "long.toml").write_text(f'[[criterion]]\nmetric = "rating"\nwindow_ms = 100\n{limit}', encoding="utf-8")
+    (tmp_path / "empty.csv").write_text(f"{HEADER}\n", encoding="utf-8")
+    (tmp_path / "twice.csv").write_text(f"{HEADER}\nA,20,2040,1500,FWD\nB,20,2040,1500,FWD\n", encoding="utf-8")
+    (tmp_path / "fuel.csv").write_text("id,speed_mph,front_weight_lb,rear_weight_lb,fuel\nA,20,2040,1500,gas\n")
+    asked = [option.format(tmp=tmp_path) for option in options]
+    assert certify(here, tmp_path / "out", *asked) == code
+    problems = [line for line in capsys.readouterr().err.splitlines() if " of " not in line[:30]]
+    assert any(sentence in line for line in problems), problems
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_full_disk_leaves_no_part_of_a_certification(
+    planned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All files or none."""
+    real = Path.write_bytes
+
+    def full(path: Path, content: bytes) -> int:
+        if len(content) > 1_000_000:  # the report
+            raise OSError(28, "No space left on device")
+        return real(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert certify(planned, tmp_path / "out") == cli.WRONG_DATA
+    assert "Nothing was written to" in capsys.readouterr().err
+    assert list((tmp_path / "out").iterdir()) == []

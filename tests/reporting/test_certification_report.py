@@ -1,0 +1,183 @@
+"""The dossier of a certification holds what a review asks for, names every exception, and claims nothing more."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from markupsafe import escape
+
+from crashfuse import cli
+from crashfuse.campaign import Campaign
+from crashfuse.certification.certify import Certification, certify_matrix
+from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.track_record import TrackRecord
+from crashfuse.execution.cache import Cache
+from crashfuse.reporting.certification_sentences import domain_sentences, exceptions, record_sentence, summary
+from crashfuse.reporting.provenance import certify_command
+from crashfuse.reporting.report import certification_report
+from crashfuse.study.config import StudyConfig
+from crashfuse.units import MPH
+
+pytestmark = pytest.mark.usefixtures("one_cache")
+
+CRITERIA = Criteria(
+    (
+        Criterion("crush", "max_crush", at_most=430.0),
+        Criterion("OLC", "olc", at_most=20.0),
+        Criterion("rating", "rating", at_least=0.7, window_ms=60.0),
+    ),
+    0.8,
+)
+
+
+def matrix(campaign: Campaign, *speeds_mph: float) -> Matrix:
+    """Conditions at these speeds with the weights of the second test."""
+    here = campaign.tests[1].condition
+    return Matrix(tuple(f"M{v:g}" for v in speeds_mph), tuple(replace(here, speed_mps=v * MPH) for v in speeds_mph))
+
+
+@pytest.fixture(scope="module")
+def certification(campaign: Campaign, module_cache: Path) -> Certification:
+    """Verdicts of the raw CAE model at three speeds: the first too slow for OLC, the last outside."""
+    asked = matrix(campaign, 20.0, 30.0, 70.0)
+    config = StudyConfig(approaches=("cae",))
+    return certify_matrix(campaign, CRITERIA, asked, config, cache=Cache(module_cache), workers=1)
+
+
+@pytest.fixture(scope="module")
+def text(certification: Certification, module_cache: Path) -> str:
+    """Its report."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CRASHFUSE_CACHE", str(module_cache))
+        return certification_report(certification)
+
+
+def wrong(certification: Certification) -> Certification:
+    """The same with a verdict that a test contradicts."""
+    first, *rest = certification.record.trials
+    said = replace(first, verdict=replace(first.verdict, word="not met" if first.met else "met"))
+    return replace(certification, record=TrackRecord((said, *rest)))
+
+
+def headings(text: str) -> list[str]:
+    """All headings of sections, in order."""
+    return re.findall("<h2>(.*?)</h2>", text)
+
+
+def test_the_order_is_that_of_a_review(text: str) -> None:
+    """Intended use first, verification before validation, prediction, track record, exceptions; signatures last."""
+    assert headings(text) == [
+        "Intended use",
+        "Validated domain, and the conditions in it",
+        "Method and settings",
+        "Is the CAE model fit to be believed?",
+        "Data: 4 tests, 24 CAE runs",
+        "How well tests repeat",
+        "Evidence from left-out tests",
+        "Acceptance criteria",
+        "Verdicts",
+        "Track record of the verdicts",
+        "Exceptions and discrepancies",
+        "Limits",
+        "Where this comes from",
+        "Signatures",
+    ]
+    assert all(f"<tr><td>{who}</td>" in text for who in ("Prepared", "Checked", "Approved"))
+    assert "claims no compliance with any regulation, standard or protocol" in text
+
+
+def test_every_verdict_stands_in_it_with_colour_word_and_reason(certification: Certification, text: str) -> None:
+    """A row a condition and criterion; the figure of the matrix, and the domain with the new conditions."""
+    for _, verdict in certification.cells:
+        assert str(escape(verdict.reason)) in text
+    cells = re.findall("<td class=(met|not-met|open|outside)>", text)
+    assert len(cells) == len(certification.cells) + len(certification.record.counted)
+    assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # domain, record, reliability, matrix
+    assert certification.campaign.fingerprint in text
+    assert certify_command(certification.config) in text
+
+
+def test_exceptions_are_all_named(certification: Certification) -> None:
+    """Warnings, conditions outside, cells that cannot be told, wrong verdicts, criteria without support or tests."""
+    campaign = replace(certification.campaign, warnings=("Two tests look alike.",))
+    found = exceptions(replace(wrong(certification), campaign=campaign))
+    assert found["Warnings about the campaign"] == ("Two tests look alike.",)
+    [outside] = found["Conditions outside the validated domain"]
+    assert outside.startswith("M70: 70.0 mph is 35.0 mph above the fastest test")
+    assert found["Open, because the record is too short to predict"] == ("M20: OLC.",)
+    [mistaken] = found["Wrong verdicts on left-out tests"]
+    assert mistaken.startswith("T1, left out alone: crush (at most 430 mm) was said to be not met; measured 200 mm.")
+    [unsupported] = found["Criteria whose record does not support the confidence"]
+    assert "left-out verdicts with no more than" in unsupported
+    [untouched] = found["Criteria whose limit no left-out test came near"]
+    assert untouched.startswith("rating: no left-out test came near")
+
+
+def test_open_cells_say_how_far_their_limit_is(certification: Certification, text: str) -> None:
+    """In the unit of the criterion, and in half widths of the interval."""
+    verdict = certification.verdicts[1][0]
+    assert verdict.word == "open"
+    assert verdict.value is not None
+    assert verdict.lower is not None
+    assert verdict.upper is not None
+    section = text[text.index("how far the limit is") :]
+    share = (verdict.value - 430) / ((verdict.upper - verdict.lower) / 2)
+    assert f"<td>{verdict.value - 430:.4g}\N{NO-BREAK SPACE}mm</td><td>{share:.2f}</td>" in section
+
+
+def test_the_record_is_told_with_its_exact_bound(certification: Certification) -> None:
+    """1 of 8 wrong: at most 47.1 %, for with that share one or none of eight is wrong in 5 % of cases."""
+    record = wrong(certification).record
+    decided, mistaken = record.decided
+    assert (decided, mistaken) == (8, 1)
+    assert "8 verdicts met or not met, 1 wrong (at most 47.1 %, exact 95 % bound)" in record_sentence(record)
+    assert pytest.approx(0.05, abs=5e-4) == 0.529**8 + 8 * 0.471 * 0.529**7
+    assert record_sentence(TrackRecord(())) == "There is no record: with a single test, none can be left out."
+
+
+def test_the_summary_says_where_to_test(certification: Certification) -> None:
+    """Open conditions with their criteria; a matrix without any open or outside needs no test."""
+    said = summary(certification)
+    assert said[0].startswith("3 conditions × 3 criteria, confidence 0.8: ")
+    assert "Outside what the tests check: M70." in said
+    assert any(sentence.startswith("To be tested, or redesigned: M20 (") for sentence in said)
+    met = tuple(tuple(replace(own, word="met") for own in row) for row in certification.verdicts)
+    assert "No condition of the matrix needs a test." in summary(replace(certification, verdicts=met))
+
+
+def test_the_domain_is_told_in_numbers(certification: Certification) -> None:
+    """From below the slowest test to above the fastest, within the CAE runs."""
+    speeds, reach = domain_sentences(certification.domain)
+    assert ": 10.0 to 35.0 mph, front and rear weight together " in speeds
+    assert "drive FWD" in speeds
+    assert "5.0 mph above the fastest" in reach
+
+
+def test_a_single_test_makes_a_dossier_that_says_so(campaign: Campaign, module_cache: Path) -> None:
+    """No record, no figures of one, no table of repeats; everything outside."""
+    alone = replace(campaign, tests=campaign.tests[:1])
+    config = StudyConfig(approaches=("cae",))
+    found = certify_matrix(alone, CRITERIA, matrix(campaign, 20.0), config, cache=Cache(module_cache), workers=1)
+    text = certification_report(found)
+    assert "There is no record: with a single test, none can be left out." in text
+    assert "How well tests repeat" not in headings(text)
+    assert "One test is too few to check verdicts" in text
+
+
+def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certification) -> None:
+    """A matrix of 400 conditions by 3 criteria has 1200 rows in the CSV, of which the report shows 1000."""
+    many = matrix(certification.campaign, *(20 + i / 40 for i in range(400)))
+    text = certification_report(replace(certification, matrix=many, verdicts=(certification.verdicts[0],) * 400))
+    assert "200 more rows are in certification.csv." in text
+    assert text.count('class="plotly-graph-div"') == 1 + 2 + 1 + 1  # the matrix as one figure, in colours alone
+
+
+def test_the_command_is_parsed_back_to_its_settings() -> None:
+    """Approach, preset, seed and device, as they were."""
+    config = StudyConfig(approaches=("displacement_domain",), preset="fast", seed=7, device="cpu")
+    _, *command = certify_command(config).split()
+    parsed = cli.parser().parse_args(command)
+    assert (parsed.approach, parsed.preset, parsed.seed, parsed.device) == ("displacement_domain", "fast", 7, "cpu")
+    assert (parsed.criteria, parsed.matrix) == (Path("criteria.toml"), Path("matrix.csv"))
