@@ -49,9 +49,9 @@ def _factors(matrix: Matrix) -> tuple[str, ...]:
 def _condition(condition_id: str, condition: Condition, factors: Sequence[str]) -> dict[str, object]:
     return {
         "id": condition_id,
-        "speed_mph": condition.speed_mps / MPH,
-        "front_weight_lb": condition.front_weight_kg / LB,
-        "rear_weight_lb": condition.rear_weight_kg / LB,
+        "speed_mph": round(condition.speed_mps / MPH, 9),  # as it was given
+        "front_weight_lb": round(condition.front_weight_kg / LB, 9),
+        "rear_weight_lb": round(condition.rear_weight_kg / LB, 9),
         **{name: dict(condition.factors).get(name, "") for name in factors},
     }
 

@@ -156,6 +156,21 @@ def test_verdicts_are_filtered_by_word(asking: Path, visit: Visit) -> None:
     assert (words == "outside").sum() == 2
 
 
+@pytest.mark.slow
+def test_with_a_single_test_the_page_says_what_cannot_be_said(asking: Path, visit: Visit) -> None:
+    """Everything is outside, and there is no record; nothing else fails."""
+    table = pd.read_csv(asking / "tests.csv")
+    table.head(1).to_csv(asking / "tests.csv", index=False)
+    for test_id in table["id"][1:]:
+        (asking / "tests" / f"{test_id}.csv").unlink()
+    session = certified(visit("certify", **LINK))
+    assert session.numbers["Outside"] == "6"
+    assert session.numbers["Wrong on left-out tests"] == "–"
+    assert "One test is too few to check verdicts" in session.words
+    assert "There is no record" in session.words
+    assert session.charts == 2
+
+
 @pytest.mark.usefixtures("open_campaign")
 def test_without_criteria_the_page_says_how_to_declare_them(visit: Visit) -> None:
     """No limits are invented, and nothing can be computed."""
@@ -248,7 +263,8 @@ def test_what_is_downloaded_asks_for_the_same(asking: Path, tmp_path: Path) -> N
     assert read_criteria(tmp_path / "criteria.toml") == verdicts.criteria
     table = matrix_table(verdicts.matrix)
     again = type(verdicts.matrix).of(table, verdicts.campaign.factors)
-    assert again.ids == verdicts.matrix.ids
+    assert again == verdicts.matrix
+    assert table["speed_mph"].tolist() == [20.0, 33.0, 70.0]
     assert certification_table(verdicts)["id"].unique().tolist() == list(again.ids)
 
 
