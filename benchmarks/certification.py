@@ -19,6 +19,7 @@ from next_test import _RANGE, World, _drawn
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.metric_calibration import Distribution, metric_errors
 from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.certification.certify import certify_matrix
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
@@ -122,6 +123,22 @@ def _summary(table: pd.DataFrame) -> None:
             print(f"  {low:.2f}–{high:.2f}: {n} of mean probability {mean:.3f}, {met / n:.3f} met ({bounds})")
 
 
+def _own_record(folder: str, approach: str) -> None:
+    """The track record of a campaign's own tests, with the limits in the middle of what they showed."""
+    campaign = load_campaign(folder)
+    measured = [_measured(test) for test in campaign.tests]
+    middle = {name: float(np.median([m[name] for m in measured if np.isfinite(m[name])])) for name in _METRICS}
+    criteria = Criteria(tuple(Criterion(name, name, at_most=limit) for name, limit in middle.items()))
+    matrix = Matrix(("here",), (campaign.tests[0].condition,))
+    record = certify_matrix(campaign, criteria, matrix, StudyConfig(approaches=(approach,)), cache=Cache()).record
+    print(
+        f"{campaign.name}: {len(campaign.tests)} tests, verdicts and wrong ones {record.counts()}, Brier {record.brier}"
+    )
+    for own in record.reliability:
+        bounds = f"{own.lower:.3f}–{own.upper:.3f}"
+        print(f"  {own.low:.2f}–{own.high:.2f}: {own.n} of mean {own.probability:.3f}, {own.met:.3f} met ({bounds})")
+
+
 def main() -> None:
     """Judge some vehicles and print the summary."""
     parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
@@ -129,7 +146,12 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=301, help="seed of the first vehicle")
     parser.add_argument("--tests", type=int, default=len(TABLE_1))
     parser.add_argument("--approach", default="fused")
+    parser.add_argument("--campaign", nargs="+", default=[], help="campaign folders: their own records instead")
     given = parser.parse_args()
+    for folder in given.campaign:
+        _own_record(folder, given.approach)
+    if given.campaign:
+        return
     tables = [
         _judged(seed, *_vehicle(seed, given.tests), given.approach)
         for seed in range(given.first, given.first + given.vehicles)
