@@ -31,6 +31,7 @@ _SHOTS = {  # page, height that shows it, theme, button that starts the computat
     "compare": ("compare", 1690, "light", "Predict test", "Pulse metrics"),
     "study": ("study", 1440, "light", "Leave out each", "Every rating"),
     "predict": ("predict", 1650, "light", "Predict", "Pulse metrics"),
+    "certify": ("certify", 1840, "light", "Certify", "Validated domain"),
     "compare-dark": ("compare", 1690, "dark", None, "Pulse metrics"),
 }
 _LONGEST_S = 1200.0

@@ -176,17 +176,15 @@ def _cell(verdict: Verdict) -> str:
 
 def _hover(condition_id: str, verdict: Verdict) -> str:
     criterion = verdict.criterion
-    value, lower, upper = (criterion.shown(each) for each in (verdict.value, verdict.lower, verdict.upper))
-    p = verdict.probability
-    return "<br>".join(
-        [
-            f"<b>{condition_id}, {criterion.name}: {verdict.word}</b>",
-            str(verdict.condition),
-            f"{value}, 95 % of tests {lower} to {upper}; limit {criterion.limits}",
-            "probability of being met unknown" if p is None else f"probability of being met {p:.3f}",
-            *wrap(verdict.reason, 78),
-        ]
-    )
+    lines = [
+        f"<b>{condition_id}, {criterion.name}: {verdict.word}</b>",
+        str(verdict.condition),
+        *wrap(verdict.reason, 78),
+    ]
+    if verdict.word == "outside":  # else the reason has the numbers
+        value, lower, upper = (criterion.shown(each) for each in (verdict.value, verdict.lower, verdict.upper))
+        lines.append(f"{value} expected, {lower} to {upper} in 95 % of tests; the limit is {criterion.limits}")
+    return "<br>".join(lines)
 
 
 def _summary(row: Sequence[Verdict]) -> str:
