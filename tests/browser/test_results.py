@@ -75,6 +75,37 @@ def test_a_click_on_a_cell_of_the_study_opens_its_test_on_compare(engineer: "Use
     assert "held_out=T3" in engineer.browser.current_url
 
 
+def test_a_click_on_a_cell_of_the_matrix_says_why(engineer: "User", small_server: "Server") -> None:
+    """Conditions of a grid, criteria from a file; the cell is in the address, and its condition on Predict."""
+    criteria = engineer.downloads.parent / "criteria.toml"
+    criteria.write_text('confidence = 0.9\n[[criterion]]\nmetric = "peak"\nat_most = 25\n', encoding="utf-8")
+    link = {"approach": "Displacement domain", "matrix": "Grid", "speeds": "20, 30"}
+    engineer.open(small_server, "certify", campaign="campaign", **link)
+    engineer.sees("No criteria yet")
+    engineer.press("How criteria are declared", "summary")
+    engineer.wait(lambda: engineer.browser.find_elements(By.CSS_SELECTOR, 'input[type="file"]'))[0].send_keys(
+        str(criteria)
+    )
+    engineer.press("Certify", '[data-testid="stMain"] button')
+    engineer.sees("report.html")
+
+    def told() -> bool:
+        figure = engineer.find(FIGURE, "M002 · 30.0 mph")
+        engineer.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", figure)
+        cells = figure.find_element(By.CSS_SELECTOR, ".nsewdrag")  # a column of two rows
+        down = round(0.2 * cells.rect["height"])
+        ActionChains(engineer.browser).move_to_element_with_offset(cells, 200, down).pause(0.5).click().perform()
+        with suppress(TimeoutException):
+            return bool(engineer.sees("M002 | peak: not met", timeout_s=15))
+        return False
+
+    engineer.wait(told)
+    assert "cell=M002" in engineer.browser.current_url
+    assert {row["verdict"] for row in rows(engineer.downloads_file("certification.csv"))} == {"met", "not met"}
+    engineer.press("See the predicted pulse there")
+    engineer.sees("30.0 mph (48.3 km/h)")
+
+
 def test_predict_answers_another_speed_at_once(engineer: "User") -> None:
     """Number field and slider follow each other, and the figure follows both; sweep and next test lie in tabs."""
     engineer.go("Predict")

@@ -28,7 +28,7 @@ metric = "max_crush"
 at_most = …              # your limit, in mm
 
 [[criterion]]
-name = "rating"          # of the prediction against a test, from 0 to 1
+name = "rating"          # of the prediction, 0 to 1
 metric = "rating"
 window_ms = 60
 at_least = …"""
