@@ -129,7 +129,7 @@ def _own_record(folder: str, approach: str) -> None:
     measured = [_measured(test) for test in campaign.tests]
     middle = {name: float(np.median([m[name] for m in measured if np.isfinite(m[name])])) for name in _METRICS}
     criteria = Criteria(tuple(Criterion(name, name, at_most=limit) for name, limit in middle.items()))
-    matrix = Matrix(("here",), (campaign.tests[0].condition,))
+    matrix = Matrix(campaign.test_ids, tuple(test.condition for test in campaign.tests))
     record = certify_matrix(campaign, criteria, matrix, StudyConfig(approaches=(approach,)), cache=Cache()).record
     print(
         f"{campaign.name}: {len(campaign.tests)} tests, verdicts and wrong ones {record.counts()}, Brier {record.brier}"

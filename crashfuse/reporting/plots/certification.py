@@ -19,7 +19,7 @@ FEW_CONDITIONS = 40
 
 _MOST_WORDS = 200  # conditions; of more, only colours can be made out
 _ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
-_HEADER_CHARACTERS = 80  # of all columns together, on paper
+_HEADER_CHARACTERS = 65  # of all columns together, on paper
 _WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
 _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "triangle-up"}
 _MAX_RUNS = 600  # more points only fill the same cloud

@@ -29,7 +29,8 @@ from crashfuse.study.repeatability import repeatability
 from crashfuse.units import LB, MPH
 
 _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
-_CONDITIONS_A_FIGURE, _CRITERIA_A_FIGURE = 14, 2  # as many as can be read at the height of a figure on paper
+_CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # in a figure at the height it has on paper; of several, two fill a page
+_CRITERIA_A_FIGURE = 2
 _MOST_FIGURES = 20
 _WINDOW_MS = 60.0  # of the rating of a repeat, if no criterion names one
 
@@ -109,7 +110,8 @@ def _matrix_figures(certification: Certification) -> Iterator[go.Figure]:
     """The matrix in parts, slow before fast; if it would take too many, as a single figure."""
     matrix = certification.matrix
     order = sorted(range(len(matrix.ids)), key=lambda place: matrix.conditions[place].speed_mps)
-    parts = [order[i : i + _CONDITIONS_A_FIGURE] for i in range(0, len(order), _CONDITIONS_A_FIGURE)]
+    size = _CONDITIONS if len(order) <= _CONDITIONS else _CONDITIONS_OF_MANY
+    parts = [order[i : i + size] for i in range(0, len(order), size)]
     for places in parts if len(parts) <= _MOST_FIGURES else [order]:
         own = Matrix(tuple(matrix.ids[i] for i in places), tuple(matrix.conditions[i] for i in places))
         verdicts = tuple(certification.verdicts[i] for i in places)
