@@ -88,7 +88,7 @@ def draft(session: "Session", folder: Path) -> pd.DataFrame:
     return rows
 
 
-def fields(session: "Session") -> dict[str, str]:
+def fields(session: "Session") -> dict[str, str | None]:
     """The text fields by label."""
     return {field.label: field.value for field in session.app.text_input}
 
