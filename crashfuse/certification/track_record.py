@@ -146,6 +146,11 @@ class TrackRecord:
 
         return tuple(trial for trial in self.trials if not repeats(trial))
 
+    @property
+    def _inside(self) -> list[Trial]:
+        """Counted trials inside the validated domain of the other tests: outside, no probability is vouched for."""
+        return [trial for trial in self.counted if trial.verdict.word != "outside"]
+
     def of(self, criterion: Criterion) -> tuple[Trial, ...]:
         """The counted trials of a criterion."""
         return tuple(trial for trial in self.counted if trial.verdict.criterion == criterion)
@@ -176,7 +181,7 @@ class TrackRecord:
         """Mean squared error of the probabilities, and of the raw CAE's, over all pulse metrics; None without any."""
         pairs = [
             (own.verdict.probability, own.cae_probability, own.met)
-            for own in self.counted
+            for own in self._inside
             if own.verdict.probability is not None and own.cae_probability is not None
         ]
         if not pairs:
@@ -187,7 +192,7 @@ class TrackRecord:
     @property
     def reliability(self) -> tuple[Bin, ...]:
         """Probabilities in bins, against the share of tests that met the criterion."""
-        known = [(t.verdict.probability, t.met) for t in self.counted if t.verdict.probability is not None]
+        known = [(t.verdict.probability, t.met) for t in self._inside if t.verdict.probability is not None]
         said, met = np.array(known, dtype=np.float64).reshape(-1, 2).T
         bins = []
         number = np.clip(np.searchsorted(_BINS, said, side="right") - 1, 0, len(_BINS) - 2)

@@ -89,12 +89,13 @@ def test_verdicts_are_counted_by_word_with_the_wrong_ones() -> None:
 
 
 def test_the_brier_score_is_the_mean_squared_error_of_probabilities() -> None:
-    """Beside that of the raw CAE, over those trials that have both."""
+    """Beside that of the raw CAE, over those trials inside the domain that have both."""
     record = TrackRecord(
         (
             trial("met", 450.0, 0.9, held_out="A", cae=0.6),
             trial("open", 550.0, 0.4, held_out="B", cae=0.7),
             trial("open", 550.0, 0.4, held_out="C", cae=None),
+            trial("outside", 550.0, 1.0, held_out="D", cae=1.0),
         )
     )
     assert record.brier == pytest.approx(((0.01 + 0.16) / 2, (0.16 + 0.49) / 2))
@@ -149,5 +150,5 @@ def test_near_means_within_one_width_of_the_interval() -> None:
 def test_trials_without_a_probability_are_left_out_of_reliability() -> None:
     """The record was too short to tell."""
     record = TrackRecord((replace(trial("open", 450.0), verdict=trial("open", 450.0, None).verdict),))
-    assert record.reliability == ()
+    assert record.reliability == TrackRecord((trial("outside", 450.0, 0.9),)).reliability == ()
     assert np.isfinite(record.decided).all()
