@@ -15,6 +15,7 @@ from crashfuse.signals.pulse import FloatArray
 
 _AGREES, _DISAGREES = "#0072B2", "#D55E00"
 _INTERVAL = "#868D98"
+_NONE = "No test was left out: nothing to compare with."
 
 
 def reliability(record: TrackRecord) -> go.Figure:
@@ -24,7 +25,7 @@ def reliability(record: TrackRecord) -> go.Figure:
     """
     figure = new_figure(height=440)
     if not record.reliability:
-        _say(figure, "No test was left out: nothing to compare with.")
+        _say(figure, "No left-out test lies inside what the others check." if record.trials else _NONE)
         return figure
     figure.add_scatter(
         x=[0, 1], y=[0, 1], mode="lines", name="As promised", line={"color": AXIS, "dash": "dot"}, hoverinfo="skip"
@@ -77,7 +78,7 @@ def record_figure(record: TrackRecord) -> go.Figure:
     tests = list(dict.fromkeys(trial.held_out for trial in trials))
     figure = new_figure(height=max(120 + 210 * len(criteria), 330))
     if not criteria:
-        _say(figure, "No test was left out: nothing to compare with.")
+        _say(figure, _NONE)
         return figure
     x_style, y_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     figure.set_subplots(len(criteria), 1, shared_xaxes=True, vertical_spacing=0.24 / (len(criteria) + 0.6))

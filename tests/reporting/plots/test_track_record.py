@@ -102,3 +102,10 @@ def test_a_campaign_of_one_test_has_nothing_to_compare_with(draw: object) -> Non
     figure = draw(TrackRecord(()))  # type: ignore[operator]
     assert [note.text for note in figure.layout.annotations] == ["No test was left out: nothing to compare with."]
     assert (figure.layout.xaxis.visible, figure.layout.yaxis.visible) == (False, False)
+
+
+def test_where_every_left_out_test_is_outside_no_probability_is_compared() -> None:
+    """None was vouched for, which is said in place of the figure."""
+    figure = reliability(TrackRecord((trial("A", 440.0, word="outside"),)))
+    assert [note.text for note in figure.layout.annotations] == ["No left-out test lies inside what the others check."]
+    assert not figure.data
