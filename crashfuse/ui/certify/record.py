@@ -51,8 +51,8 @@ def show_record(certification: Certification, key: Hashable) -> None:
         )
         st.caption(
             "Verdicts on left-out tests inside what the others check, in bins of probability; n is their number, the "
-            "lines exact 95 % bounds (Clopper and Pearson). Where the dotted line passes within them, the probabilities "
-            "are right."
+            "lines exact 95 % bounds (Clopper and Pearson). Where the dotted line passes within them, the "
+            "probabilities are right."
         )
 
 
