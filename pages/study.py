@@ -31,7 +31,7 @@ if (
     choose("Question", ["Each test left out", "How many tests are enough"], key="study question")
     != "Each test left out"
 ):
-    show_learning_curve(campaign, config, view.display.window_ms)
+    show_learning_curve(view, config)
     st.stop()
 st.markdown(
     "How well does each approach predict a test that it has not seen? Every test is left out in turn, predicted from "

@@ -42,6 +42,12 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monk
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.mktemp("cache")))
 
 
+@pytest.fixture(autouse=True)
+def few_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Studies draw a tenth of the repeats, which take longer than all else in a small one; its own tests draw all."""
+    monkeypatch.setattr("crashfuse.study.repeatability._N_DRAWS", 10)
+
+
 @pytest.fixture(scope="module")
 def module_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder for the cache of a whole test module."""

@@ -6,6 +6,9 @@ from dataclasses import dataclass, replace
 import streamlit as st
 
 from crashfuse.campaign import Campaign
+from crashfuse.certification.criteria_file import read_criteria
+from crashfuse.certification.decided import with_decided
+from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
@@ -19,6 +22,7 @@ from crashfuse.study.one_more_test import sentences
 from crashfuse.ui.computation import Request
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import show_figure
+from crashfuse.ui.frame import View
 from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.text import plain
 
@@ -45,8 +49,9 @@ class LearningCurveRequest(Request[LearningCurve]):
         return is_curve_cached(self.campaign, self.config, Cache())
 
 
-def show_learning_curve(campaign: Campaign, config: StudyConfig, window_ms: float) -> None:
-    """Show rating and band over the number of tests, for the raw CAE model and the fused prediction."""
+def show_learning_curve(view: View, config: StudyConfig) -> None:
+    """Show rating, band and decided verdicts over the number of tests, for the raw CAE model and fused."""
+    campaign = view.campaign
     st.markdown(
         "How good would the prediction be with fewer tests, and what would one more add? Parts of the tests, evenly "
         "chosen over speed and at random, predict all the others."
@@ -60,7 +65,14 @@ def show_learning_curve(campaign: Campaign, config: StudyConfig, window_ms: floa
     )
     if found is None:
         return
-    curve = found.over(window_ms)
+    criteria = view.folder / "criteria.toml"
+    if criteria.is_file():
+        try:
+            found = with_decided(found, read_criteria(criteria))
+        except DataError as error:
+            st.warning(plain(str(error.problems[0])), icon=":material/error:")
+    table = found.table
+    curve = found.over(view.display.window_ms)
     amount = st.number_input(
         "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
         key="cost of a test", persist_state="session", width=260,
@@ -70,7 +82,7 @@ def show_learning_curve(campaign: Campaign, config: StudyConfig, window_ms: floa
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
     show_figure(
         over_number_of_tests(curve),
-        alt="Mean rating of tests not learned from, and half width of the band, over the number of tests learned from",
+        alt="Mean rating of tests not learned from, width of the band and decided verdicts, over the number of tests",
     )
     st.caption(
         f"{LEARNING_CURVE_MEANING} Points: means with their standard error; shaded: the central 80 % of the single "
@@ -83,5 +95,5 @@ def show_learning_curve(campaign: Campaign, config: StudyConfig, window_ms: floa
     with st.expander("All means", icon=":material/table:"):
         st.table(curve_table(curve).style.hide(axis="index"), border="horizontal")
     with st.container(horizontal=True):
-        download_table("learning_curve.csv", lambda: found.table)
+        download_table("learning_curve.csv", lambda: table)
         download_report(lambda: learning_curve_report(curve, cost), "learning_curve.html")

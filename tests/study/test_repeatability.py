@@ -22,6 +22,11 @@ from crashfuse.units import LB, MPH
 WINDOWS = (20.0, 60.0)
 
 
+@pytest.fixture(autouse=True)
+def few_repeats() -> None:
+    """None here: what is drawn is tested."""
+
+
 def test_drawn_repeats_alone_rate_as_drawn() -> None:
     """Without real repeats the value is one minus the mean lack, and the interval is that of a log-normal."""
     drawn = np.exp(np.random.default_rng(0).normal(np.log(0.08), 0.3, 4000))

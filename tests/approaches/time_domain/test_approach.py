@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,17 +51,25 @@ def test_a_test_with_a_neighbour_is_met_far_better_than_by_the_lf_networks(
     assert _error(mf.predict(test.condition).accel_mps2, test.pulse.accel_mps2) < 0.5 * before
 
 
-def test_the_held_out_test_lies_within_the_band(campaign: Campaign, mf: TimeDomain) -> None:
-    """Acceleration, velocity, crush and peak; and the band is no wider than the pulse is high."""
+def test_held_out_tests_lie_within_the_band(campaign: Campaign, tmp_path: Path) -> None:
+    """Each test left out in turn: acceleration and velocity nine tenths of the time, crush and peak always."""
+    found = []
+    for test in campaign.tests:
+        approach = TimeDomain(SMALL, cache=Cache(tmp_path)).fit(campaign.without([test.id]))
+        draws = approach.predict(test.condition).draws_mps2
+        assert draws is not None
+        found.append(Coverage.of(test, draws))
+    assert np.mean([own.accel for own in found]) > 0.9
+    assert np.mean([own.velocity for own in found]) > 0.9
+    assert all(own.crush and own.peak for own in found)
+
+
+def test_the_band_is_no_wider_than_the_pulse_is_high(campaign: Campaign, mf: TimeDomain) -> None:
+    """It has the draws asked for, and says something."""
     test = campaign.test("T3")
     prediction = mf.predict(test.condition)
     assert prediction.draws_mps2 is not None
     assert prediction.draws_mps2.shape == (SMALL.n_draws, GRID_S.size)
-    coverage = Coverage.of(test, prediction.draws_mps2)
-    assert coverage.accel > 0.9
-    assert coverage.velocity > 0.9
-    assert coverage.crush
-    assert coverage.peak
     lower, upper = prediction.band() or (GRID_S, GRID_S)
     assert np.mean(upper - lower) < np.abs(test.pulse.accel_mps2).max()
 
