@@ -87,7 +87,7 @@ def test_other_limits_take_no_new_prediction(
     """Forecasts are kept; only the window of a rating is part of them."""
     certified(campaign)
     fitting_is_an_error()
-    monkeypatch.setattr("crashfuse.certification.certify.Forecaster.at", None)
+    monkeypatch.setattr("crashfuse.certification.forecasts.Forecaster.at", None)
     other = Criteria((replace(CRUSH, at_most=300.0), replace(PEAK, at_least=5.0), replace(RATING, at_least=0.9)), 0.8)
     assert certified(campaign, other).criteria == other
 
