@@ -120,7 +120,10 @@ def test_ctrl_c_is_one_sentence_and_leaves_no_process(campaign_on_disk: Path, tm
     """As a terminal sends it: to the whole group."""
     arguments = ["study", str(campaign_on_disk), "--out", str(tmp_path / "out"), "--workers", "2"]
     command = [sys.executable, "-m", "crashfuse", *arguments, "--approach", "cae", "displacement_domain"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True) as study:
+    ignored = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True)
+    signal.signal(signal.SIGINT, ignored)
+    with process as study:
         _wait((Cache().folder / "predictions").exists)
         workers = workers_of(study)
         os.killpg(study.pid, signal.SIGINT)
