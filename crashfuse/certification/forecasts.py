@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.settings import Device
 from crashfuse.campaign import Campaign
 from crashfuse.certification.forecast import Forecast, Forecaster
 from crashfuse.condition import Condition
@@ -55,10 +54,7 @@ class Forecasts:
         chunks = [own[i : i + _CHUNK] for own in tasks.values() for i in range(0, len(own), _CHUNK)]
         chunks[:0] = [[each] for each in learn_for if self.find(each) is None][:1]
         shared = prepare(self.campaign, {each.approach for each in missing}, self.config, self.cache, self.watch)
-        names = {each.approach for own in chunks for each in own}
-        devices = [device for name in sorted(names) if (device := self.config.create(name).device)]
-        config = replace(self.config, device=cast(Device, (devices or [self.config.device])[0]))
-        work = partial(_forecast, config=config, windows_ms=self.windows_ms)
+        work = partial(_forecast, config=self.config.on_this_device, windows_ms=self.windows_ms)
         done, total = len(found), len(found) + len(missing)
         self.watch.report(step, done, total)
         with closing(workers.completed(work, self.campaign, chunks, shared, self.watch)) as completed:

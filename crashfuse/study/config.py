@@ -1,7 +1,7 @@
 """Configuration of a study: approaches, preset, seed, windows, and which tests are left out together."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, cast
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.registry import APPROACHES, create
@@ -50,6 +50,12 @@ class StudyConfig:
         """Raise a UsageError if an approach, the preset or the device is wrong, before anything is computed."""
         for name in self.approaches:
             _ = self.create(name).device
+
+    @property
+    def on_this_device(self) -> "StudyConfig":
+        """The config with the device that its approaches use here: "auto" may mean another one on another machine."""
+        devices = [device for name in self.approaches if (device := self.create(name).device)] or [self.device]
+        return replace(self, device=cast(Device, devices[0]))
 
     def create(self, approach: str, cache: Cache | None = None) -> Approach:
         """Create the unfitted approach with this name and these settings."""

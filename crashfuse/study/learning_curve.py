@@ -21,7 +21,6 @@ from threadpoolctl import threadpool_limits
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.approaches.registry import APPROACHES
-from crashfuse.approaches.settings import Device
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
@@ -151,9 +150,7 @@ def learning_curve(
     # the largest first: at the end, no worker is left alone with a long task
     unknown = sorted((chosen for chosen in distinct if chosen not in known), key=len, reverse=True)
     shared = prepare(campaign, set(config.approaches) if unknown else set(), config, cache, watch)
-    # resolved here: "auto" may mean another device on another machine
-    devices = [device for name in config.approaches if (device := config.create(name).device)] or [config.device]
-    work = partial(_predicted, config=replace(config, device=cast(Device, devices[0])))
+    work = partial(_predicted, config=config.on_this_device)
     watch.report(_STEP, len(known), len(distinct))
     with (
         workers_at(scheduler, workers) as place,

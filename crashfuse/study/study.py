@@ -11,14 +11,12 @@ from collections.abc import Hashable, Mapping, MutableMapping, Sequence, Set
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import cast
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
 from crashfuse.approaches.registry import APPROACHES
-from crashfuse.approaches.settings import Device
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
@@ -211,9 +209,7 @@ def _leave_out(
 
     total = len(unfinished) * len(config.approaches)
     watch.report(step, len(estimates), total)
-    # resolved here: "auto" may mean another device on another machine
-    devices = [device for name in config.approaches if (device := config.create(name).device)] or [config.device]
-    work = partial(_predict, config=replace(config, device=cast(Device, devices[0])))
+    work = partial(_predict, config=config.on_this_device)
     with closing(workers.completed(work, campaign, list(tasks.values()), shared, watch)) as completed:
         for predicted in completed:
             estimates |= {(test_id, estimate.approach): estimate for test_id, estimate in predicted}
