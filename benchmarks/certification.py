@@ -1,6 +1,6 @@
 """How often verdicts are wrong: ``python benchmarks/certification.py --vehicles 4``.
 
-Each seed is another synthetic vehicle (``benchmarks/next_test.py``), tested at the eleven conditions of Zeng et al.
+Each seed is another synthetic vehicle (``benchmarks/vehicles.py``), tested at the eleven conditions of Zeng et al.
 2023, Table 1, or at fewer speeds evenly over the range. The limits lie in the middle of what occurs at 60 further
 conditions, so that guessing is wrong half the time; every verdict is compared with a test that nothing was learned
 from. Printed: coverage and width of the metrics' intervals, verdicts by kind and how many were wrong, Brier scores
@@ -9,12 +9,11 @@ beside those of the raw CAE with its own error as band, the probabilities in bin
 
 import argparse
 import time
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from next_test import _RANGE, World, _drawn
+from vehicles import World
 
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.metric_calibration import Distribution, metric_errors
@@ -42,10 +41,11 @@ def _vehicle(seed: int, n_tests: int) -> tuple[Campaign, tuple[CrashTest, ...]]:
     if n_tests == len(TABLE_1):
         conditions = [Condition(speed * MPH, front * LB, rear * LB) for speed, front, rear, *_ in TABLE_1]
     else:
-        speeds = np.linspace(_RANGE.low.speed_mps, _RANGE.high.speed_mps, n_tests).tolist()
-        conditions = [replace(c, speed_mps=v) for v, c in zip(speeds, _drawn(rng, n_tests), strict=True)]
+        conditions = world.over_speed(rng, n_tests)
     tests = world.test(conditions, first=0)
-    return Campaign(f"Vehicle {seed}", world.library(tests), tests), world.test(_drawn(rng, _N_NEW), first=1000)
+    return Campaign(f"Vehicle {seed}", world.library(tests), tests), world.test(
+        world.conditions(rng, _N_NEW), first=1000
+    )
 
 
 def _measured(test: CrashTest) -> dict[str, float]:

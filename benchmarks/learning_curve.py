@@ -1,6 +1,6 @@
 """Compare what one more test is said to add with what it adds: ``python benchmarks/learning_curve.py``.
 
-Each seed is another vehicle, as in ``next_test.py``. A campaign of random tests gets its learning curve, and from it
+Each seed is another vehicle, drawn at random. A campaign of random tests gets its learning curve, and from it
 the gain expected of one more test. Then four further tests are run at random conditions, each is added alone, and
 twenty unseen tests, evenly spaced over speed, are predicted with and without it. The displacement domain stands for the
 fused prediction, whose networks take too long to train for each vehicle.
@@ -8,13 +8,12 @@ fused prediction, whose networks take too long to train for each vehicle.
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from next_test import _RANGE, World, _drawn
 from threadpoolctl import threadpool_limits
+from vehicles import World
 
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.signals.pulse import FloatArray
@@ -31,11 +30,9 @@ _UNSEEN, _FURTHER = 20, 4
 def _vehicle(seed: int, n_tests: int) -> dict[str, float]:
     """Expected gain with its interval, and the mean measured gain with its standard error over the unseen tests."""
     world, rng = World.of(seed), np.random.default_rng([seed, 5])
-    tests = world.test(_drawn(rng, n_tests), first=0)
-    speeds = np.linspace(_RANGE.low.speed_mps, _RANGE.high.speed_mps, _UNSEEN).tolist()
-    elsewhere = [replace(c, speed_mps=v) for v, c in zip(speeds, _drawn(rng, _UNSEEN), strict=True)]
-    unseen = world.test(elsewhere, first=100)
-    further = world.test(_drawn(rng, _FURTHER), first=50)
+    tests = world.test(world.conditions(rng, n_tests), first=0)
+    unseen = world.test(world.over_speed(rng, _UNSEEN), first=100)
+    further = world.test(world.conditions(rng, _FURTHER), first=50)
     library = world.library([*tests, *further, *unseen])
 
     def ratings(own: Sequence[CrashTest]) -> FloatArray:

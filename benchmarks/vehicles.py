@@ -1,0 +1,257 @@
+"""Vehicles drawn at random, whose true behaviour is known: what the other benchmarks learn from and judge by.
+
+``World.of`` draws a sister of the sample campaign's vehicle. ``World.any`` draws one of many kinds: small cars to
+pickup trucks, soft or stiff, engines that reach the barrier early, late or never, few long folds or many short ones,
+CAE models that are nearly right or far off, and on some vehicles folds that begin elsewhere in each crash.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import qmc
+
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.condition import Condition
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
+from crashfuse.study.next_test import ConditionRange
+from crashfuse.synthetic.models import CAE_MODEL, SENSOR_NOISE_MPS2, TRUTH, scattered
+from crashfuse.synthetic.vehicle import Coupling, CrushZone, Vehicle, simulate
+from crashfuse.units import LB, MPH
+
+SAMPLE_RANGE = ConditionRange(
+    Condition(8.0 * MPH, 1922.0 * LB, 1349.0 * LB), Condition(35.2 * MPH, 2185.0 * LB, 1770.0 * LB)
+)  # of the sample campaign, without the slowest
+_BEFORE_CONTACT = 250  # samples, for the filter
+_CRUSH_M = np.arange(0.0, 1.1, 0.005)  # knots of a drawn zone: its folds are part of the curve
+_NEVER_M = 2.0  # a gap that is never closed
+
+
+@dataclass(frozen=True)
+class World:
+    """A vehicle that can be tested at any condition.
+
+    Attributes
+    ----------
+    range : ConditionRange
+        Conditions that its CAE runs cover.
+    scatter : float
+        How much specimens differ, as a multiple of what those of the sample campaign do.
+    folding_m : float
+        Standard deviation by which the folds of a specimen have moved after half a metre of crush.
+    """
+
+    model: Vehicle
+    truth: Vehicle
+    cae: CaeLibrary
+    seed: int
+    range: ConditionRange = SAMPLE_RANGE
+    scatter: float = 1.0
+    folding_m: float = 0.0
+
+    @classmethod
+    def of(cls, seed: int, n_runs: int = 240) -> Self:
+        """Draw a sister of the sample's vehicle, and run its CAE model over the whole range and slightly beyond."""
+        rng = np.random.default_rng([seed, 0])
+        model, truth = _another(CAE_MODEL, rng), _another(TRUTH, rng)
+        low, high = SAMPLE_RANGE.low.vector * [0.6, 1, 1], SAMPLE_RANGE.high.vector
+        conditions = _spread_out(low, high, n_runs, seed)
+        return cls(model, truth, _library(_recorded([model], conditions, None), conditions), seed)
+
+    @classmethod
+    def any(cls, seed: int, n_runs: int = 0) -> Self:
+        """Draw a vehicle of any kind; ``n_runs`` CAE runs, or 70 to 400 if 0."""
+        rng = np.random.default_rng([seed, 7])
+        mass = float(np.exp(rng.uniform(np.log(900.0), np.log(2600.0))))
+        front = mass * rng.uniform(0.48, 0.64)
+        weights = np.array([front, mass - front])
+        truth = _drawn_vehicle(mass, rng)
+        model = _misjudged(truth, float(np.exp(0.4 * rng.standard_normal())), rng)
+        top = rng.uniform(33.0, 41.0) * MPH
+        low, high = (np.array([v, *share * weights]) for v, share in ((8 * MPH, 0.92), (top, 1.08)))
+        folds = rng.random() < 0.5
+        folding = float(np.exp(rng.normal(np.log(0.012), 0.5))) if folds else 0.0
+        scatter = float(np.exp(0.4 * rng.standard_normal()))
+        conditions = _spread_out(low * [0.7, 1, 1], high, n_runs or int(np.exp(rng.uniform(4.25, 6.0))), seed)
+        streams = [np.random.default_rng([seed, 8, i]) for i in range(len(conditions))]
+        # a CAE model's folds do not vary with the specimen, but with the condition they begin elsewhere, too
+        runs = [_folded_elsewhere(model, 0.3 * folding, own) for own in streams] if folds else [model]
+        reach = ConditionRange(Condition(*low.tolist()), Condition(*high.tolist()))
+        cae = _library(_recorded(runs, conditions, None), conditions)
+        return cls(model, truth, cae, seed, reach, scatter, folding)
+
+    def conditions(self, rng: np.random.Generator, n: int) -> list[Condition]:
+        """Draw conditions at random in the range."""
+        vectors = rng.uniform(self.range.low.vector, self.range.high.vector, (n, 3))
+        return [Condition(*vector) for vector in vectors.tolist()]
+
+    def over_speed(self, rng: np.random.Generator, n: int) -> list[Condition]:
+        """Conditions evenly over the speeds of the range, at random weights."""
+        speeds = np.linspace(self.range.low.speed_mps, self.range.high.speed_mps, n).tolist()
+        return [replace(c, speed_mps=v) for v, c in zip(speeds, self.conditions(rng, n), strict=True)]
+
+    def library(self, tests: Sequence[CrashTest]) -> CaeLibrary:
+        """The CAE runs, and one at the condition of each test."""
+        conditions = tuple(test.condition for test in tests)
+        paired = _recorded([self.model], conditions, None).astype(np.float32)
+        ids = (*self.cae.ids, *(f"CAE-{test.id}" for test in tests))
+        return CaeLibrary(ids, (*self.cae.conditions, *conditions), np.vstack([self.cae.accel_mps2, paired]))
+
+    def test(self, conditions: Sequence[Condition], first: int) -> tuple[CrashTest, ...]:
+        """Run one test per condition, numbered from ``first``: equal numbers have equal scatter and noise."""
+        streams = [np.random.default_rng([self.seed, 1, first + i]) for i in range(len(conditions))]
+        specimens = [_folded_elsewhere(self._specimen(rng), self.folding_m, rng) for rng in streams]
+        noise = np.array([rng.normal(0.0, SENSOR_NOISE_MPS2, N_SAMPLES + 2 * _BEFORE_CONTACT) for rng in streams])
+        pulses = _recorded(specimens, conditions, noise)
+        return tuple(
+            CrashTest(f"T{first + i}", condition, Pulse(GRID_S, pulse))
+            for i, (condition, pulse) in enumerate(zip(conditions, pulses, strict=True))
+        )
+
+    def campaign(self, n_tests: int, *, paired: bool = True) -> Campaign:
+        """A campaign of tests evenly over speed, with a CAE run for each or none."""
+        tests = self.test(self.over_speed(np.random.default_rng([self.seed, 3]), n_tests), first=0)
+        return Campaign(f"vehicle {self.seed}", self.library(tests) if paired else self.cae, tests)
+
+    def _specimen(self, rng: np.random.Generator) -> Vehicle:
+        if len(self.truth.rails.force_n) < len(_CRUSH_M):
+            return scattered(self.truth, rng)
+        return _varied(self.truth, 0.02 * self.scatter, 0.02 * self.scatter, 0.004 * self.scatter, rng)
+
+
+def _another(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
+    """A similar vehicle: each zone's forces differ by 10 % as a whole and 8 % at each knot, and so on."""
+
+    def zone(old: CrushZone) -> CrushZone:
+        factors = np.exp(0.1 * rng.standard_normal() + 0.08 * rng.standard_normal(len(old.force_n)))
+        gap, fold, length = rng.standard_normal(3)
+        return replace(
+            old,
+            force_n=tuple((np.array(old.force_n) * factors).tolist()),
+            gap_m=old.gap_m * np.exp(0.1 * gap),
+            fold_share=old.fold_share * np.exp(0.2 * fold),
+            fold_length_m=old.fold_length_m * np.exp(0.1 * length),
+        )
+
+    return _by_zone(vehicle, zone)
+
+
+def _by_zone(vehicle: Vehicle, changed: Callable[[CrushZone], CrushZone]) -> Vehicle:
+    rails, shell, engine, firewall = map(changed, (vehicle.rails, vehicle.shell, vehicle.engine, vehicle.firewall))
+    return replace(vehicle, rails=rails, shell=shell, engine=engine, firewall=firewall)
+
+
+def _drawn_vehicle(mass_kg: float, rng: np.random.Generator) -> Vehicle:
+    """A vehicle of any kind that stops 15.6 m/s within about 0.4 to 0.75 m."""
+
+    def about(value: float, spread: float) -> float:
+        return float(value * np.exp(spread * rng.standard_normal()))
+
+    force = mass_kg * 15.6**2 / 2 / rng.uniform(0.4, 0.75)  # mean barrier force at 35 mph
+    rails, shell = rng.uniform(0.35, 0.75), rng.uniform(0.15, 0.6)
+    box, second = rng.uniform(0.1, 0.25), rng.uniform(0.25, 0.45)
+    rate = about(1400.0, 0.4)
+
+    def zone(knots_m: Sequence[float], shares: npt.ArrayLike, gap_m: float, folds: float = 0.0) -> CrushZone:
+        base = force * np.interp(
+            _CRUSH_M, knots_m, np.asarray(shares) * np.exp(0.1 * rng.standard_normal(len(knots_m)))
+        )
+        waves = folds * np.sin(2 * np.pi * _CRUSH_M / about(0.11, 0.35) + rng.uniform(0, 2 * np.pi))
+        curve = base * (1 + waves) * np.exp(_wandering(0.06, 0.08, rng))
+        return CrushZone(
+            tuple(_CRUSH_M.tolist()), tuple(curve.tolist()), about(60.0, 0.2) * force, gap_m=gap_m, rate_mps=rate
+        )
+
+    engine_gap = _NEVER_M if rng.random() < 0.15 else rng.uniform(0.22, 0.5)
+    return Vehicle(
+        powertrain_kg=mass_kg * rng.uniform(0.09, 0.16),
+        rear_share=rng.uniform(0.1, 0.4),
+        rails=zone(
+            (0, 0.02, 0.05, box, box + 0.05, second, 1.0),
+            (0, 0.05 * rails, *[0.5 * rails] * 2, rails, rails, rails * rng.uniform(0.6, 1.3)),
+            0.0,
+            rng.uniform(0.05, 0.4),
+        ),
+        shell=zone(
+            (0, 0.08, 0.3, 0.6), (0, 0.2 * shell, shell, 1.3 * shell), rng.uniform(0.03, 0.2), 0.1 * rng.random()
+        ),
+        engine=zone((0, 0.03, 0.15, 0.3), np.array([0, 0.6, 1.7, 3.4]) * about(1, 0.3), engine_gap),
+        firewall=zone((0, 0.06, 0.2, 0.3), np.array([0, 0.35, 1.0, 1.7]) * about(1, 0.3), rng.uniform(0.07, 0.2)),
+        mounts=Coupling(about(6.0, 0.4) * force, about(0.012, 0.5) * force, about(0.1, 0.4) * force),
+        rear=Coupling(about(25.0, 0.4) * force, about(0.07, 0.5) * force),
+    )
+
+
+def _misjudged(truth: Vehicle, bias: float, rng: np.random.Generator) -> Vehicle:
+    """A CAE model of this vehicle: no rate effect, forces, gaps, folds and joints off by multiples of ``bias``."""
+    model = _varied(truth, 0.08 * bias, 0.1 * bias, 0.02 * bias, rng, stretch=0.08 * bias)
+    stiffness, damping, strength, rear_stiffness, rear_damping, powertrain = np.exp(
+        0.3 * bias * rng.standard_normal(6)
+    ).tolist()
+    mounts, rear = truth.mounts, truth.rear
+    return replace(
+        _by_zone(model, lambda zone: replace(zone, rate_mps=np.inf)),
+        powertrain_kg=truth.powertrain_kg * powertrain**0.2,
+        mounts=Coupling(mounts.stiffness_npm * stiffness, mounts.damping_nspm * damping, mounts.strength_n * strength),
+        rear=Coupling(rear.stiffness_npm * rear_stiffness, rear.damping_nspm * rear_damping),
+    )
+
+
+def _varied(
+    vehicle: Vehicle, whole: float, along: float, gap_m: float, rng: np.random.Generator, *, stretch: float = 0.01
+) -> Vehicle:
+    """Forces off as a whole and along the crush, gaps moved, folds stretched."""
+
+    def zone(old: CrushZone) -> CrushZone:
+        factors = np.exp(whole * rng.standard_normal() + _wandering(along, 0.15, rng))
+        length = np.exp(stretch * rng.standard_normal())
+        curve = np.interp(_CRUSH_M * length, _CRUSH_M, old.force_n)
+        gap = abs(old.gap_m + gap_m * rng.standard_normal()) if old.gap_m else 0.0
+        return replace(old, force_n=tuple((curve * factors).tolist()), gap_m=gap)
+
+    return _by_zone(vehicle, zone)
+
+
+def _folded_elsewhere(vehicle: Vehicle, folding_m: float, rng: np.random.Generator) -> Vehicle:
+    """Folds of rails and shell that drift from where they were, and in one of four crashes jump once."""
+    if not folding_m:
+        return vehicle
+
+    def zone(old: CrushZone) -> CrushZone:
+        walk = np.cumsum(rng.standard_normal(_CRUSH_M.size)) * np.sqrt(_CRUSH_M[1] / 0.5) * folding_m
+        jump = (rng.random() < 0.25) * 3 * folding_m * np.sign(rng.standard_normal())
+        start = rng.uniform(0.1, 0.4)
+        moved = _CRUSH_M + walk + jump / (1 + np.exp(-np.clip((_CRUSH_M - start) / 0.015, -50, 50)))
+        fade = 1 - np.exp(-_CRUSH_M / 0.03)  # contact begins where it did
+        return replace(
+            old, force_n=tuple(np.interp(_CRUSH_M + (moved - _CRUSH_M) * fade, _CRUSH_M, old.force_n).tolist())
+        )
+
+    return replace(vehicle, rails=zone(vehicle.rails), shell=zone(vehicle.shell))
+
+
+def _wandering(size: float, length_m: float, rng: np.random.Generator) -> FloatArray:
+    """A smooth random function of crush with this standard deviation and length scale."""
+    phases, waves = rng.uniform(0, 2 * np.pi, 12), rng.standard_normal(12) / length_m
+    curve: FloatArray = size * np.sqrt(2 / 12) * np.cos(np.multiply.outer(_CRUSH_M, waves) + phases).sum(axis=1)
+    return curve
+
+
+def _spread_out(low: FloatArray, high: FloatArray, n: int, seed: int) -> tuple[Condition, ...]:
+    vectors = qmc.scale(qmc.LatinHypercube(d=3, rng=seed).random(n), low, high)
+    return tuple(Condition(*vector) for vector in vectors.tolist())
+
+
+def _library(pulses: FloatArray, conditions: tuple[Condition, ...]) -> CaeLibrary:
+    return CaeLibrary(tuple(map(str, range(len(conditions)))), conditions, pulses.astype(np.float32))
+
+
+def _recorded(vehicles: Sequence[Vehicle], conditions: Sequence[Condition], noise: FloatArray | None) -> FloatArray:
+    n_samples = N_SAMPLES + _BEFORE_CONTACT
+    fleet = vehicles[0] if len(vehicles) == 1 else vehicles
+    records = np.pad(simulate(fleet, conditions, n_samples).accel_mps2, ((0, 0), (_BEFORE_CONTACT, 0)))
+    filtered = cfc_filter(records + (0.0 if noise is None else noise), cfc=60, dt_s=DT_S)
+    return filtered[:, _BEFORE_CONTACT : _BEFORE_CONTACT + N_SAMPLES]
