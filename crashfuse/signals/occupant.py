@@ -64,16 +64,24 @@ def vehicle_pulse_index(velocity_mps: FloatArray, displacement_m: FloatArray, dt
     Parameters as for :func:`occupant_load_criterion`. Returns m/s², positive; NaN where the spring is longest at the
     end of the record or never taut, as the peak is yet to come.
     """
-    vehicle = np.ascontiguousarray(np.moveaxis(displacement_m, -1, 0))
+    n = displacement_m.shape[-1]
+    vehicle = np.ascontiguousarray(displacement_m.reshape(-1, n).T)
     stretch = np.zeros_like(vehicle)
-    before: FloatArray = np.zeros(vehicle.shape[1:])
-    now: FloatArray = velocity_mps[..., 0] * dt_s
-    for i in range(1, len(vehicle)):
-        stretch[i] = np.maximum(now - vehicle[i] - SLACK_M, 0.0)
-        before, now = now, 2 * now - before - STIFFNESS_NPM / MASS_KG * dt_s**2 * stretch[i]
+    before: FloatArray = np.zeros(vehicle.shape[1])
+    now: FloatArray = velocity_mps[..., 0].ravel() * dt_s
+    pull = STIFFNESS_NPM / MASS_KG * dt_s**2
+    for at, own in zip(vehicle[1:], stretch[1:], strict=True):
+        np.subtract(now, at, out=own)
+        own -= SLACK_M
+        np.maximum(own, 0.0, out=own)
+        following = 2 * now
+        following -= before
+        following -= pull * own
+        before, now = now, following
     longest = stretch.argmax(axis=0)
-    peaked = (longest > 0) & (longest < len(stretch) - 1)
-    return np.where(peaked, STIFFNESS_NPM / MASS_KG * stretch.max(axis=0), np.nan)
+    peaked = (longest > 0) & (longest < n - 1)
+    index: FloatArray = np.where(peaked, STIFFNESS_NPM / MASS_KG * stretch.max(axis=0), np.nan)
+    return index.reshape(displacement_m.shape[:-1])
 
 
 def _first_reached(values: FloatArray, level: float) -> FloatArray:

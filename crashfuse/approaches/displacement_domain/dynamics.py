@@ -7,6 +7,7 @@ import numpy as np
 from crashfuse.signals.loading import LoadingPhase
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 
+_LOOK_STEPS = 10  # between two looks whether any draw is still moving
 _REPLAY_STEPS = 1600  # about the resolution at which the displacement domain reads the CAE model
 
 
@@ -54,14 +55,21 @@ def integrate(
     by_displacement = _Table(over_displacement_mps2, step_m)
     by_speed = _Table(over_speed_mps2, speed_mps / (over_speed_mps2.shape[1] - 1))
 
+    adding = np.flatnonzero(over_speed_mps2.any(axis=0))  # usually near the stop only
+    slow_mps = by_speed.step * (adding[-1] + 1) if adding.size else -np.inf
+
     def accel_at(s: FloatArray, v: FloatArray) -> FloatArray:
-        return by_displacement(s) + by_speed(v)
+        accel = by_displacement(s)
+        return accel + by_speed(v) if v.min() < slow_mps else accel
 
     accel, velocity, displacement = (np.empty((n_times, n_draws)) for _ in range(3))
     s, v = np.zeros(n_draws), np.full(n_draws, speed_mps)
     a = accel_at(s, v)
     for i in range(n_times):
         accel[i], velocity[i], displacement[i] = a, v, s
+        if i % _LOOK_STEPS == 0 and v.max() < 0:  # all have stopped
+            accel[i:], velocity[i:], displacement[i:] = a, v, s
+            break
         s = s + (v + 0.5 * a * dt_s) * dt_s
         a_next = accel_at(s, v + a * dt_s)
         v = v + 0.5 * (a + a_next) * dt_s
@@ -85,15 +93,22 @@ class _Table:
     """One function per row, sampled at even steps from 0: linear in between, constant beyond."""
 
     def __init__(self, values: FloatArray, step: float) -> None:
-        self.n_rows, self.n = values.shape
+        n_rows, self.n = values.shape
         self.flat = np.ravel(values)
-        self.first = np.arange(self.n_rows) * self.n
+        self.first = np.arange(n_rows) * self.n
         self.step = step
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """Interpolate one value of each row."""
-        place = np.clip(x / self.step, 0.0, self.n - 1.0)
-        left = np.minimum(place.astype(np.intp), self.n - 2)
-        share = place - left
+        place = x / self.step
+        np.minimum(np.maximum(place, 0.0, out=place), self.n - 1.0, out=place)
+        left = place.astype(np.intp)
+        np.minimum(left, self.n - 2, out=left)
+        place -= left  # the share of the way to the next sample
         left += self.first
-        return np.asarray(self.flat[left] * (1 - share) + self.flat[left + 1] * share)
+        value = self.flat.take(left)
+        value *= 1 - place
+        left += 1
+        place *= self.flat.take(left)
+        value += place
+        return value

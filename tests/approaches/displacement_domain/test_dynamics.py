@@ -73,11 +73,23 @@ def test_energy_is_conserved() -> None:
 
 
 def test_the_motion_is_the_integral_of_the_acceleration_that_is_reported() -> None:
-    """Velocity and displacement agree with those of the pulse itself."""
+    """Until it stops, velocity and displacement agree with those of the pulse itself; all stop at the same time."""
     motion = integrate(random_functions(5), 1 / 400, NOTHING, 12.0)
     of_pulse = kinematics(motion.accel_mps2, 12.0, DT_S)
-    np.testing.assert_allclose(motion.velocity_mps, of_pulse.velocity_mps, atol=1e-3)
-    np.testing.assert_allclose(motion.displacement_m, of_pulse.displacement_m, atol=1e-4)
+    loading = of_pulse.velocity_mps > 0
+    np.testing.assert_array_equal(loading, motion.velocity_mps > 0)
+    np.testing.assert_allclose(motion.velocity_mps[loading], of_pulse.velocity_mps[loading], atol=1e-3)
+    np.testing.assert_allclose(motion.displacement_m[loading], of_pulse.displacement_m[loading], atol=1e-4)
+
+
+def test_what_acts_near_the_stop_only_acts_from_there_on() -> None:
+    """A function of v/v0 that is zero above 1/4 changes nothing before that velocity, and something after it."""
+    stop = np.array([40.0, 0.0, 0.0, 0.0, 0.0])[None] * np.ones((5, 1))
+    without, with_stop = (integrate(random_functions(5), 1 / 400, extra, 12.0) for extra in (NOTHING, stop))
+    before = without.velocity_mps > 3.0
+    np.testing.assert_array_equal(with_stop.accel_mps2[before], without.accel_mps2[before])
+    after = (without.velocity_mps < 2.9) & (without.velocity_mps > 0)
+    assert (with_stop.accel_mps2[after] > without.accel_mps2[after]).all()
 
 
 def test_the_band_does_not_depend_on_the_time_step() -> None:
