@@ -74,7 +74,7 @@ EQUIVALENT = {
     "math.ceil(n * dt_s / RATING_DT_S - 1e-06)  ->": "np.arange rounds up, too",
     "0.0  ->  0.1  in  return float(np.exp(-np.abs(others": "never: a test is left out only where there are others",
     "np.floor(np.cumsum(weights) * _N_DRAWS + 0.5)  ->": "the fraction is cut off anyway",
-    "part.prepare(campaign, watch)  ->": "earlier or later, the same is computed",
+    "part.prepare(campaign, conditions, watch)  ->": "earlier or later, the same is computed",
     "cae_mps2 - np.concatenate([errors, -errors])": "errors of either sign, in another order",
     "1  ->  2  in  def _nearness": "any number below 0 is no test's",
     "200  ->  201": "where the text of an error is cut",

@@ -100,6 +100,8 @@ class Approach(ABC):
         Among approaches that the tests cannot separate, the lowest number is recommended.
     learns_from_tests : bool
         Whether :meth:`fit` uses tests.
+    trains_networks : bool
+        Whether :meth:`prepare` trains networks, so that approaches that need none are ready long before.
     made_of : tuple of Approach classes
         The approaches that it mixes, if any; the first note of a prediction then states the weights.
     """
@@ -113,6 +115,7 @@ class Approach(ABC):
     dash: ClassVar[str] = "solid"
     preference: ClassVar[int]
     learns_from_tests: ClassVar[bool] = True
+    trains_networks: ClassVar[bool] = False
     made_of: ClassVar[tuple[type["Approach"], ...]] = ()
 
     _thinning: tuple[str, ...] = ()
@@ -122,8 +125,17 @@ class Approach(ABC):
         """Create an unfitted approach from these settings, ignoring any that do not apply to it."""
         return cls()
 
-    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:  # noqa: B027 - there may be nothing
-        """Compute and cache everything that depends on the CAE runs alone; all fits to this campaign share it.
+    def prepare(  # noqa: B027 - there may be nothing
+        self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT
+    ) -> None:
+        """Compute and cache everything that no test's pulse affects; all fits to these CAE runs share it.
+
+        Parameters
+        ----------
+        campaign : Campaign
+            The CAE runs, without tests.
+        conditions : sequence of Condition
+            Where tests are learned from or predicted.
 
         Raises
         ------

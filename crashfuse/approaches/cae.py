@@ -1,5 +1,6 @@
 """The uncorrected CAE pulse, the baseline that every correction has to beat."""
 
+from collections.abc import Sequence
 from typing import Self
 
 from crashfuse.approaches.base import Approach, FittedState, Prediction
@@ -39,7 +40,7 @@ class Cae(Approach):
         """Create it with the cache, the only setting it needs."""
         return cls(cache=settings.cache)
 
-    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
         """Train the emulator."""
         self.fit(campaign, watch)
 

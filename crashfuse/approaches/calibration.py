@@ -65,7 +65,7 @@ def shares_inside(test: CrashTest, draws_mps2: FloatArray, levels: FloatArray = 
 def _inside(draws: FloatArray, true: FloatArray) -> np.ndarray:
     """Whether values lie inside the central interval of draws, shape (n_draws, ...).
 
-    Where clearly more, or clearly fewer, draws lie beyond a value than beyond the interval's end, counting them decides;
+    Where clearly more, or clearly fewer, draws lie beyond a value than beyond the interval's end, their number decides;
     quantiles, for which draws are sorted, are computed for the few other values alone.
     """
     tail = (1 - LEVEL) / 2

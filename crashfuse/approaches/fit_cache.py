@@ -16,7 +16,9 @@ from crashfuse.execution.progress import SILENT, Watch
 
 A = TypeVar("A", bound=Approach)
 
-_KIND = "fits"  # kind of cache entry
+FITS = "fits"
+"""Kind of their cache entries."""
+
 _TEXT = "text"  # name of the array that holds everything else as JSON
 
 
@@ -41,12 +43,12 @@ def fitted(approach: A, campaign: Campaign, cache: Cache | None, watch: Watch = 
 
     if cache is None:
         return approach, learn()[0]
-    return approach, cache.get_or_compute(_KIND, _key(approach, campaign), learn, restore, watch)
+    return approach, cache.get_or_compute(FITS, _key(approach, campaign), learn, restore, watch)
 
 
 def is_cached(approach: Approach, campaign: Campaign, cache: Cache) -> bool:
     """Whether :func:`fitted` would find this fit in the cache."""
-    return cache.is_cached(_KIND, _key(approach, campaign))
+    return cache.is_cached(FITS, _key(approach, campaign))
 
 
 def _key(approach: Approach, campaign: Campaign) -> dict[str, object]:

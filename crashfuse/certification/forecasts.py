@@ -18,7 +18,7 @@ from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
-from crashfuse.study.study import prepare
+from crashfuse.study.tasks import prepare
 
 _KIND = "forecasts"  # kind of cache entry
 _CHUNK = 10  # conditions predicted by one task: each task has to restore the fit

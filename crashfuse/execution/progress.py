@@ -33,11 +33,17 @@ class Watch:
         self, on_progress: Callable[[Progress], None] | None = None, cancel: threading.Event | None = None
     ) -> None:
         self._on_progress = on_progress
-        self._cancel = cancel
+        self._cancel = () if cancel is None else (cancel,)
+
+    def also_cancelled_by(self, cancel: threading.Event) -> "Watch":
+        """The same watch for a part of the computation that can be cancelled on its own."""
+        other = Watch(self._on_progress)
+        other._cancel = (*self._cancel, cancel)
+        return other
 
     def report(self, step: str, done: int, total: int, **values: float) -> None:
         """Report how far ``step`` is."""
-        if self._cancel is not None and self._cancel.is_set():
+        if any(cancel.is_set() for cancel in self._cancel):
             raise Cancelled(f"Stopped on request during: {step}.")
         if self._on_progress is not None:
             self._on_progress(Progress(step, done, total, values))

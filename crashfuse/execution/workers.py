@@ -58,6 +58,10 @@ class Workers(ABC):
         A future's result is what the work returned, and files for the caller's cache.
         """
 
+    def are_elsewhere(self, tasks: Sequence[object]) -> bool:  # noqa: ARG002 - others look at their number
+        """Whether this process only waits for these tasks, and can compute something else meanwhile."""
+        return True
+
     def check(self) -> None:  # noqa: B027 - processes on this machine can always be started
         """Raise if no worker is left and none is expected."""
 
@@ -111,9 +115,13 @@ class Local(Workers):
         self, work: Work[T, R], campaign: Campaign, tasks: Sequence[T], cache: Cache, watch: Watch
     ) -> Generator[list[R]]:
         """See :class:`Workers`."""
-        if min(self.processes or joblib.cpu_count(), len(tasks)) > 1:
+        if self.are_elsewhere(tasks):
             return Workers.completed(self, work, campaign, tasks, cache, watch)
-        return (work(campaign, task, cache, watch) for task in tasks)  # starting other processes takes seconds
+        return (work(campaign, task, cache, watch) for task in tasks)
+
+    def are_elsewhere(self, tasks: Sequence[object]) -> bool:
+        """See :class:`Workers`; a single task is computed here, as starting other processes takes seconds."""
+        return min(self.processes or joblib.cpu_count(), len(tasks)) > 1
 
     @contextmanager
     def submitted(

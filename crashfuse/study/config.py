@@ -36,9 +36,13 @@ class StudyConfig:
     leave_out: LeaveOut = "test"
     device: Device = "auto"
 
+    def left_out(self, campaign: Campaign, test_id: str) -> tuple[str, ...]:
+        """The tests that may not be learned from to predict this one, itself among them."""
+        return campaign.speed_group(test_id) if self.leave_out == "speed group" else (test_id,)
+
     def training_campaign(self, campaign: Campaign, test_id: str) -> Campaign:
         """The campaign that may be learned from to predict this test."""
-        return campaign.without(campaign.speed_group(test_id) if self.leave_out == "speed group" else [test_id])
+        return campaign.without(self.left_out(campaign, test_id))
 
     @property
     def split_configs(self) -> tuple["StudyConfig", ...]:

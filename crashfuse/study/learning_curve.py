@@ -31,8 +31,9 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.plan import StudyPlan
-from crashfuse.study.study import prepare, workers_at
+from crashfuse.study.study import workers_at
 from crashfuse.study.subsets import Subset, subsets
+from crashfuse.study.tasks import prepare
 from crashfuse.units import G
 
 if TYPE_CHECKING:

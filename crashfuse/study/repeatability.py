@@ -8,7 +8,6 @@ repeated, what the repeats rate counts too, by how much it says. Nothing of this
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -66,12 +65,13 @@ class Repeatability:
 def repeatability(
     campaign: Campaign,
     windows_ms: Sequence[float],
+    tests: Sequence[str] = (),
     *,
     seed: int = 0,
     cache: Cache | None = None,
     watch: Watch = SILENT,
 ) -> dict[str, dict[float, Repeatability]]:
-    """Estimate for every test and window how a repeat would rate against it; cached.
+    """Estimate for tests, by default all, and windows how a repeat would rate against each; cached.
 
     A campaign of one test says nothing about repeats: the result is empty. So is that of a test over a window which its
     record does not fill.
@@ -80,6 +80,8 @@ def repeatability(
     ----------
     windows_ms : sequence of float
         Ratings are over [0, w) for each w, in ms.
+    tests : sequence of str
+        Ids.
     seed : int
         Seed of the draws.
 
@@ -91,48 +93,53 @@ def repeatability(
     if len(campaign.tests) < 2:
         return {}
     windows = tuple(float(window) for window in windows_ms)
-    cache = cache or Cache()
-    key = {"campaign": campaign.fingerprint, "windows": windows, "seed": seed, "code": code_digest(__name__)}
-    restore = partial(_restored, campaign, windows)
+    cache, chosen = cache or Cache(), tests or campaign.test_ids
+    shared = {"campaign": campaign.fingerprint, "windows": windows, "seed": seed, "code": code_digest(__name__)}
+    scatter: list[Scatter] = []  # learned once, and only if something is not in the cache
+    found = {}
+    for done, test_id in enumerate(chosen):
+        watch.report("Repeatability", done, len(chosen))
+        number = campaign.test_ids.index(test_id)
 
-    def compute() -> tuple[dict[str, dict[float, Repeatability]], Entry]:
-        entry = _estimated(campaign, windows, seed, cache, watch)
-        return restore(entry), entry
+        def compute(number: int = number) -> tuple[FloatArray, Entry]:
+            if not scatter:
+                scatter.append(Scatter(cache=cache).fit(campaign, watch))
+            rated = _rated(scatter[0], campaign, number, windows, np.random.default_rng([seed, number]))
+            return rated, {"rated": rated}
 
-    return cache.get_or_compute(_KIND, key, compute, restore, watch)
+        rated = cache.get_or_compute(_KIND, {**shared, "test": test_id}, compute, lambda entry: entry["rated"], watch)
+        found[test_id] = _told(campaign.tests[number], campaign, windows, rated)
+    watch.report("Repeatability", len(chosen), len(chosen))
+    return found
 
 
-def _estimated(campaign: Campaign, windows_ms: Sequence[float], seed: int, cache: Cache, watch: Watch) -> Entry:
-    """Value, lower and upper by test and window, NaN where there is none, shape (n_tests, n_windows, 3)."""
-    scatter = Scatter(cache=cache).fit(campaign, watch)
+def _rated(
+    scatter: Scatter, campaign: Campaign, number: int, windows_ms: Sequence[float], rng: np.random.Generator
+) -> FloatArray:
+    """Value, lower and upper by window, NaN where there is none, shape (n_windows, 3)."""
+    test = campaign.tests[number]
     unknown = _MODEL_SPREAD**2 + (_SPREAD_OF_A_TEST / len(campaign.tests)) ** 2
-    found = np.full((len(campaign.tests), len(windows_ms), 3), np.nan)
-    for number, test in enumerate(campaign.tests):
-        watch.report("Repeatability", number, len(campaign.tests))
-        rng = np.random.default_rng([seed, number])
-        drawn = scatter.repeats(test, _N_DRAWS, rng)
-        repeats = np.array([other.pulse.accel_mps2 for other in repeats_of(test, campaign)])
-        for place, window in enumerate(windows_ms):
-            n = round(window / 1e3 / DT_S)
-            if window / 1e3 > test.recorded_s + 1e-3 or np.ptp(test.pulse.accel_mps2[:n]) == 0:
-                continue
-            lack = _lack(test, drawn[:, :n])
-            measured = _lack(test, repeats[:, :n]) if len(repeats) else np.empty(0)
-            found[number, place] = combined(lack, measured, unknown)
-    watch.report("Repeatability", len(campaign.tests), len(campaign.tests))
-    return {"found": found}
+    drawn = scatter.repeats(test, _N_DRAWS, rng)
+    repeats = np.array([other.pulse.accel_mps2 for other in repeats_of(test, campaign)])
+    found = np.full((len(windows_ms), 3), np.nan)
+    for own, window in zip(found, windows_ms, strict=True):
+        n = round(window / 1e3 / DT_S)
+        if window / 1e3 > test.recorded_s + 1e-3 or np.ptp(test.pulse.accel_mps2[:n]) == 0:
+            continue
+        measured = _lack(test, repeats[:, :n]) if len(repeats) else np.empty(0)
+        own[:] = combined(_lack(test, drawn[:, :n]), measured, unknown)
+    return found
 
 
-def _restored(campaign: Campaign, windows_ms: Sequence[float], entry: Entry) -> dict[str, dict[float, Repeatability]]:
-    by_test = {}
-    for test, rows in zip(campaign.tests, entry["found"].tolist(), strict=True):
-        repeats = tuple(other.id for other in repeats_of(test, campaign))
-        by_test[test.id] = {
-            window: Repeatability(value, lower, upper, repeats)
-            for window, (value, lower, upper) in zip(windows_ms, rows, strict=True)
-            if not np.isnan(value)
-        }
-    return by_test
+def _told(
+    test: CrashTest, campaign: Campaign, windows_ms: Sequence[float], rated: FloatArray
+) -> dict[float, Repeatability]:
+    repeats = tuple(other.id for other in repeats_of(test, campaign))
+    return {
+        window: Repeatability(value, lower, upper, repeats)
+        for window, (value, lower, upper) in zip(windows_ms, rated.tolist(), strict=True)
+        if not np.isnan(value)
+    }
 
 
 def repeats_of(test: CrashTest, campaign: Campaign) -> tuple[CrashTest, ...]:

@@ -5,30 +5,26 @@ tests repeat: everything before works on ``campaign.without(test)``, whose finge
 prediction is cached.
 """
 
-import time
 from collections import defaultdict
-from collections.abc import Hashable, Mapping, MutableMapping, Sequence, Set
-from contextlib import AbstractContextManager, closing, nullcontext
+from collections.abc import Callable, Hashable, Mapping, MutableMapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
-from crashfuse.approaches.registry import APPROACHES
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.approaches.registry import CLASSES
+from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.workers import Local, Workers
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.fold import Fold
 from crashfuse.study.plan import StudyPlan
 from crashfuse.study.repeatability import Repeatability, repeatability
-
-_STEPS = {"test": "Held-out predictions", "speed group": "Held-out speed groups"}
+from crashfuse.study.tasks import Computation, Wanted, found_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +106,7 @@ def run_study(
     workers: int | None = None,
     scheduler: str | None = None,
     folds: MutableMapping[Hashable, Fold] | None = None,
+    on_first: Callable[[Study], None] | None = None,
 ) -> Study:
     """Leave out each test in turn, predict it with every approach from all the others, and rate the predictions.
 
@@ -127,6 +124,9 @@ def run_study(
     folds : mutable mapping, optional
         Finished folds by their :func:`fold_key`: folds found here are not computed or rated again, and new ones are
         added.
+    on_first : callable, optional
+        Called with the study by those approaches alone that need no network, long before the networks are trained;
+        repeatability is not known then.
 
     Raises
     ------
@@ -138,7 +138,9 @@ def run_study(
         If workers die repeatedly, or the cluster cannot be reached or has other versions.
     """
     plan = StudyPlan(campaign, config, tuple(held_out))
-    return run_plan(plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds)
+    return run_plan(
+        plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds, on_first=on_first
+    )
 
 
 def run_plan(
@@ -149,23 +151,63 @@ def run_plan(
     workers: int | None = None,
     scheduler: str | None = None,
     folds: MutableMapping[Hashable, Fold] | None = None,
+    on_first: Callable[[Study], None] | None = None,
 ) -> Study:
     """Run a plan that has already been checked, as :func:`run_study` does."""
-    folds = {} if folds is None else folds
-    tests = [plan.campaign.test(test_id) for test_id in plan.held_out]
+    campaign, config, cache = plan.campaign, plan.config, cache or Cache()
+    by_fold = {
+        fold_key(campaign, way, test): [Wanted(way.left_out(campaign, test), test, name) for name in config.approaches]
+        for way in plan.configs
+        for test in plan.held_out
+    }
+    finished = {key: fold for key in by_fold if (fold := (folds or {}).get(key)) is not None}
+    wanted = [each for key, own in by_fold.items() if key not in finished for each in own]
+    known = found_in(cache, campaign, wanted, config)
+
+    def rated(key: Hashable, approaches: Sequence[str]) -> Fold:
+        estimates = [known[each] for each in by_fold[key] if each.approach in approaches]
+        return Fold.of(campaign.test(by_fold[key][0].test), estimates, config.windows_ms)
+
+    def show_first() -> None:
+        names = tuple(name for name in config.approaches if not CLASSES[name].trains_networks)
+        if on_first is not None and names:
+            some = {key: finished.get(key) or rated(key, names) for key in by_fold}
+            on_first(_joined(plan, replace(config, approaches=names), some, {}, {}))
+
     with workers_at(scheduler, workers) as place:
-        studies = [_leave_out(plan.campaign, tests, way, cache or Cache(), watch, place, folds) for way in plan.configs]
-    start, config = time.perf_counter(), plan.config
-    repeats = repeatability(plan.campaign, config.windows_ms, seed=config.seed, cache=cache, watch=watch)
-    studies = [replace(study, repeatability=repeats) for study in studies]
-    seconds = {**studies[0].seconds, "repeatability": time.perf_counter() - start}
-    groups = studies[1] if len(studies) > 1 else None
-    return replace(studies[0], config=config, seconds=seconds, speed_groups=groups)
+        computation = Computation(campaign, config, cache, watch, place, known, show_first)
+        computation.run(wanted, plan.held_out)
+    finished |= {key: rated(key, config.approaches) for key in by_fold if key not in finished}
+    if folds is not None:
+        folds.update(finished)
+    repeats = repeatability(campaign, config.windows_ms, plan.held_out, seed=config.seed, cache=cache, watch=watch)
+    return _joined(plan, config, finished, computation.seconds, repeats)
+
+
+def _joined(
+    plan: StudyPlan,
+    config: StudyConfig,
+    folds: Mapping[Hashable, Fold],
+    seconds: dict[str, float],
+    repeats: Mapping[str, Mapping[float, Repeatability]],
+) -> Study:
+    """The study with these approaches, that of speed groups within it if there is one."""
+    first, *others = [
+        Study(
+            plan.campaign,
+            replace(way, approaches=config.approaches),
+            tuple(folds[fold_key(plan.campaign, way, test)] for test in plan.held_out),
+            seconds,
+            repeatability=repeats,
+        )
+        for way in plan.configs
+    ]
+    return replace(first, config=config, speed_groups=others[0] if others else None)
 
 
 def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:
     """Key of everything that determines the fold of a test; the config is one of ``split_configs``."""
-    return campaign.fingerprint, config, test_id
+    return campaign.fingerprint, replace(config, leave_out="test"), config.left_out(campaign, test_id), test_id
 
 
 def workers_at(scheduler: str | None, processes: int | None) -> AbstractContextManager[Workers]:
@@ -175,77 +217,3 @@ def workers_at(scheduler: str | None, processes: int | None) -> AbstractContextM
     from crashfuse.execution.cluster import connected  # import takes 1 s and needs an optional extra
 
     return connected(scheduler)
-
-
-_Task = list[tuple[CrashTest, list[str]]]
-"""Tests predicted from the same others, each with the approaches to predict it."""
-
-
-def _leave_out(
-    campaign: Campaign,
-    tests: Sequence[CrashTest],
-    config: StudyConfig,
-    cache: Cache,
-    watch: Watch,
-    workers: Workers,
-    folds: MutableMapping[Hashable, Fold],
-) -> Study:
-    """Run the study for one way of leaving these tests out."""
-    step = _STEPS[config.leave_out]
-    start = time.perf_counter()
-    finished = {test.id: fold for test in tests if (fold := folds.get(fold_key(campaign, config, test.id))) is not None}
-    unfinished = [test for test in tests if test.id not in finished]
-    estimates: dict[tuple[str, str], Estimate] = {}
-    tasks: dict[tuple[str, ...], _Task] = {}
-    for test in unfinished:
-        training = config.training_campaign(campaign, test.id)
-        found = {name: find_estimate(training, test.condition, name, config, cache) for name in config.approaches}
-        estimates |= {(test.id, name): estimate for name, estimate in found.items() if estimate is not None}
-        if missing := [name for name, estimate in found.items() if estimate is None]:
-            tasks.setdefault(training.test_ids, []).append((test, missing))
-    needed = {name for task in tasks.values() for _, names in task for name in names}
-    shared = prepare(campaign, needed, config, cache, watch)
-    prepared = time.perf_counter()
-
-    total = len(unfinished) * len(config.approaches)
-    watch.report(step, len(estimates), total)
-    work = partial(_predict, config=config.on_this_device)
-    with closing(workers.completed(work, campaign, list(tasks.values()), shared, watch)) as completed:
-        for predicted in completed:
-            estimates |= {(test_id, estimate.approach): estimate for test_id, estimate in predicted}
-            watch.report(step, len(estimates), total)
-
-    for test in unfinished:
-        fold = Fold.of(test, [estimates[test.id, name] for name in config.approaches], config.windows_ms)
-        folds[fold_key(campaign, config, test.id)] = finished[test.id] = fold
-    seconds = {"prepare": prepared - start, "held_out_tests": time.perf_counter() - prepared}
-    return Study(campaign, config, tuple(finished[test.id] for test in tests), seconds)
-
-
-def prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache: Cache, watch: Watch) -> Cache:
-    """Compute once, on all cores, what depends on the CAE runs alone; returns a new Cache on that folder."""
-    cae_only = campaign.without(campaign.test_ids)
-    shared = Cache(cache.folder)
-    for name in sorted(approaches):
-        config.create(name, shared).prepare(cae_only, watch)
-    return shared
-
-
-def _predict(
-    campaign: Campaign, task: _Task, cache: Cache, watch: Watch, *, config: StudyConfig
-) -> list[tuple[str, Estimate]]:
-    """Predict the tests of a task; returns pairs of test id and estimate."""
-    training = config.training_campaign(campaign, task[0][0].id)
-    names = {name for _, names in task for name in names}
-    predicted = []
-    with threadpool_limits(1):  # contended BLAS threads multiply CPU time and change the numbers
-        # mixtures come last, so that they find the fits of the others in the cache
-        fits = {
-            name: Fit.of(training, name, config, cache=cache, watch=watch)
-            for name in sorted(names, key=APPROACHES.index)
-        }
-        for test, missing in task:
-            for estimate in estimates_at([fits[name] for name in missing], test.condition):
-                store_estimate(estimate, training, config, cache)
-                predicted.append((test.id, estimate))
-    return predicted

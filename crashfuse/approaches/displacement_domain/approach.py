@@ -90,7 +90,7 @@ class DisplacementDomain(Approach):
         config = DisplacementConfig.paper() if settings.preset == "paper" else DisplacementConfig.fast()
         return cls(config, seed=settings.seed, cache=settings.cache)
 
-    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
         """Train the emulator of the CAE model."""
         CaeModel(cache=self.cache).fit(campaign.cae, watch)
 

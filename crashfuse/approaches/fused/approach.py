@@ -68,6 +68,7 @@ class Fused(Approach):
     )
     colour = "#009E73"
     preference = 10
+    trains_networks = True
     made_of = (TimeDomain, DisplacementDomain)
 
     def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:
@@ -89,10 +90,10 @@ class Fused(Approach):
         """Device of the time domain."""
         return self._unfitted()[0].device
 
-    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:
         """Prepare both approaches."""
         for part in self._unfitted():
-            part.prepare(campaign, watch)
+            part.prepare(campaign, conditions, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Fit both approaches, and learn the weights from their predictions of tests that they have not seen."""

@@ -3,20 +3,20 @@
 import copy
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
 from threadpoolctl import threadpool_limits
+from torch import Tensor
 
 from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
 from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
+from crashfuse.approaches.time_domain.kernel_blocks import KernelBlocks
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
 from crashfuse.approaches.time_domain.stopping import SMOOTH_S, Stopping, stopping_notes
-from crashfuse.approaches.time_domain.tangent_kernel import Tangent, tangent_kernel, tangents
 from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
 from crashfuse.approaches.time_domain.training_data import fine_tune, mean_outputs
 from crashfuse.campaign import Campaign
@@ -27,6 +27,7 @@ from crashfuse.signals.pulse import DT_S, FloatArray
 
 _DRIFT_MPS = 12.0  # length scale of increments over speed: a 10 mph test says less about 35 mph than a 30 mph test
 _LEAST_FREEDOM = 3  # of the draws; with fewer the variance is infinite
+_KERNEL_STEP = "Derivatives of the LF networks"
 _HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
@@ -62,9 +63,13 @@ class TimeDomain(TcnApproach):
     colour, dark_colour = "#0072B2", "#2E93D6"
     preference = 30
 
-    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
-        """Train the LF networks."""
-        self._lf().prepare(campaign, watch)
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:
+        """Train the LF networks, and compute the tangent kernel between these conditions."""
+        lf = self._lf().fit(campaign, watch)
+        if self.config.tuning == "posterior" and 0 < len(conditions) <= MOST_TESTS + 1:  # of more, others are chosen
+            watch.report(_KERNEL_STEP, 0, 1)
+            self._blocks(lf, campaign).among(np.array([condition.vector for condition in conditions]))
+            watch.report(_KERNEL_STEP, 1, 1)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Fine-tune the LF networks on the tests, after training them if they are not in the cache."""
@@ -92,7 +97,7 @@ class TimeDomain(TcnApproach):
     def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
         """Start from the LF networks; returns the tests' pulses."""
         self.lf_, self._library, self.scaling_, self.network_ = lf, campaign.cae, lf.scaling_, lf.network_
-        self.__dict__.pop("_tangents", None)  # discard those of a previous fit
+        self._kernel = self._blocks(lf, campaign)
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         # target outputs for the tests, shape (n_tests, n_times)
@@ -136,7 +141,7 @@ class TimeDomain(TcnApproach):
     def _learn(self, campaign: Campaign, watch: Watch) -> None:
         lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors, self.config))
         watch.report("Fine-tuning on tests", 0, 1)
-        kernel = self._kernel_with(self._tangents, self._vectors)
+        kernel = self._kernel.among(self._vectors) * self._alike(self._vectors)[:, None, :, None]
         watch.report("Fine-tuning on tests", 1, 1)
         self.increments_ = increments = Increments().fit(kernel, self._targets - lf)
         for number, rho in enumerate(reversed(PENALTIES), start=1):
@@ -165,22 +170,16 @@ class TimeDomain(TcnApproach):
         ends = [self._stopping(test.condition).end_share(o.mean) for test, o in zip(tests, left_out, strict=True)]
         self._delta_v_misfit = float(np.abs(np.array(ends) - self._end_shares).mean())
 
-    @cached_property
-    def _tangents(self) -> list[Tangent]:
-        """Tangents at the tests, which every prediction needs."""
-        return self._tangents_at(self._vectors)
+    def _blocks(self, lf: LfTcn, campaign: Campaign) -> KernelBlocks:
+        def inputs(vectors: FloatArray) -> Tensor:
+            return lf.scaling_.inputs(vectors, self.config)
 
-    def _tangents_at(self, vectors: FloatArray) -> list[Tangent]:
-        return tangents(self.network_, self.config, self.scaling_.inputs(vectors, self.config))
+        return KernelBlocks(lf.network_, self.config, inputs, campaign.cae.fingerprint, self.cache)
 
-    def _kernel_with(self, others: Sequence[Tangent], vectors: FloatArray) -> FloatArray:
-        """Tangent kernel between the tests and other conditions, shape (n_tests, n_times, n, n_times).
-
-        It decreases with their difference in speed, as increments vary with speed.
-        """
+    def _alike(self, vectors: FloatArray) -> FloatArray:
+        """How alike increments at the tests' speeds and at others are, shape (n_tests, n): they vary with speed."""
         apart = self._vectors[:, None, 0] - vectors[:, 0]
-        alike = np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2)
-        return np.asarray(tangent_kernel(self.network_, self._tangents, others) * alike[:, None, :, None])
+        return np.asarray(np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2))
 
     def _stopping(self, condition: Condition) -> Stopping:
         return Stopping.of(condition, self.scaling_, self.config)
@@ -209,9 +208,8 @@ class TimeDomain(TcnApproach):
         if not hasattr(self, "increments_"):
             return lf
         vector, check = condition.vector[None], self.calibration_
-        here = self._tangents_at(vector)
-        across = self._kernel_with(here, vector)[:, :, 0]
-        own = tangent_kernel(self.network_, here, here)[0, :, 0]
+        across, own = self._kernel.beside(self._vectors, condition.vector)
+        across = across * self._alike(vector)[:, :, None]
         expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
         with threadpool_limits(1):  # small matrices, and the same numbers on any machine
             posterior = self._stopped(condition, expected, self.increments_.posterior(across, own), self._end_shares)

@@ -28,6 +28,7 @@ _MOST_POINTS = 200  # most points of a learning curve shown
 class TcnApproach(Approach):
     """Common base of the LF TCN and the time domain: hyperparameters, and prediction by a network."""
 
+    trains_networks = True
     network_: Tcn
     scaling_: Scaling
     _library: CaeLibrary
@@ -93,7 +94,7 @@ class LfTcn(TcnApproach):
     preference = 40
     learns_from_tests = False
 
-    def prepare(self, campaign: Campaign, watch: Watch = SILENT) -> None:
+    def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
         """Train the networks."""
         self.fit(campaign, watch)
 
