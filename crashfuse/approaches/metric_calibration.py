@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtr, stdtrit
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
@@ -76,7 +76,7 @@ class Distribution:
     def cdf(self, x: float) -> float:
         """Probability of a value of at most ``x``."""
         away = x - self.centre
-        within = float(t.cdf(away / self.scale, self.freedom)) if self.scale else float(away >= 0)
+        within = float(stdtr(self.freedom, away / self.scale)) if self.scale else float(away >= 0)
         return self.lowest + (1 - self.lowest - self.highest) * within
 
     def probability(self, at_least: float | None, at_most: float | None) -> float:
@@ -90,7 +90,7 @@ class Distribution:
         within = (share - self.lowest) / (1 - self.lowest - self.highest)
         if not 0 < within < 1:
             return None
-        return max(self.centre + self.scale * float(t.ppf(within, self.freedom)), 0.0)
+        return max(self.centre + self.scale * float(stdtrit(self.freedom, within)), 0.0)
 
     def interval(self, level: float = _LEVEL) -> tuple[float | None, float | None]:
         """Central interval; an end is None if it lies beyond the record."""
@@ -153,7 +153,7 @@ def _spread(values: FloatArray) -> tuple[float, float] | None:
     high = np.quantile(highest, 1 - _TAIL, method="lower")
     if not np.isfinite([low, median, high]).all():
         return None
-    return float(median), float(high - low) / (2 * float(norm.ppf(1 - _TAIL)))
+    return float(median), float(high - low) / (2 * float(ndtri(1 - _TAIL)))
 
 
 def _share(values: FloatArray, end: float) -> float:

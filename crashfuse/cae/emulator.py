@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 from scipy.optimize import minimize
-from sklearn.gaussian_process.kernels import Matern
+from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
 from crashfuse.campaign import CaeLibrary
@@ -123,7 +123,7 @@ class Emulator:
         """
         x = (condition.vector[None] - self.centre_) / self.spread_
         x = np.clip(x, self.inputs_.min(axis=0), self.inputs_.max(axis=0))
-        correlation = Matern(self.length_scales_, nu=2.5)(x, self.inputs_)
+        correlation = _correlation(x, self.inputs_, self.length_scales_)
         pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
         return np.asarray(pulse[0] * max(condition.speed_mps, _LEAST_MPS))
 
@@ -149,8 +149,15 @@ class Emulator:
         return self
 
 
+def _correlation(x: FloatArray, z: FloatArray, length_scales: FloatArray) -> FloatArray:
+    """Matérn-5/2 correlation between conditions of shape (n, 3) and (m, 3), shape (n, m)."""
+    u: FloatArray = np.sqrt(5) * cdist(x / length_scales, z / length_scales)
+    correlation: FloatArray = (1 + u + u**2 / 3) * np.exp(-u)
+    return correlation
+
+
 def _eigen(x: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, FloatArray]:
-    values, vectors = np.linalg.eigh(Matern(length_scales, nu=2.5)(x))
+    values, vectors = np.linalg.eigh(_correlation(x, x, length_scales))
     return np.maximum(values, 0.0), vectors
 
 

@@ -2,13 +2,10 @@
 
 import warnings
 from collections.abc import Callable, Sequence
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from scipy.optimize import minimize
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from crashfuse.approaches.base import FittedState
 from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPoints
@@ -16,6 +13,10 @@ from crashfuse.approaches.draws import draw
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
+
+if TYPE_CHECKING:
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import Product
 
 Loss = Callable[[FloatArray], tuple[float, FloatArray]]
 
@@ -56,7 +57,11 @@ class Table4Bias:
 
     def fit(self, tests: Sequence[BiasPoints], watch: Watch = SILENT) -> Self:
         """Fit to the bias of each test."""
-        kernel = ConstantKernel(_START, _BOUNDS) * Matern(np.full(len(_INPUTS), _START), _BOUNDS, nu=1.5)
+        # importing scikit-learn takes a second and 70 MB in every process, and the fast preset needs nothing of it
+        from sklearn.exceptions import ConvergenceWarning
+        from sklearn.gaussian_process import GaussianProcessRegressor
+
+        kernel = _kernel(_START, np.full(len(_INPUTS), _START))
         done = 0
 
         def climb(loss: Loss, start: FloatArray, bounds: FloatArray) -> tuple[FloatArray, float]:
@@ -87,12 +92,13 @@ class Table4Bias:
 
     def restore(self, tests: Sequence[BiasPoints], learned: FittedState) -> Self:
         """Restore hyperparameters that were learned from the bias of these tests."""
-        variance, lengths = learned.values["variance"], learned.arrays["lengths"]
-        kernel = ConstantKernel(variance, _BOUNDS) * Matern(lengths, _BOUNDS, nu=1.5)
+        from sklearn.gaussian_process import GaussianProcessRegressor
+
+        kernel = _kernel(learned.values["variance"], learned.arrays["lengths"])
         self._fit(GaussianProcessRegressor(kernel, alpha=_ALPHA, optimizer=None), tests)
         return self
 
-    def _fit(self, process: GaussianProcessRegressor, tests: Sequence[BiasPoints]) -> None:
+    def _fit(self, process: "GaussianProcessRegressor", tests: Sequence[BiasPoints]) -> None:
         x = np.concatenate([_columns(test.condition, test.displacement_m) for test in tests])
         y = np.concatenate([test.bias_mps2 for test in tests])
         self.centre_ = x.mean(axis=0)
@@ -138,6 +144,12 @@ class Table4Bias:
     def notes(self) -> tuple[str, ...]:
         """A warning if the fit explains no more than noise."""
         return ("The fit with the settings of Table 4 failed: it explains no more than noise.",) * self.dead_
+
+
+def _kernel(variance: float, lengths: FloatArray) -> "Product":
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+    return ConstantKernel(variance, _BOUNDS) * Matern(lengths, _BOUNDS, nu=1.5)
 
 
 def _columns(condition: Condition, displacement_m: FloatArray) -> FloatArray:
