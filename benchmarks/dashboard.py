@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,8 +53,8 @@ class Dashboard:
 
 
 @contextmanager
-def served(**environment: str) -> Iterator[Dashboard]:
-    """Run the dashboard on a free port, with these additional environment variables."""
+def served(root: Path = ROOT, **environment: str) -> Iterator[Dashboard]:
+    """Run the dashboard of a checkout on a free port, with these additional environment variables."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -64,7 +64,11 @@ def served(**environment: str) -> Iterator[Dashboard]:
         log = Path(scratch) / "server.log"
         with log.open("wb") as stream:
             server = subprocess.Popen(
-                command, cwd=ROOT, env={**os.environ, **environment}, stdout=stream, stderr=subprocess.STDOUT
+                command,
+                cwd=root,
+                env={**os.environ, "PYTHONPATH": str(root), **environment},
+                stdout=stream,
+                stderr=subprocess.STDOUT,
             )
             try:
                 address = f"http://127.0.0.1:{port}"
@@ -90,24 +94,25 @@ def browser() -> Iterator[WebDriver]:
             driver.quit()
 
 
-def settled(browser: WebDriver, title: str, test: str = "", *, rated: bool = False) -> float:
+def settled(browser: WebDriver, title: str, test: str = "", *, rated: Collection[str] = ()) -> float:
     """Wait until the page has its title, its script has ended and its figures are drawn; returns the time of that.
 
-    On request its first subheader must also name a test, and ratings must be present.
+    On request its first subheader must also name a test, and there must be ratings with these labels.
     """
     script = """
         const title = document.querySelector('[data-testid="stMain"] h1');
         const app = document.querySelector('[data-testid="stApp"]');
         const subheader = document.querySelector('[data-testid="stMain"] h3');
+        const labels = [...document.querySelectorAll('[data-testid="stMetricLabel"]')].map(l => l.innerText.trim());
         const figures = [...document.querySelectorAll('[data-testid="stPlotlyChart"]')];
         return title && title.innerText.includes(arguments[0]) && app.dataset.testScriptState === 'notRunning'
             && (!arguments[1] || (subheader && subheader.innerText.includes(arguments[1])))
-            && (!arguments[2] || document.querySelector('[data-testid="stMetricValue"]'))
+            && arguments[2].every(label => labels.includes(label))
             && !document.querySelector('[data-stale="true"]') && figures.every(f => f.querySelector('.main-svg'));
     """
     deadline = time.perf_counter() + _LONGEST_S
     while time.perf_counter() < deadline:
-        if browser.execute_script(script, title, test, rated):
+        if browser.execute_script(script, title, test, list(rated)):
             return time.perf_counter()
         time.sleep(0.05)
     raise WebDriverException(f"{title} was not whole after {_LONGEST_S:.0f} s")

@@ -175,7 +175,7 @@ def _look(browser: WebDriver, page: str, session: Session, truth: Truth) -> None
 
 def _settled_on_compare(browser: WebDriver, session: Session) -> float:
     """Like :func:`settled`, for this session's test; a session that trains sees no ratings before the training ends."""
-    return settled(browser, "Compare", f"Test {session.test[:3]}", rated=not session.trains)
+    return settled(browser, "Compare", f"Test {session.test[:3]}", rated=() if session.trains else ("Fused",))
 
 
 def _print(sessions: list[Session], log: str) -> None:

@@ -2,19 +2,27 @@
 
 The Gaussian process of Table 4 is fitted in full; the network of Table 2 takes a few optimiser steps, from which its
 1000 epochs are extrapolated. The study runs in its own process tree with an empty cache, monitored from outside.
+
+With ``--beside CHECKOUT`` (a worktree of another commit) the study with speed groups, and the way in the dashboard from
+the click on the sample to a rated comparison (needs Chromium), are measured there and here instead, one after the
+other, in one table.
 """
 
 import argparse
 import os
+import resource
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import psutil
+from dashboard import ROOT
+from first_run import STAGES, first_minutes
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
@@ -30,11 +38,54 @@ from crashfuse.execution.progress import Watch
 _STEPS = 4
 
 
+@dataclass(frozen=True)
+class Cost:
+    """Cost of a whole study with speed groups."""
+
+    NAMES: ClassVar[tuple[str, ...]] = (
+        "Whole study with speed groups",
+        "… processor time of all its processes",
+        "… peak memory of all its processes",
+    )
+
+    wall_s: float
+    cpu_s: float
+    peak_bytes: float
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """As text, in the order of the names."""
+        return f"{self.wall_s:.0f} s", f"{self.cpu_s:.0f} CPU-s", f"{self.peak_bytes / 2**30:.2f} GiB"
+
+
 def main() -> None:
     """Measure and print a Markdown table."""
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("campaign", type=Path, nargs="?", default=Path("sample_data"))
-    folder: Path = arguments.parse_args().campaign
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("campaign", type=Path, nargs="?", default=ROOT / "sample_data")
+    parser.add_argument("--beside", type=Path, metavar="CHECKOUT")
+    arguments = parser.parse_args()
+    if arguments.beside:
+        _print_beside(arguments.beside.resolve(), arguments.campaign.resolve())
+    else:
+        _print_ratios(arguments.campaign)
+
+
+def _print_beside(other: Path, folder: Path) -> None:
+    """Wall time, processor time and memory of a study, and times to rated comparisons, of two checkouts."""
+    columns = []
+    for root in (other, ROOT):
+        with tempfile.TemporaryDirectory() as scratch:
+            study = _study(folder, Path(scratch), root)
+        columns.append([*study.cells, *(f"{seconds:.1f} s" for seconds in first_minutes(root).values())])
+    names = [*Cost.NAMES, "First page", *(f"From the click on the sample on: {stage}" for stage in STAGES[1:])]
+    print(f"| {folder.name}, nothing computed before, {os.cpu_count()} cores | {other.name} | {ROOT.name} |")
+    print("|---|---:|---:|")
+    for row in zip(names, *columns, strict=True):
+        print(f"| {' | '.join(row)} |")
+
+
+def _print_ratios(folder: Path) -> None:
+    """Ratios to the paper's own method."""
     campaign = load_campaign(folder)
     nine_tenths = campaign.without(campaign.test_ids[-1:])
     with tempfile.TemporaryDirectory() as scratch:
@@ -47,7 +98,7 @@ def main() -> None:
         paper_gp = _cpu_seconds(lambda: DisplacementDomain(DisplacementConfig.paper(), cache=cache).fit(nine_tenths))
         fast_lf = _cpu_seconds(lambda: LfTcn(cache=Cache(Path(scratch) / "lf")).fit(campaign))
         paper_lf = _paper_training_cpu_seconds(campaign)
-        wall, memory = _study(folder, Path(scratch))
+        study = _study(folder, Path(scratch), ROOT)
     folds = len(campaign.tests)
     ours, papers = fast_lf + folds * fast_gp, paper_lf + folds * paper_gp
     print(f"{campaign.name}: {folds} tests, {len(campaign.cae)} CAE runs, {os.cpu_count()} cores\n")
@@ -62,7 +113,8 @@ def main() -> None:
         f"| {paper_lf / fast_lf:.0f} |"
     )
     print(f"| Training of a whole study | {papers / 3600:.0f} CPU-h | {ours:.0f} CPU-s | {papers / ours:.0f} |")
-    print(f"\nWhole study, all approaches, empty cache: {wall:.0f} s, peak memory {memory / 2**30:.2f} GiB.")
+    told = (f"{name[0].lower()}{name[1:]} {cell}" for name, cell in zip(Cost.NAMES, study.cells, strict=True))
+    print(f"\nAll approaches, empty cache: {'; '.join(told)}.")
 
 
 def _cpu_seconds(work: Callable[[], object]) -> float:
@@ -86,19 +138,28 @@ def _paper_training_cpu_seconds(campaign: Campaign) -> float:
     return cpu * paper.epochs * len(campaign.cae) / few
 
 
-def _study(folder: Path, scratch: Path) -> tuple[float, float]:
-    """Wall seconds and peak resident bytes of the whole process tree of a study."""
-    environment = {**os.environ, "CRASHFUSE_CACHE": str(scratch / "study")}
+def _study(folder: Path, scratch: Path, root: Path) -> Cost:
+    """Run a whole study with speed groups by the code of a checkout."""
+    environment = {**os.environ, "CRASHFUSE_CACHE": str(scratch / "study"), "PYTHONPATH": str(root)}
     command = [sys.executable, "-m", "crashfuse", "study", str(folder), "--out", str(scratch / "out")]
-    start = time.perf_counter()
-    with subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as process:
-        root, peak = psutil.Process(process.pid), 0.0
+    command += ["--leave-out", "both"]
+    before, start = _ended_cpu_s(), time.perf_counter()
+    with subprocess.Popen(
+        command, cwd=scratch, env=environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+    ) as process:
+        own, peak = psutil.Process(process.pid), 0.0
         while process.poll() is None:
-            peak = max(peak, _resident(root))
+            peak = max(peak, _resident(own))
             time.sleep(0.25)
     if process.returncode:
-        raise SystemExit("the study failed")
-    return time.perf_counter() - start, peak
+        raise SystemExit(f"the study by {root} failed")
+    return Cost(time.perf_counter() - start, _ended_cpu_s() - before, peak)
+
+
+def _ended_cpu_s() -> float:
+    """Processor seconds of all ended child processes and theirs."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _resident(root: psutil.Process) -> float:

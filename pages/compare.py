@@ -41,9 +41,10 @@ study = result_of(
     request,
     invitation=f"Test {plain(test.id)} has not been predicted yet. Every approach will be fitted on the CAE runs and "
     f"{len(rest.tests)} other tests. "
-    + explanations.patience(config, "The first time takes a minute or two, later ones less."),
+    + explanations.patience(config, "The displacement domain takes some seconds, the networks a little longer."),
     button=f"Predict test {test.id}",
 )
+explanations.show_missing(config, study.config.approaches)
 fold = study.fold(test.id)
 predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
 
@@ -92,7 +93,7 @@ def draw() -> go.Figure:
     return add_corridors(figure, test.pulse, view.display) if corridors else figure
 
 
-key = (request.key, view.display)
+key = (request.key, study.config.approaches, view.display)
 show_cached_figure(draw, alt, shown, corridors, *key)
 if shown == "Residuals":
     st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
@@ -113,4 +114,5 @@ with st.container(horizontal=True):
     download_table("scores.csv", lambda: scores_table(study))
     download_table("pulses.csv", lambda: pulses_table((test.id, estimate) for estimate in fold.estimates))
     download_table("metrics.csv", lambda: study_metrics(study))
-    download_report(lambda: study_report(study))
+    if study.config.approaches == config.approaches:
+        download_report(lambda: study_report(study))

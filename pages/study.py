@@ -47,6 +47,7 @@ study = result_of(
     ),
     button=f"Leave out each of {len(campaign.tests)} tests",
 )
+explanations.show_missing(config, study.config.approaches)
 
 
 def open_test(test_id: str, study: Study) -> None:
@@ -118,4 +119,5 @@ with st.container(horizontal=True):
     download_table("metrics.csv", lambda: study_metrics(study))
     if study.speed_groups is not None:
         download_table("speed_groups.csv", partial(scores_table, study.speed_groups))
-    download_report(lambda: study_report(study))
+    if study.config.approaches == config.approaches:
+        download_report(lambda: study_report(study))

@@ -6,8 +6,9 @@ from typing import TypeVar
 
 import streamlit as st
 
+from crashfuse.approaches.registry import LABELS
 from crashfuse.study.study import Study
-from crashfuse.ui import frame
+from crashfuse.ui import explanations, frame, page_tables
 from crashfuse.ui.computation import FitRequest, Fitted, Request, StudyRequest, jobs
 from crashfuse.ui.downloads import download_bytes
 from crashfuse.ui.figures import choose
@@ -36,16 +37,21 @@ def choose_held_out() -> tuple[str, ...]:
     return tuple(test for test in campaign.test_ids if test in chosen)
 
 
-def compute(request: Request[T], show_result: Callable[[T], None], *, ready: bool) -> None:
-    """Offer to start a computation, show its progress, and finally its result."""
+def compute(
+    request: Request[T], show_result: Callable[[T], None], show_first: Callable[[T], None] | None = None, *, ready: bool
+) -> None:
+    """Offer to start a computation, show progress, a part of the result that comes first, and finally all."""
     job = request.find() if ready else None
     if job is None or not job.active:
         st.button(
             "Start", type="primary", icon=":material/play_arrow:", on_click=request.start,
             disabled=not ready or (job is not None and job.state == "done"),
         )  # fmt: skip
-    if job is not None and job.active:
+    if job is not None and job.active and (first := job.first) is not None and show_first is not None:
+        show_first(first)
         show_job(job)
+    elif job is not None and job.active:
+        show_job(job, until_first=show_first is not None)
     elif job is not None and job.result is not None:
         show_result(job.result)
     elif job is not None:
@@ -68,9 +74,24 @@ def show_models(fitted: Fitted) -> None:
     st.caption("The files that `crashfuse train` writes, zipped; `crashfuse predict --models` reads their folder.")
 
 
+def show_first_predicted(study: Study) -> None:
+    """Say which approaches have predicted already; if there is one test, it can be compared by them."""
+    explanations.show_missing(config, study.config.approaches)
+    window_ms = view.display.window_ms
+    rated = ", ".join(f"{LABELS[name]} {study.mean_rating(name, window_ms):.3f}" for name in study.config.approaches)
+    st.markdown(f"Rated already, {page_tables.window_label(window_ms)}: {rated}.")
+    if len(study.folds) == 1:
+        link_to_tests(study)
+
+
 def show_predicted(study: Study) -> None:
     """Say that the predictions are ready, and link to each."""
     st.success("The predictions are ready, and kept for next time.", icon=":material/check_circle:")
+    link_to_tests(study)
+
+
+def link_to_tests(study: Study) -> None:
+    """Link to each test of a study on the page Compare."""
     with st.container(horizontal=True):
         for fold in study.folds:
             if st.button(
@@ -99,4 +120,5 @@ else:
     config, ready = choose_settings(leaving_out=True)
     if not (ready and held_out):
         st.info("Choose at least one test and one approach.")
-    compute(StudyRequest(campaign, held_out, config), show_predicted, ready=ready and bool(held_out))
+    request = StudyRequest(campaign, held_out, config)
+    compute(request, show_predicted, show_first_predicted, ready=ready and bool(held_out))

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from crashfuse.errors import Cancelled
 
@@ -26,14 +27,19 @@ class Watch:
     """Passed to every long computation, which reports its progress to it and is cancelled through it.
 
     ``on_progress`` is called at each report, in the computing thread; once ``cancel`` is set, the next report raises
-    :class:`crashfuse.errors.Cancelled`.
+    :class:`crashfuse.errors.Cancelled`. ``on_first`` is called with a part of the result that is known long before the
+    rest.
     """
 
     def __init__(
-        self, on_progress: Callable[[Progress], None] | None = None, cancel: threading.Event | None = None
+        self,
+        on_progress: Callable[[Progress], None] | None = None,
+        cancel: threading.Event | None = None,
+        on_first: Callable[[Any], None] | None = None,
     ) -> None:
         self._on_progress = on_progress
         self._cancel = () if cancel is None else (cancel,)
+        self._on_first = on_first
 
     def also_cancelled_by(self, cancel: threading.Event) -> "Watch":
         """The same watch for a part of the computation that can be cancelled on its own."""
@@ -47,6 +53,16 @@ class Watch:
             raise Cancelled(f"Stopped on request during: {step}.")
         if self._on_progress is not None:
             self._on_progress(Progress(step, done, total, values))
+
+    @property
+    def wants_first(self) -> bool:
+        """Whether anyone waits for :meth:`show_first`."""
+        return self._on_first is not None
+
+    def show_first(self, part: object) -> None:
+        """Show a part of the result, of the result's own type, while the rest is computed."""
+        if self._on_first is not None:
+            self._on_first(part)
 
 
 SILENT = Watch()

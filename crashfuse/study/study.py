@@ -6,7 +6,7 @@ prediction is cached.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Mapping, MutableMapping, Sequence
+from collections.abc import Hashable, Mapping, MutableMapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -106,7 +106,6 @@ def run_study(
     workers: int | None = None,
     scheduler: str | None = None,
     folds: MutableMapping[Hashable, Fold] | None = None,
-    on_first: Callable[[Study], None] | None = None,
 ) -> Study:
     """Leave out each test in turn, predict it with every approach from all the others, and rate the predictions.
 
@@ -116,6 +115,9 @@ def run_study(
         Ids of the tests to leave out in turn; empty for all.
     cache : Cache, optional
         Finished predictions are read from it and stored in it, so an interrupted study continues where it stopped.
+    watch : Watch, optional
+        It is first shown the study by those approaches alone that need no network, long before the networks are
+        trained; repeatability is not known then.
     workers : int, optional
         Number of processes for the folds; default one per core. The results do not depend on it.
     scheduler : str, optional
@@ -124,9 +126,6 @@ def run_study(
     folds : mutable mapping, optional
         Finished folds by their :func:`fold_key`: folds found here are not computed or rated again, and new ones are
         added.
-    on_first : callable, optional
-        Called with the study by those approaches alone that need no network, long before the networks are trained;
-        repeatability is not known then.
 
     Raises
     ------
@@ -138,9 +137,7 @@ def run_study(
         If workers die repeatedly, or the cluster cannot be reached or has other versions.
     """
     plan = StudyPlan(campaign, config, tuple(held_out))
-    return run_plan(
-        plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds, on_first=on_first
-    )
+    return run_plan(plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds)
 
 
 def run_plan(
@@ -151,7 +148,6 @@ def run_plan(
     workers: int | None = None,
     scheduler: str | None = None,
     folds: MutableMapping[Hashable, Fold] | None = None,
-    on_first: Callable[[Study], None] | None = None,
 ) -> Study:
     """Run a plan that has already been checked, as :func:`run_study` does."""
     campaign, config, cache = plan.campaign, plan.config, cache or Cache()
@@ -170,9 +166,9 @@ def run_plan(
 
     def show_first() -> None:
         names = tuple(name for name in config.approaches if not CLASSES[name].trains_networks)
-        if on_first is not None and names:
+        if watch.wants_first and names:
             some = {key: finished.get(key) or rated(key, names) for key in by_fold}
-            on_first(_joined(plan, replace(config, approaches=names), some, {}, {}))
+            watch.show_first(_joined(plan, replace(config, approaches=names), some, {}, {}))
 
     with workers_at(scheduler, workers) as place:
         computation = Computation(campaign, config, cache, watch, place, known, show_first)

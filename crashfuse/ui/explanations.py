@@ -44,6 +44,12 @@ def patience(config: StudyConfig, usually: str) -> str:
     return usually if config.preset == "fast" else "With the paper's settings this takes many hours without a GPU."
 
 
+def show_missing(config: StudyConfig, known: Collection[str]) -> None:
+    """Say which approaches a comparison does not show yet, if any, as their networks are still training."""
+    if missing := [name for name in config.approaches if name not in known]:
+        st.info(f"{', '.join(LABELS[name] for name in missing)}: still training.", icon=":material/hourglass_top:")
+
+
 def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], unit: Unit) -> None:
     """Show pulse metrics by column (the test, an approach), and explain missing numbers."""
     st.subheader("Pulse metrics", help=glossary.TTZV)

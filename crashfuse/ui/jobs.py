@@ -65,6 +65,7 @@ class Job(Generic[T]):
         self.title = title
         self.state: State = "waiting"
         self.steps: dict[str, Step] = {}  # every step so far, in order of start
+        self.first: T | None = None  # while it runs: a part of the result that is known long before the rest
         self.result: T | None = None  # what the work returned, once done
         self.message = ""  # one sentence on why it failed
         self._work: Callable[[Watch], T] | None = work
@@ -97,7 +98,7 @@ class Job(Generic[T]):
             if self._cancel.is_set():
                 raise Cancelled("Stopped before it began.")
             if work is not None:
-                self.result = work(Watch(self._report, self._cancel))
+                self.result = work(Watch(self._report, self._cancel, self._show_first))
             self.state = "done"
         except Cancelled:
             self.state = "cancelled"
@@ -108,7 +109,11 @@ class Job(Generic[T]):
             self.message = f"This should not have happened ({type(error).__name__}: {error}); the log has the details."
             self.state = "failed"
         finally:
+            self.first = None
             self._ended.set()
+
+    def _show_first(self, part: T) -> None:
+        self.first = part
 
     def _report(self, progress: Progress) -> None:
         step = self.steps.get(progress.step)

@@ -16,7 +16,10 @@ T = TypeVar("T")
 
 
 def result_of(request: Request[T], *, invitation: str, button: str) -> T:
-    """The result of a request; until there is one, the page shows how to get it and stops."""
+    """The result of a request; until there is one, the page shows how to get it and stops.
+
+    While the job runs it is a part of the result, if that is known before the rest: progress is then shown above it.
+    """
     result = result_or_none(request, invitation=invitation, button=button)
     if result is None:
         st.stop()
@@ -28,8 +31,11 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
     job = request.find()
     if job is not None and job.result is not None:
         return job.result
+    if job is not None and job.active and (first := job.first) is not None:
+        show_job(job, curves=False)
+        return first
     if job is not None and job.active:
-        show_job(job)
+        show_job(job, until_first=True)
     else:
         if job is not None:
             show_end(job)
@@ -62,9 +68,9 @@ def show_end(job: Job[Any]) -> None:
 
 
 @st.fragment(run_every=1.0)
-def show_job(job: Job[Any]) -> None:
-    """Show the progress of a job; once it has ended, the page is redrawn."""
-    if not job.active:
+def show_job(job: Job[Any], *, curves: bool = True, until_first: bool = False) -> None:
+    """Show the progress of a job; once it has ended, or on request has a first part to show, the page is redrawn."""
+    if not job.active or (until_first and job.first is not None):
         st.rerun()
     with st.container(border=True):
         with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
@@ -80,7 +86,9 @@ def show_job(job: Job[Any]) -> None:
         steps = list(job.steps.items())
         for name, step in steps:
             _show_step(name, step)
-        told = [(name, step) for name, step in steps if any(len(points) > 1 for points in step.curves.values())]
+        told = [
+            (name, step) for name, step in steps if curves and any(len(points) > 1 for points in step.curves.values())
+        ]
         for column, (name, step) in zip(st.columns(max(len(told), 1)), told, strict=False):
             curves = {what.replace("_", " "): list(points) for what, points in list(step.curves.items())}
             column.caption(name)

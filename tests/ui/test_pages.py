@@ -19,6 +19,7 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 from crashfuse.approaches.base import Approach, FittedState, Prediction
+from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.condition import Condition
@@ -325,6 +326,42 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert "Fitted to 300 points of a bias of 7.2 g RMS" in words(app)
     assert fit["Known to a factor of"].tolist() == ["1.50"]
     assert downloads(app) == ["scores.csv", "pulses.csv", "metrics.csv", "report.html"]
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
+def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached: pytest.MonkeyPatch) -> None:
+    """Compare draws and rates what is known, names the rest, and has no report of half a study; Train links to it."""
+    trained = threading.Event()
+
+    def in_two_parts(
+        campaign: Campaign, config: StudyConfig, *, held_out: tuple[str, ...], watch: Watch, **_: object
+    ) -> Study:
+        watch.show_first(
+            quick_study(campaign, replace(config, approaches=("cae", "displacement_domain")), held_out=held_out)
+        )
+        while not trained.wait(0.01):
+            watch.report("Training LF TCN", 3, 10)
+        return quick_study(campaign, config, held_out=held_out)
+
+    nothing_cached.setattr(computation, "run_study", in_two_parts)
+    app = press(start("compare"), "Predict test T1")
+    (job,) = computation.jobs().active
+    while job.first is None:
+        assert job.active
+    app.run()
+    assert [metric.label for metric in app.metric] == ["CAE", "Displacement domain"]
+    assert "LF TCN, Time domain, Fused: still training" in words(app)
+    assert "Training LF TCN: 3 of 10" in words(app)
+    assert downloads(app) == ["scores.csv", "pulses.csv", "metrics.csv"]
+    go(app, "train")
+    assert "Rated already, 0–60 ms: CAE" in words(app)
+    assert "Compare T1" in [button.label for button in app.button]
+    trained.set()
+    assert job.wait(SOON)
+    go(app, "compare")
+    assert [metric.label for metric in app.metric] == list(LABELS.values())
+    assert "still training" not in words(app)
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
