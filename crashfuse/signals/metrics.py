@@ -130,8 +130,12 @@ METRIC_LABELS = {name: reading.label for name, reading in _READINGS.items()}
 """Labels of the metrics in tables."""
 
 
-def metric_values(accel_mps2: FloatArray, speed_mps: float, *, dt_s: float = DT_S) -> dict[str, FloatArray]:
+def metric_values(
+    accel_mps2: FloatArray, speed_mps: FloatArray | float, *, dt_s: float = DT_S
+) -> dict[str, FloatArray]:
     """All metrics of pulses, shape (..., n), in the units of :func:`pulse_metrics`; each of shape (...).
+
+    The impact speed may be one for all, or one for each pulse.
 
     If the record ends too early: infinite (t0, max_crush), minus infinity (mean, olc), or NaN, which is either (vpi).
     """

@@ -96,21 +96,31 @@ class Kinematics:
     dt_s: float
 
 
-def kinematics(accel_mps2: FloatArray, speed_mps: float, dt_s: float) -> Kinematics:
+def kinematics(accel_mps2: FloatArray, speed_mps: FloatArray | float, dt_s: float) -> Kinematics:
     """Integrate acceleration twice by the trapezoidal rule (Eqs. 11 and 13, second order instead of first).
 
     The rule conserves energy exactly: the sum of mean acceleration times step in displacement is the change of v²/2.
-    Time is the last axis.
+    Time is the last axis; the impact speed may differ along the others.
     """
-    velocity = speed_mps + _integral(accel_mps2, dt_s)
-    displacement = _integral(velocity, dt_s)
+    velocity, displacement = motion(accel_mps2, speed_mps, dt_s)
     return Kinematics(accel_mps2, velocity, displacement, _zero_velocity_time(velocity, dt_s), dt_s)
+
+
+def motion(accel_mps2: FloatArray, speed_mps: FloatArray | float, dt_s: float) -> tuple[FloatArray, FloatArray]:
+    """Velocity and displacement alone, as :func:`kinematics` has them."""
+    velocity = _integral(accel_mps2, dt_s)
+    velocity += np.asarray(speed_mps)[..., None]
+    return velocity, _integral(velocity, dt_s)
 
 
 def _integral(values: FloatArray, dt_s: float) -> FloatArray:
     """Integrate along the last axis by the trapezoidal rule, from 0 (importing SciPy's costs most of a second)."""
-    integral = np.zeros(values.shape)
-    np.cumsum((values[..., 1:] + values[..., :-1]) * (dt_s / 2), axis=-1, out=integral[..., 1:])
+    integral = np.empty(values.shape)
+    integral[..., 0] = 0.0
+    steps = integral[..., 1:]
+    np.add(values[..., 1:], values[..., :-1], out=steps)
+    steps *= dt_s / 2
+    np.cumsum(steps, axis=-1, out=steps)
     return integral
 
 

@@ -10,7 +10,7 @@ from crashfuse.approaches.calibration import WIDENINGS, Calibration, Coverage, c
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.fused.weights import Pool, Scores
-from crashfuse.approaches.left_out import STRIDE, in_full, predicted
+from crashfuse.approaches.left_out import STRIDE, predicted
 from crashfuse.approaches.settings import Device, Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
@@ -18,6 +18,7 @@ from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.thinning import in_full
 from crashfuse.units import MPH
 
 COMPONENTS = ("time domain", "displacement domain", "raw CAE")
@@ -112,11 +113,12 @@ class Fused(Approach):
         nearness = np.array([near for _, near in left_out.values()])
         self.pool_ = Pool(_PRIOR, spread=_SPREAD, strength=_STRENGTH).fit(scores, nearness)
         mixed = self._left_out_mixtures()
+        full = {number: [in_full(part, STRIDE) for part in mixture] for number, mixture in mixed.items()}
 
         def check(widening: float) -> list[Coverage]:
             return [
-                Coverage.of(campaign.tests[number], in_full(mixture.mean + widening * (mixture.draws - mixture.mean)))
-                for number, mixture in mixed.items()
+                Coverage.of(campaign.tests[number], mean + widening * (draws - mean))
+                for number, (mean, draws) in full.items()
             ]
 
         # A mixture of valid bands is wider than necessary where the components agree.

@@ -4,13 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from scipy.interpolate import CubicSpline
 from torch import Tensor
 
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+from crashfuse.signals.thinning import in_full
 
 _POWERS = np.arange(1, 5)[:, None]  # of the speed in the expansion of the typical motion, which vanishes at speed 0
+_CHUNK = 100  # runs integrated at once
 _MOST_RUNS = 2000  # more would not change the typical motion
 
 
@@ -38,13 +39,17 @@ class TypicalMotion:
         """Fit to runs: speeds of shape (n,), pulses of shape (n, 1250)."""
         top = float(speed_mps.max())
         some = np.linspace(0, len(speed_mps) - 1, min(len(speed_mps), _MOST_RUNS)).astype(int)
-        motions = [kinematics(accel_mps2[i].astype(np.float64), speed_mps[i], DT_S) for i in some]
         powers = (speed_mps[some] / top) ** _POWERS
+        displacements, velocities, crush = [], [], 0.0
+        for chunk in np.array_split(some, -(-some.size // _CHUNK)):
+            motion = kinematics(accel_mps2[chunk].astype(np.float64), speed_mps[chunk], DT_S)
+            displacements.append(motion.displacement_m[:, ::stride])
+            velocities.append(motion.velocity_mps[:, ::stride])
+            crush = max(crush, float(motion.displacement_m.max()))
         displacement, velocity = (
-            np.linalg.lstsq(powers.T, np.array(curves)[:, ::stride], rcond=None)[0]
-            for curves in ([m.displacement_m for m in motions], [m.velocity_mps for m in motions])
+            np.linalg.lstsq(powers.T, np.concatenate(curves), rcond=None)[0] for curves in (displacements, velocities)
         )
-        return cls(top, displacement, velocity, float(max(m.displacement_m.max() for m in motions)))
+        return cls(top, displacement, velocity, crush)
 
     def at(self, speed_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Share of the highest crush, and of the impact speed, over time: shape (n_times, n) each."""
@@ -108,8 +113,7 @@ class Scaling:
         sequences: FloatArray = outputs * self.outputs(vectors, config)[:, None]
         if config.stride == 1:
             return sequences
-        spline: FloatArray = CubicSpline(GRID_S[:: config.stride], sequences, axis=1)(GRID_S)
-        return spline
+        return in_full(sequences, config.stride)
 
     def targets(self, vectors: FloatArray, accel_mps2: FloatArray, config: TcnConfig) -> Tensor:
         """Target outputs of the network for pulses of shape (n, 1250): shape (n_times, n), float32."""
