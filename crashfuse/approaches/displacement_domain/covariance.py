@@ -76,29 +76,78 @@ class Covariance:
         """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
         return np.asarray(sum(self.terms(log_hyperparameters)))
 
-    def with_derivatives(self, log_hyperparameters: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
-        """Covariance, and its derivatives with respect to each logarithm."""
-        derivatives: list[FloatArray] = []
-        terms = self.terms(log_hyperparameters, derivatives)
-        return np.asarray(sum(terms)), derivatives
-
-    def terms(self, logs: FloatArray, derivatives: list[FloatArray] | None = None) -> list[FloatArray]:
-        """Terms of the parts in order, shape (n, m) each; derivatives for each logarithm are appended to the list."""
+    def terms(self, logs: FloatArray) -> list[FloatArray]:
+        """Terms of the parts in order, shape (n, m) each."""
         terms = []
         for part, factor, own in zip(self.parts, self._factors, np.split(logs, self._ends[:-1]), strict=True):
-            scaled, inverse_squares = np.exp(2 * own[0]) * factor, iter(np.exp(-2 * own[1:]))
-            shares = [[self._squares[column] * next(inverse_squares) for column, _ in group] for group in part.groups]
-            groups = [_matern(np.sum(own_shares, axis=0)) for own_shares in shares]
-            term = scaled * np.prod([value for value, _ in groups], axis=0)
-            terms.append(term)
-            if derivatives is None:
-                continue
-            derivatives.append(2 * term)
-            for g, own_shares in enumerate(shares):
-                others = [value for h, (value, _) in enumerate(groups) if h != g]
-                common = scaled * groups[g][1] * np.prod(others, axis=0)
-                derivatives.extend(common * share for share in own_shares)
+            squares = [[self._squares[column] for column, _ in group] for group in part.groups]
+            terms.append(_term(factor, squares, own)[0])
         return terms
+
+
+class TrainingCovariance:
+    """Covariance of rows with themselves, with its derivatives: by its lower triangle, where a part is not zero.
+
+    Both halves are equal, and most parts link few rows (those of one test, or near the stop): a third of the work.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, n_columns + 1)
+
+    Attributes
+    ----------
+    entries : tuple of ndarray of int
+        Rows and columns of the lower triangle.
+    """
+
+    def __init__(self, parts: Sequence[Part], x: FloatArray) -> None:
+        self._ends = np.cumsum([len(part.priors) for part in parts])
+        self.entries = rows, columns = np.tril_indices(len(x))
+        self._parts = []
+        for part in parts:
+            factor = _factor(part, x, x)[rows, columns]
+            where = np.flatnonzero(factor)
+            one, two = x[rows[where]], x[columns[where]]
+            squares = [[(one[:, column] - two[:, column]) ** 2 for column, _ in group] for group in part.groups]
+            self._parts.append((where, factor[where], squares))
+
+    def with_derivatives(
+        self, log_hyperparameters: FloatArray
+    ) -> tuple[FloatArray, list[tuple[np.ndarray, list[FloatArray]]]]:
+        """Covariance, shape (n, n), its upper triangle zero, and each part's derivatives.
+
+        These come with the places of their entries in the lower triangle, one array for each logarithm.
+        """
+        values, derivatives = np.zeros(len(self.entries[0])), []
+        for (where, factor, squares), own in zip(
+            self._parts, np.split(log_hyperparameters, self._ends[:-1]), strict=True
+        ):
+            term, slopes = _term(factor, squares, own, slopes=True)
+            values[where] += term
+            derivatives.append((where, [2 * term, *slopes]))
+        n = int(self.entries[0][-1]) + 1
+        covariance = np.zeros((n, n))
+        covariance[self.entries] = values
+        return covariance, derivatives
+
+
+def _term(
+    factor: FloatArray, squares: Sequence[Sequence[FloatArray]], logs: FloatArray, *, slopes: bool = False
+) -> tuple[FloatArray, list[FloatArray]]:
+    """One part's covariance from its known factor and squared distances by group, and column in it.
+
+    On request with its derivatives with respect to the logarithm of each length scale.
+    """
+    scaled, inverse_squares = np.exp(2 * logs[0]) * factor, iter(np.exp(-2 * logs[1:]))
+    shares = [[square * next(inverse_squares) for square in group] for group in squares]
+    groups = [_matern(np.sum(own, axis=0)) for own in shares]
+    term = scaled * np.prod([value for value, _ in groups], axis=0)
+    derivatives = []
+    for g, own in enumerate(shares if slopes else ()):
+        others = [value for h, (value, _) in enumerate(groups) if h != g]
+        common = scaled * groups[g][1] * np.prod(others, axis=0)
+        derivatives.extend(common * share for share in own)
+    return term, derivatives
 
 
 def _factor(part: Part, x: FloatArray, z: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from scipy.linalg import cho_solve, lapack, solve_triangular
 from scipy.optimize import minimize
 
 from crashfuse.approaches.base import FittedState
-from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part
+from crashfuse.approaches.displacement_domain.covariance import Covariance, LogNormal, Part, TrainingCovariance
 from crashfuse.errors import NotFittedError
 from crashfuse.signals.pulse import FloatArray
 
@@ -83,7 +83,7 @@ class GaussianProcess:
         self.x_: FloatArray = np.asarray(x, dtype=np.float64)
         self.output_scale_ = float(np.sqrt(np.mean(np.square(y)))) or 1.0
         self._y: FloatArray = np.asarray(y, dtype=np.float64) / self.output_scale_
-        self._covariance = Covariance(self.parts, self.x_, self.x_)
+        self._covariance = TrainingCovariance(self.parts, self.x_)
         priors = (*(prior for part in self.parts for prior in part.priors), self.noise)
         self._median = np.log([prior.median for prior in priors])
         self._spread = np.array([prior.spread for prior in priors])
@@ -97,7 +97,8 @@ class GaussianProcess:
         return self
 
     def _condition(self) -> None:
-        self._lower = self._cholesky(self._covariance(self.theta_[:-1]), self.theta_[-1])
+        covariance = Covariance(self.parts, self.x_, self.x_)(self.theta_[:-1])
+        self._lower = self._cholesky(covariance, self.theta_[-1])
         self._alpha = cho_solve((self._lower, True), self._y)
 
     def without(self, test: int) -> Self:
@@ -116,7 +117,6 @@ class GaussianProcess:
     def _given(self, x: FloatArray, y: FloatArray) -> Self:
         other = copy.copy(self)
         other.x_, other._y = x, y
-        other._covariance = Covariance(other.parts, x, x)
         other._condition()
         return other
 
@@ -203,11 +203,13 @@ class GaussianProcess:
         alpha = cho_solve((lower, True), self._y)
         n = self._y.size
         value = -0.5 * self._y @ alpha - np.log(np.diag(lower)).sum() - 0.5 * n * np.log(2 * np.pi)
-        inverse = lapack.dpotri(lower, lower=1)[0]
-        inverse = np.tril(inverse) + np.tril(inverse, -1).T
-        outer = np.multiply.outer(alpha, alpha) - inverse
-        gradient = [0.5 * np.vdot(outer, derivative) for derivative in derivatives]
-        gradient.append(np.exp(2 * theta[-1]) * np.trace(outer))
+        rows, columns = self._covariance.entries
+        outer = alpha[rows] * alpha[columns] - lapack.dpotri(lower, lower=1)[0][rows, columns]
+        diagonal = rows == columns
+        noise = np.exp(2 * theta[-1]) * outer[diagonal].sum()
+        outer[diagonal] /= 2  # every other entry stands for two
+        gradient = [outer[where] @ slope for where, own in derivatives for slope in own]
+        gradient.append(noise)
         return float(value), np.array(gradient)
 
     def predict(self, x: FloatArray) -> FloatArray:
