@@ -94,7 +94,9 @@ class _Table:
 
     def __init__(self, values: FloatArray, step: float) -> None:
         n_rows, self.n = values.shape
-        self.flat = np.ravel(values)
+        slopes = np.diff(values, axis=1, append=values[:, -1:])
+        # each line between two samples, by its slope and by its value at 0
+        self.slopes, self.values = slopes.ravel(), (values - slopes * np.arange(self.n)).ravel()
         self.first = np.arange(n_rows) * self.n
         self.step = step
 
@@ -102,13 +104,8 @@ class _Table:
         """Interpolate one value of each row."""
         place = x / self.step
         np.minimum(np.maximum(place, 0.0, out=place), self.n - 1.0, out=place)
-        left = place.astype(np.intp)
-        np.minimum(left, self.n - 2, out=left)
-        place -= left  # the share of the way to the next sample
-        left += self.first
-        value = self.flat.take(left)
-        value *= 1 - place
-        left += 1
-        place *= self.flat.take(left)
-        value += place
-        return value
+        line = place.astype(np.intp)
+        line += self.first
+        place *= self.slopes.take(line)
+        place += self.values.take(line)
+        return place

@@ -107,13 +107,14 @@ def test_the_band_does_not_depend_on_the_time_step() -> None:
 
 
 def test_draws_do_not_disturb_each_other() -> None:
-    """Each row moves as it would alone."""
+    """Each row moves as it would alone, until it stops."""
     functions = random_functions(4)
     extra = np.linspace(30, 0, 5) * np.ones((4, 1))
     together = integrate(functions, 1 / 400, extra, 12.0)
     for i in range(4):
         alone = integrate(functions[i : i + 1], 1 / 400, extra[i : i + 1], 12.0)
-        np.testing.assert_array_equal(together.accel_mps2[i], alone.accel_mps2[0])
+        loading = alone.velocity_mps[0] > 0
+        np.testing.assert_array_equal(together.accel_mps2[i][loading], alone.accel_mps2[0][loading])
 
 
 def test_a_pulse_known_over_displacement_only_gives_its_own_motion_back() -> None:
