@@ -54,6 +54,7 @@ class ParquetTable:
                 }
                 yield pa.table(arrays).to_pandas(), row + np.arange(batch.num_rows)
                 row += batch.num_rows
+        pa.default_memory_pool().release_unused()  # it would keep 60 MB of a small file's blocks for the next one
 
     def _is_text(self, name: str) -> bool:
         if self.names.count(name) > 1:
