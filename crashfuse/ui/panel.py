@@ -32,7 +32,7 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
     if job is not None and job.result is not None:
         return job.result
     if job is not None and job.active and (first := job.first) is not None:
-        show_job(job, curves=False)
+        show_job(job, in_full=False)
         return first
     if job is not None and job.active:
         show_job(job, until_first=True)
@@ -68,7 +68,7 @@ def show_end(job: Job[Any]) -> None:
 
 
 @st.fragment(run_every=1.0)
-def show_job(job: Job[Any], *, curves: bool = True, until_first: bool = False) -> None:
+def show_job(job: Job[Any], *, in_full: bool = True, until_first: bool = False) -> None:
     """Show the progress of a job; once it has ended, or on request has a first part to show, the page is redrawn."""
     if not job.active or (until_first and job.first is not None):
         st.rerun()
@@ -87,7 +87,7 @@ def show_job(job: Job[Any], *, curves: bool = True, until_first: bool = False) -
         for name, step in steps:
             _show_step(name, step)
         told = [
-            (name, step) for name, step in steps if curves and any(len(points) > 1 for points in step.curves.values())
+            (name, step) for name, step in steps if in_full and any(len(points) > 1 for points in step.curves.values())
         ]
         for column, (name, step) in zip(st.columns(max(len(told), 1)), told, strict=False):
             curves = {what.replace("_", " "): list(points) for what, points in list(step.curves.items())}

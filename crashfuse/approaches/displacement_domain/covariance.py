@@ -142,7 +142,7 @@ def _term(
     shares = [[square * next(inverse_squares) for square in group] for group in squares]
     groups = [_matern(np.sum(own, axis=0)) for own in shares]
     term = scaled * np.prod([value for value, _ in groups], axis=0)
-    derivatives = []
+    derivatives: list[FloatArray] = []
     for g, own in enumerate(shares if slopes else ()):
         others = [value for h, (value, _) in enumerate(groups) if h != g]
         common = scaled * groups[g][1] * np.prod(others, axis=0)
