@@ -7,6 +7,7 @@ another worker takes it over, and finished results are in the cache.
 import logging
 import multiprocessing
 import os
+import queue
 import signal
 import sys
 import tempfile
@@ -15,7 +16,7 @@ import time
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -138,6 +139,9 @@ class Local(Workers):
                 try:
                     yield {n: executor.submit(_in_process, work, file, task, cache) for n, task in tasks.items()}
                 except BaseException:
+                    with suppress(queue.Empty):  # else loky stumbles over tasks that no worker has been handed yet
+                        while True:
+                            executor._work_ids.get_nowait()
                     executor.shutdown(kill_workers=True)
                     raise
 
