@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -16,6 +17,7 @@ from crashfuse.approaches.displacement_domain.bias import (
     bijective_projection,
     uniform_points,
 )
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce
 from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
 from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
@@ -188,7 +190,7 @@ class DisplacementDomain(Approach):
     ) -> BiasDraws:
         """Mean and draws of the bias at a condition, over displacement and over shares of the impact speed."""
         grid = cae.grid_m[::FINER]
-        force = cae.curve.accel_at(grid, model.end_share)
+        force = CaeForce.at(grid, partial(cae.curve.accel_at, end_share=model.end_share))
         bias = model.sample(cae.condition, grid, force, _SHARES, n_draws, rng)
         if not cae.paired and self._paired:
             # The bias of tests without a paired run already includes the emulator's error, in each test's own part.
@@ -269,8 +271,8 @@ class DisplacementDomain(Approach):
         self._require("bias_")
         if isinstance(self.bias_, Table4Bias):
             return ()
-        cae = self.model_.loading_curve(condition).accel_at(displacement_m, self.bias_.end_share)
-        return self.bias_.parts(condition, displacement_m, cae)
+        accel_at = partial(self.model_.loading_curve(condition).accel_at, end_share=self.bias_.end_share)
+        return self.bias_.parts(condition, displacement_m, CaeForce.at(displacement_m, accel_at))
 
     @property
     def state(self) -> dict[str, object]:

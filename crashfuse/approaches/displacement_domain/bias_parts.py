@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.units import G
 
-_S, _V0, _FRONT, _REAR, _CAE, _SHARE, _STOPPING, _CRUSHING, FIRST_FACTOR = range(9)
+_S, _V0, _FRONT, _REAR, _TREND, _HUMPS, _SHARE, _STOPPING, _CRUSHING, FIRST_FACTOR = range(10)
 TEST = -1
 LENGTH_UNITS = {
     _S: "s in m",
@@ -26,7 +26,8 @@ _OVER_DISPLACEMENT = (
     Part("shared", LogNormal(0.7, 0.7), ((_REACH,),), times=_CRUSHING),
     Part("by speed", LogNormal(0.5, 0.7), ((_REACH,), (_SPEED,)), times=_CRUSHING),
     Part("by weight", LogNormal(0.3, 0.7), ((_REACH,), ((_FRONT, _WEIGHT), (_REAR, _WEIGHT))), times=_CRUSHING),
-    Part("ratio", LogNormal(0.2, 0.7), (((_S, LogNormal(0.5, 0.3)),),), times=_CAE),
+    Part("ratio", LogNormal(0.2, 0.7), (((_S, LogNormal(0.5, 0.3)),),), times=_TREND),
+    Part("humps", LogNormal(0.3, 0.7), (((_S, LogNormal(0.5, 0.3)),),), times=_HUMPS),
     Part("own", LogNormal(0.2, 0.7), (((_S, LogNormal(0.07, 0.4)),),), times=_CRUSHING, same=TEST),
 )
 OVER_VELOCITY = (
