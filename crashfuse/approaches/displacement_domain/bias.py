@@ -90,9 +90,9 @@ def bijective_projection(condition: Condition, test: LoadingPhase, curve: Loadin
     at_cae = np.interp(cae_s, cae.time_s, cae.displacement_m)
     displacement = np.concatenate([at_test, at_cae])  # Eq. 22
     shares = np.interp(displacement, test.displacement_m, test.speed_share)
-    cae = CaeForce.at(displacement, curve.accel_at)  # Eq. 16
-    bias = test.accel_at(displacement) - cae.accel_mps2  # Eqs. 17, 19, 20
-    return BiasPoints(condition, displacement, shares, cae, bias)
+    force = CaeForce.at(displacement, curve.accel_at)  # Eq. 16
+    bias = test.accel_at(displacement) - force.accel_mps2  # Eqs. 17, 19, 20
+    return BiasPoints(condition, displacement, shares, force, bias)
 
 
 def uniform_points(

@@ -65,8 +65,8 @@ class GaussianProcess:
         self._take(x, y)
         rng = np.random.default_rng(self.seed)
         found = {} if like is None else like._by_part(like.theta_)
-        start = {**self._by_part(self._median), **found}
-        best, self.retries_ = self._climb(np.concatenate([start[name] for name in self._by_part(self._median)])), 0
+        first = np.concatenate([found.get(name, own) for name, own in self._by_part(self._median).items()])
+        best, self.retries_ = self._climb(first), 0
         while self._is_dead(best) and self.retries_ < self.restarts:
             self.retries_ += 1
             start = self._median + self._spread * rng.standard_normal(self._spread.size)

@@ -72,12 +72,13 @@ class HierarchicalBias:
         choices: list[tuple[str, ...]] = [(), *((name,) for name in self._levels)]
         choices += [tuple(self._levels)] * (len(self._levels) > 1)
         self.densities_: dict[str, float] = {}
+        best: GaussianProcess | None = None
         for number, factors in enumerate(choices):
             watch.report("Bias model", number, len(choices))
-            process = self._process(factors).fit(rows, y, self.process_ if self.densities_ else None)
+            process = self._process(factors).fit(rows, y, best)
             density = float(process.left_out_log_density().sum())
             if not self.densities_ or density > max(self.densities_.values()):
-                self.process_, self.factors_ = process, factors
+                best, self.process_, self.factors_ = process, process, factors
             self.densities_[" and ".join(factors) or "none"] = density
         watch.report("Bias model", len(choices), len(choices))
         return self

@@ -33,7 +33,7 @@ def test_the_trend_at_a_displacement_does_not_depend_on_the_others_asked_for() -
     """Points of a test that stopped early have the trend of a curve that goes on."""
 
     def dented(s: FloatArray) -> FloatArray:
-        return linear(s) - 60 * np.exp(-(((s - 0.3) / 0.05) ** 2))
+        return np.asarray(linear(s) - 60 * np.exp(-(((s - 0.3) / 0.05) ** 2)))
 
     all_along = CaeForce.at(S, dented).trend_mps2
     np.testing.assert_allclose(CaeForce.at(S[:50], dented).trend_mps2, all_along[:50], rtol=0.003)
