@@ -93,7 +93,7 @@ def test_the_band_now_is_that_of_the_predictions(domain: DisplacementDomain) -> 
     assert domain.calibration_.widening >= 1
     rng = np.random.default_rng(0)
     s, share = points.displacement_m, points.speed_share
-    drawn = domain.bias_.sample(low, s, points.cae_mps2, np.append(share, stopping), 6000, rng)
+    drawn = domain.bias_.sample(low, s, points.cae, np.append(share, stopping), 6000, rng)
     total = drawn.over_displacement_mps2[1:] + drawn.over_speed_mps2[1:, : s.size]
     lower, upper = np.quantile(total, [0.025, 0.975], axis=0)
     assert moving.any()

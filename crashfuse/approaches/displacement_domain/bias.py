@@ -1,9 +1,11 @@
 """The bias of the CAE model over displacement: training points of a bias model, and functions drawn from one."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce
 from crashfuse.cae.model import LoadingCurve
 from crashfuse.condition import Condition
 from crashfuse.signals.loading import LoadingPhase
@@ -16,15 +18,22 @@ class BiasPoints:
 
     Attributes
     ----------
-    displacement_m, speed_share, cae_mps2, bias_mps2 : ndarray, shape (n,)
-        Displacement, velocity over impact speed, the CAE model's acceleration, and the bias to add to it.
+    displacement_m, speed_share, bias_mps2 : ndarray, shape (n,)
+        Displacement, velocity over impact speed, and the bias to add to the CAE model's acceleration.
+    cae : CaeForce
+        That acceleration, and its trend.
     """
 
     condition: Condition
     displacement_m: FloatArray
     speed_share: FloatArray
-    cae_mps2: FloatArray
+    cae: CaeForce
     bias_mps2: FloatArray
+
+    @property
+    def cae_mps2(self) -> FloatArray:
+        """The CAE model's acceleration in m/s², shape (n,)."""
+        return self.cae.accel_mps2
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -81,8 +90,9 @@ def bijective_projection(condition: Condition, test: LoadingPhase, curve: Loadin
     at_cae = np.interp(cae_s, cae.time_s, cae.displacement_m)
     displacement = np.concatenate([at_test, at_cae])  # Eq. 22
     shares = np.interp(displacement, test.displacement_m, test.speed_share)
-    model = curve.accel_at(displacement)  # Eq. 16
-    return BiasPoints(condition, displacement, shares, model, test.accel_at(displacement) - model)  # Eqs. 17, 19, 20
+    force = CaeForce.at(displacement, curve.accel_at)  # Eq. 16
+    bias = test.accel_at(displacement) - force.accel_mps2  # Eqs. 17, 19, 20
+    return BiasPoints(condition, displacement, shares, force, bias)
 
 
 def uniform_points(
@@ -96,5 +106,6 @@ def uniform_points(
     """
     displacement = np.linspace(0.0, test.crush_m, max(int(np.ceil(test.crush_m / step_m)), 1) + 1)
     shares = np.interp(displacement, test.displacement_m, test.speed_share)
-    model = curve.accel_at(displacement, end_share) + curve.stopping_accel(shares, end_share)
-    return BiasPoints(condition, displacement, shares, model, test.accel_at(displacement) - model)
+    cae = CaeForce.at(displacement, partial(curve.accel_at, end_share=end_share))
+    cae = cae._replace(accel_mps2=cae.accel_mps2 + curve.stopping_accel(shares, end_share))
+    return BiasPoints(condition, displacement, shares, cae, test.accel_at(displacement) - cae.accel_mps2)

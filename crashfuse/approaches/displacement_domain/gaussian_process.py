@@ -20,6 +20,7 @@ from crashfuse.signals.pulse import FloatArray
 
 _BOUND = 4.0  # search range of a hyperparameter, in prior standard deviations
 _JITTER = 1e-10
+_ENOUGH = {"ftol": 1e-5, "gtol": 1e-2}  # of some hundred nats; finer, a search costs twice as much for nothing
 _GAIN_A_POINT = 0.25  # nats: reducing the error by less than a fifth, exp(-0.25), is no pattern
 
 
@@ -55,14 +56,17 @@ class GaussianProcess:
         self.restarts = restarts
         self.seed = seed
 
-    def fit(self, x: FloatArray, y: FloatArray) -> Self:
+    def fit(self, x: FloatArray, y: FloatArray, like: "GaussianProcess | None" = None) -> Self:
         """Find the most probable hyperparameters and condition on the data, n rows and their output.
 
-        The last of the n_columns + 1 columns is the number of the test that a row belongs to.
+        The last of the n_columns + 1 columns is the number of the test that a row belongs to. The search starts from
+        the priors' medians; for parts that a process fitted before has too, from what was found there.
         """
         self._take(x, y)
         rng = np.random.default_rng(self.seed)
-        best, self.retries_ = self._climb(self._median), 0
+        found = {} if like is None else like._by_part(like.theta_)
+        first = np.concatenate([found.get(name, own) for name, own in self._by_part(self._median).items()])
+        best, self.retries_ = self._climb(first), 0
         while self._is_dead(best) and self.retries_ < self.restarts:
             self.retries_ += 1
             start = self._median + self._spread * rng.standard_normal(self._spread.size)
@@ -88,6 +92,11 @@ class GaussianProcess:
         self._median = np.log([prior.median for prior in priors])
         self._spread = np.array([prior.spread for prior in priors])
 
+    def _by_part(self, theta: FloatArray) -> dict[str, FloatArray]:
+        """Split the logarithms of the hyperparameters by the names of the parts; the noise last, without a name."""
+        ends = np.cumsum([len(part.priors) for part in self.parts])
+        return dict(zip([*(part.name for part in self.parts), ""], np.split(theta, ends), strict=True))
+
     def _settle(self, theta: FloatArray) -> Self:
         self.theta_ = theta
         self.touched_ = np.abs(theta - self._median) > 0.999 * _BOUND * self._spread
@@ -101,9 +110,9 @@ class GaussianProcess:
         self._lower = self._cholesky(covariance, self.theta_[-1])
         self._alpha = cho_solve((self._lower, True), self._y)
 
-    def without(self, test: int) -> Self:
-        """The same process with the same hyperparameters, as if this test had not been run."""
-        rest = self.x_[:, -1] != test
+    def without(self, *tests: int) -> Self:
+        """The same process with the same hyperparameters, as if these tests had not been run."""
+        rest = ~np.isin(self.x_[:, -1], tests)
         return self._given(self.x_[rest], self._y[rest])
 
     def also_at(self, x: FloatArray) -> Self:
@@ -173,7 +182,7 @@ class GaussianProcess:
     def _climb(self, start: FloatArray) -> FloatArray:
         reach = _BOUND * self._spread
         bounds = np.column_stack([self._median - reach, self._median + reach])
-        return np.asarray(minimize(self._loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
+        return np.asarray(minimize(self._loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options=_ENOUGH).x)
 
     def _loss(self, theta: FloatArray) -> tuple[float, FloatArray]:
         """Negative logarithm of the likelihood times the priors, and its gradient."""

@@ -19,6 +19,7 @@ from crashfuse.approaches.displacement_domain.bias_parts import (
     TEST,
     bias_parts,
 )
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.draws import student_draws
 from crashfuse.condition import Condition
@@ -30,10 +31,11 @@ _LEAST_FREEDOM = 3
 
 
 class HierarchicalBias:
-    """δ(s, x, k) = (f0(s) + f1(s, v0) + f2(s, weights) + r_k(s)) m̄/m + ρ(s) G_a(s, x) + stop(v/v0) + noise.
+    """δ(s, x, k) = (f0(s) + f1(s, v0) + f2(s, weights) + r_k(s)) m̄/m + ρ(s) Ḡ(s, x) + η(s) (G_a - Ḡ) + stop + noise.
 
-    f0 is common to all tests, f1 and f2 vary with the condition, ρ is proportional to the CAE model's own force (a
-    stiffer material, say), and r_k is specific to test k, its repeatability. They are forces, so they accelerate a
+    f0 is common to all tests, f1 and f2 vary with the condition, ρ is proportional to the trend of the CAE model's own
+    force (a stiffer material, say), η to its humps, which may be elsewhere in tests, and r_k is specific to test k, its
+    repeatability. They are forces, so they accelerate a
     vehicle heavier than the tests' mean m̄ less, by m̄/m. Near a stop displacement hardly grows while acceleration
     changes, so stopping is modelled separately over velocity, with one part that varies with speed and one specific
     to each test. Where similar tests contradict each other, r_k grows and a prediction shrinks to the CAE model. A
@@ -70,12 +72,13 @@ class HierarchicalBias:
         choices: list[tuple[str, ...]] = [(), *((name,) for name in self._levels)]
         choices += [tuple(self._levels)] * (len(self._levels) > 1)
         self.densities_: dict[str, float] = {}
+        best: GaussianProcess | None = None
         for number, factors in enumerate(choices):
             watch.report("Bias model", number, len(choices))
-            process = self._process(factors).fit(rows, y)
+            process = self._process(factors).fit(rows, y, best)
             density = float(process.left_out_log_density().sum())
             if not self.densities_ or density > max(self.densities_.values()):
-                self.process_, self.factors_ = process, factors
+                best, self.process_, self.factors_ = process, process, factors
             self.densities_[" and ".join(factors) or "none"] = density
         watch.report("Bias model", len(choices), len(choices))
         return self
@@ -104,11 +107,11 @@ class HierarchicalBias:
         rows = np.concatenate([self._test_rows(test, number) for number, test in enumerate(tests)])
         return rows, np.concatenate([test.bias_mps2 for test in tests])
 
-    def without(self, number: int) -> Self:
-        """The same model, hyperparameters and factors kept, as if the test with this number had not been run."""
+    def without(self, *numbers: int) -> Self:
+        """The same model, hyperparameters and factors kept, as if the tests with these numbers had not been run."""
         other = copy.copy(self)
-        other.process_ = self.process_.without(number)
-        other.tests_ = self.tests_ - 1
+        other.process_ = self.process_.without(*numbers)
+        other.tests_ = self.tests_ - len(numbers)
         return other
 
     def also(self, tests: Sequence[BiasPoints]) -> Self:
@@ -145,13 +148,13 @@ class HierarchicalBias:
         return int(self.process_.x_[:, TEST].max()) + 1
 
     def _test_rows(self, test: BiasPoints, number: int) -> FloatArray:
-        return self._rows(test.condition, test.displacement_m, test.cae_mps2, test.speed_share, test=number)
+        return self._rows(test.condition, test.displacement_m, test.cae, test.speed_share, test=number)
 
     def _rows(
         self,
         condition: Condition,
         displacement_m: FloatArray,
-        cae_mps2: FloatArray,
+        cae: CaeForce,
         speed_share: FloatArray,
         *,
         test: int = -1,
@@ -163,13 +166,14 @@ class HierarchicalBias:
         stopping = mass * np.maximum(1 - speed_share / self.end_share, 0.0)
         known = (levels.get(values.get(name, ""), -1) for name, levels in self._levels.items())
         x, alike = np.tile(condition.vector, (n, 1)), np.tile([mass * crushing, *known, test], (n, 1))
-        return np.column_stack([displacement_m, x, cae_mps2 / FORCE_UNIT, speed_share, stopping, alike])
+        trend, humps = cae.trend_mps2 / FORCE_UNIT, (cae.accel_mps2 - cae.trend_mps2) / FORCE_UNIT
+        return np.column_stack([displacement_m, x, trend, humps, speed_share, stopping, alike])
 
     def sample(
         self,
         condition: Condition,
         displacement_m: FloatArray,
-        cae_mps2: FloatArray,
+        cae: CaeForce,
         speed_share: FloatArray,
         n_draws: int,
         rng: np.random.Generator,
@@ -180,18 +184,18 @@ class HierarchicalBias:
         are displacements with the CAE model's acceleration there, and velocities as shares of the impact speed.
         """
         zero = np.zeros_like(speed_share)
-        moving = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
-        stop = self._rows(condition, zero, zero, speed_share, crushing=False)
+        moving = self._rows(condition, displacement_m, cae, np.ones_like(displacement_m))
+        stop = self._rows(condition, zero, CaeForce(zero, zero), speed_share, crushing=False)
         mean, covariance = self.process_.posterior(np.vstack([moving, stop]))
         functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
         return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
 
-    def parts(self, condition: Condition, displacement_m: FloatArray, cae_mps2: FloatArray) -> tuple[BiasPart, ...]:
+    def parts(self, condition: Condition, displacement_m: FloatArray, cae: CaeForce) -> tuple[BiasPart, ...]:
         """Split the bias of a new test before its stop into parts; the stopping part is zero until then.
 
         Shared, by speed, by weight, ratio, by each factor in use, own; then their total, as in :meth:`sample`.
         """
-        x = self._rows(condition, displacement_m, cae_mps2, np.ones_like(displacement_m))
+        x = self._rows(condition, displacement_m, cae, np.ones_like(displacement_m))
         over_displacement = self.process_.parts[: -len(OVER_VELOCITY)]
         moments = self.process_.predict_parts(x)[: len(over_displacement)]
         mean, covariance = self.process_.posterior(x)

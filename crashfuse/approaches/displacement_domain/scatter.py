@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 from crashfuse.approaches.base import MOST_TESTS
 from crashfuse.approaches.displacement_domain.bias import BiasPoints, uniform_points
 from crashfuse.approaches.displacement_domain.bias_parts import FIRST_FACTOR, GROWTH_UNIT_M, scatter_parts
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce
 from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
 from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
@@ -51,13 +52,13 @@ class _ScatterBias(HierarchicalBias):
         self,
         condition: Condition,
         displacement_m: FloatArray,
-        cae_mps2: FloatArray,
+        cae: CaeForce,
         speed_share: FloatArray,
         *,
         test: int = -1,
         crushing: bool = True,
     ) -> FloatArray:
-        rows = super()._rows(condition, displacement_m, cae_mps2, speed_share, test=test, crushing=crushing)
+        rows = super()._rows(condition, displacement_m, cae, speed_share, test=test, crushing=crushing)
         growth = self.mass_kg_ / condition.mass_kg * displacement_m / GROWTH_UNIT_M
         return np.column_stack([rows[:, :-1], growth, rows[:, -1]])
 
@@ -65,7 +66,8 @@ class _ScatterBias(HierarchicalBias):
         self, condition: Condition, displacement_m: FloatArray, n: int, rng: np.random.Generator
     ) -> FloatArray:
         """Draw differences between two tests at a condition over displacement, shape (n, displacement_m.size)."""
-        rows = self._rows(condition, displacement_m, np.zeros_like(displacement_m), np.ones_like(displacement_m))
+        none = np.zeros_like(displacement_m)
+        rows = self._rows(condition, displacement_m, CaeForce(none, none), np.ones_like(displacement_m))
         own = self.process_.prior_of({"even", "growing"}, rows)
         return draw(np.zeros(displacement_m.size), 2 * own, n, rng)
 
@@ -109,8 +111,9 @@ class Scatter:
         step = max(self.config.step_s * speed, phase.crush_m / most)
         points = uniform_points(test.condition, phase, view.curve, step, end_share)
         kept = points.speed_share >= end_share
-        names = ("displacement_m", "speed_share", "cae_mps2", "bias_mps2")
-        return replace(points, **{name: getattr(points, name)[kept] for name in names})
+        names = ("displacement_m", "speed_share", "bias_mps2")
+        cae = CaeForce(*(values[kept] for values in points.cae))
+        return replace(points, cae=cae, **{name: getattr(points, name)[kept] for name in names})
 
     def repeats(self, test: CrashTest, n: int, rng: np.random.Generator) -> FloatArray:
         """Draw pulses of repeats of a test, shape (n, 1250)."""

@@ -9,6 +9,7 @@ from scipy.optimize import minimize
 
 from crashfuse.approaches.base import FittedState
 from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPoints
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce
 from crashfuse.approaches.draws import draw
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
@@ -111,7 +112,7 @@ class Table4Bias:
         self,
         condition: Condition,
         displacement_m: FloatArray,
-        cae_mps2: FloatArray,  # noqa: ARG002 - common to all bias models
+        cae: CaeForce,  # noqa: ARG002 - common to all bias models
         speed_share: FloatArray,
         n_draws: int,
         rng: np.random.Generator,

@@ -20,7 +20,8 @@ _PARTS: Mapping[str, str] = {
     "shared": "Shared",
     "by speed": "By speed",
     "by weight": "By weight",
-    "ratio": "Ratio × CAE",
+    "ratio": "Ratio × CAE trend",
+    "humps": "Ratio × CAE humps",
     "own": "The test's own",
     "total": "Total, the sum of the parts below",
 }

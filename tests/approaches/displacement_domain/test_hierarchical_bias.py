@@ -8,6 +8,7 @@ import pytest
 from scipy.special import stdtrit
 
 from crashfuse.approaches.displacement_domain.bias import BiasPoints
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
@@ -29,9 +30,14 @@ def cae(speed_mps: float) -> FloatArray:
     return np.asarray(-10 * speed_mps * (1 - np.exp(-S / 0.1)) + 30 * np.sin(20 * S))
 
 
+def force(speed_mps: float) -> CaeForce:
+    """That curve and its trend."""
+    return CaeForce.at(S, lambda s: np.interp(s, S, cae(speed_mps)))
+
+
 def fit(biases: Mapping[float, FloatArray]) -> HierarchicalBias:
     """Fit to a bias for each speed."""
-    return HierarchicalBias().fit([BiasPoints(condition(v), S, SHARE, cae(v), bias) for v, bias in biases.items()])
+    return HierarchicalBias().fit([BiasPoints(condition(v), S, SHARE, force(v), bias) for v, bias in biases.items()])
 
 
 def with_factor(values: str, effect: FloatArray) -> HierarchicalBias:
@@ -39,14 +45,14 @@ def with_factor(values: str, effect: FloatArray) -> HierarchicalBias:
     tests = []
     for speed, value in zip(np.linspace(6, 15, len(values)).tolist(), values, strict=True):
         at = Condition(speed, 950.0, 700.0, factors=(("powertrain", value),))
-        tests.append(BiasPoints(at, S, SHARE, cae(speed), shared(S) + (value == "B") * effect))
+        tests.append(BiasPoints(at, S, SHARE, force(speed), shared(S) + (value == "B") * effect))
     return HierarchicalBias().fit(tests)
 
 
 def mean_and_width(model: HierarchicalBias, speed_mps: float) -> tuple[FloatArray, FloatArray]:
     """Mean bias and the standard deviation of the draws at a speed."""
     rng = np.random.default_rng(0)
-    draws = model.sample(condition(speed_mps), S, cae(speed_mps), SHARES, 400, rng).over_displacement_mps2
+    draws = model.sample(condition(speed_mps), S, force(speed_mps), SHARES, 400, rng).over_displacement_mps2
     return draws[0], draws[1:].std(axis=0)
 
 
@@ -120,9 +126,9 @@ def test_a_bias_of_noise_alone_is_said_to_be_one() -> None:
 def test_the_parts_add_up_to_what_is_expected() -> None:
     """Their means do, and the total's band is that of the draws."""
     model = fit({v: v / 10 * shared(S) + 0.1 * cae(v) for v in (6.0, 8.0, 12.0, 14.0)})
-    *parts, total = model.parts(condition(10.0), S, cae(10.0))
-    assert [part.name for part in parts] == ["shared", "by speed", "by weight", "ratio", "own"]
-    draws = model.sample(condition(10.0), S, cae(10.0), SHARES, 8000, np.random.default_rng(0)).over_displacement_mps2
+    *parts, total = model.parts(condition(10.0), S, force(10.0))
+    assert [part.name for part in parts] == ["shared", "by speed", "by weight", "ratio", "humps", "own"]
+    draws = model.sample(condition(10.0), S, force(10.0), SHARES, 8000, np.random.default_rng(0)).over_displacement_mps2
     np.testing.assert_allclose(sum(part.mean_mps2 for part in parts), draws[0], atol=1e-6)
     np.testing.assert_allclose(total.mean_mps2, draws[0], atol=1e-9)
     lower, upper = np.quantile(draws[1:], [0.025, 0.975], axis=0)
@@ -131,10 +137,10 @@ def test_the_parts_add_up_to_what_is_expected() -> None:
 
 def test_nothing_is_known_of_what_a_new_test_has_alone_but_its_size() -> None:
     """Zero, give or take the same at every displacement, the larger the more like tests differ."""
-    alike = fit({v: shared(S) for v in (9.9, 10.0, 10.1, 10.2)}).parts(condition(10.0), S, cae(10.0))[4]
+    alike = fit({v: shared(S) for v in (9.9, 10.0, 10.1, 10.2)}).parts(condition(10.0), S, force(10.0))[-2]
     wiggle = 15 * np.sin(S / 0.05)
     unlike = fit({9.9: shared(S) + wiggle, 10.0: shared(S) - wiggle, 10.1: shared(S), 10.2: shared(S) + 2 * wiggle})
-    own = unlike.parts(condition(10.0), S, cae(10.0))[4]
+    own = unlike.parts(condition(10.0), S, force(10.0))[-2]
     np.testing.assert_allclose(own.mean_mps2, 0.0, atol=1e-9)
     np.testing.assert_allclose(own.upper_mps2, own.upper_mps2[0], rtol=1e-9)
     assert own.upper_mps2[0] > 3 * alike.upper_mps2[0]
@@ -149,11 +155,11 @@ def test_a_factor_that_tells_tests_apart_is_used() -> None:
     assert model.densities_["powertrain"] > model.densities_["none"]
     for value, expected in (("A", shared(S)), ("B", shared(S) + effect)):
         at = Condition(10.0, 950.0, 700.0, factors=(("powertrain", value),))
-        mean = model.sample(at, S, cae(10.0), SHARES, 4, np.random.default_rng(0)).over_displacement_mps2[0]
+        mean = model.sample(at, S, force(10.0), SHARES, 4, np.random.default_rng(0)).over_displacement_mps2[0]
         np.testing.assert_allclose(mean, expected, atol=6.0)
     assert model.unknown_factors(at) == ()
     assert model.unknown_factors(condition(10.0)) == ("powertrain",)
-    assert "by powertrain" in [part.name for part in model.parts(at, S, cae(10.0))]
+    assert "by powertrain" in [part.name for part in model.parts(at, S, force(10.0))]
     assert any("powertrain" in note for note in model.notes)
 
 
@@ -186,7 +192,7 @@ def test_leaving_a_test_out_forgets_it() -> None:
 
 def points(speed_mps: float) -> BiasPoints:
     """Where a test at this speed lies; its bias is not looked at."""
-    return BiasPoints(condition(speed_mps), S, SHARE, cae(speed_mps), np.full(S.size, np.nan))
+    return BiasPoints(condition(speed_mps), S, SHARE, force(speed_mps), np.full(S.size, np.nan))
 
 
 def test_tests_to_come_narrow_the_band_and_leave_the_mean() -> None:
@@ -210,7 +216,7 @@ def test_a_test_to_come_keeps_what_it_has_alone() -> None:
     """Repeated without end at one condition, tests never tell what another one there would have of its own."""
     wiggle = 15 * np.sin(S / 0.05)
     model = fit({9.9: shared(S) + wiggle, 10.0: shared(S) - wiggle, 10.1: shared(S), 10.2: shared(S) + 2 * wiggle})
-    own = model.parts(condition(10.0), S, cae(10.0))[4].upper_mps2
+    own = model.parts(condition(10.0), S, force(10.0))[-2].upper_mps2
     many = model.also([points(10.0)] * 12)
     moving = model.end_share < SHARE
     now, _ = many.half_widths([points(10.0)], [])

@@ -9,6 +9,7 @@ import pytest
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.displacement_domain.approach import measured_bias
 from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.reporting.plots import bias as bias_plots
@@ -180,7 +181,7 @@ def part(name: str, level: float) -> BiasPart:
 def test_the_parts_stand_below_their_total(test: CrashTest) -> None:
     """Each in a panel of its own with its band; the measured bias over the total only."""
     parts = [part("shared", -3.0), part("by speed", 2.0), part("own", 0.0), part("total", -1.0)]
-    measured = BiasPoints(test.condition, S, np.linspace(1, 0, S.size), np.zeros(S.size), np.full(S.size, -2.0))
+    measured = BiasPoints(test.condition, S, np.linspace(1, 0, S.size), CaeForce(0 * S, 0 * S), np.full(S.size, -2.0))
     figure = bias_plots.bias_parts(parts, S, measured, Display(unit="m/s²"))
     expected = [t for t in figure.data if t.name == "Expected"]
     assert [t.y[0] for t in expected] == [-1, -3, 2, 0]
@@ -208,7 +209,7 @@ def test_bands_beyond_the_crush_do_not_squeeze_what_is_before_it(test: CrashTest
     half = np.where(S > 0.4, 400.0, 5.0)
     parts = [BiasPart(name, np.zeros(S.size), -half, half) for name in ("shared", "total")]
     before = S[S <= 0.4]
-    measured = BiasPoints(test.condition, before, before, before, np.linspace(0.0, 30.0, before.size))
+    measured = BiasPoints(test.condition, before, before, CaeForce(before, before), np.linspace(0.0, 30.0, before.size))
     layout = bias_plots.bias_parts(parts, S, measured, Display(unit="m/s²")).layout
     for axis, low, high in ((layout.yaxis, -5, 30), (layout.yaxis2, -5, 5)):
         room = 0.1 * (high - low)
