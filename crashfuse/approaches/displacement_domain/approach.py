@@ -1,7 +1,7 @@
 """The displacement-domain approach: correct the CAE over displacement, then integrate the motion (Sect. 3.2)."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Self
 
 import numpy as np
@@ -66,6 +66,10 @@ class DisplacementDomain(Approach):
         Calibration of the band, on each of these tests predicted from the others.
     left_out_ : LeftOut
         The predictions of each test from the others.
+    left_out_groups_ : LeftOut
+        The predictions of each test from those at other speeds: all at about its own left out, as in
+        :meth:`Campaign.speed_group`. Where no other is at its speed, that is its prediction in ``left_out_``. Empty
+        if all tests are at one speed.
     """
 
     name = "displacement_domain"
@@ -104,7 +108,7 @@ class DisplacementDomain(Approach):
         with threadpool_limits(1):  # two contended threads cost many times the work of one
             self.rebound_ = Rebound().fit(unloadings)
             self.bias_.fit(self.points_, watch)
-            self.calibration_ = self._calibrate(campaign.tests, watch)
+            self.calibration_ = self._calibrate(campaign, watch)
         self._seconds = time.perf_counter() - start
         return self
 
@@ -130,8 +134,10 @@ class DisplacementDomain(Approach):
         """Fitted state: hyperparameters of bias and rebound, and the check of the band."""
         self._require("calibration_")
         values = {"seconds": self._seconds, "widening": self.calibration_.widening}
-        parts = {"bias": self.bias_.learned(), "rebound": self.rebound_.learned(), "left_out": self.left_out_.learned()}
-        return FittedState.of(values, {"inside": self.calibration_.inside}, **parts)
+        parts = {"bias": self.bias_, "rebound": self.rebound_}
+        left_out = {"left_out": self.left_out_, "left_out_groups": self.left_out_groups_}
+        learned = {name: part.learned() for name, part in {**parts, **left_out}.items()}
+        return FittedState.of(values, {"inside": self.calibration_.inside}, **learned)
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore the hyperparameters, and condition on the tests again."""
@@ -141,6 +147,7 @@ class DisplacementDomain(Approach):
             self.bias_.restore(self.points_, learned.part("bias"))
         self.calibration_ = Calibration.of(learned.values["widening"], learned.arrays["inside"])
         self.left_out_ = LeftOut.restored(learned.part("left_out"))
+        self.left_out_groups_ = LeftOut.restored(learned.part("left_out_groups"))
         self._seconds = learned.values["seconds"]
         return self
 
@@ -202,31 +209,55 @@ class DisplacementDomain(Approach):
         motion = integrate(over_displacement, fine[1], over_speed, speed)
         return rebound.follow(motion.accel_mps2, speed, cae.accel_mps2, curve.own, rng, widening)
 
-    def _calibrate(self, tests: Sequence[CrashTest], watch: Watch) -> Calibration:
+    def _calibrate(self, campaign: Campaign, watch: Watch) -> Calibration:
         """Check the band on each test, predicted from the others with the same hyperparameters; widen it if needed."""
+        tests = campaign.tests
         if isinstance(self.bias_, Table4Bias) or len(tests) < _LEAST_CHECKED:
-            self.left_out_ = LeftOut.of({})
+            self.left_out_ = self.left_out_groups_ = LeftOut.of({})
             return Calibration(1.0, ())
         checked = np.unique(np.linspace(0, len(tests) - 1, min(len(tests), _MOST_CHECKED)).astype(int)).tolist()
-        left_out = []
+        left_out = {}
         for done, number in enumerate(checked):
             watch.report("Check of the band", done, len(checked))
-            rng = np.random.default_rng([self.seed, number])
-            left_out.append(self._sample(self._views[number], self.bias_.without(number), _CHECK_DRAWS, rng))
+            left_out[number] = self._without(number, [number])
 
         pulses: dict[int, FloatArray] = {}
 
         def check(widening: float) -> list[Coverage]:
-            for number, bias in zip(checked, left_out, strict=True):
+            for number, unseen in left_out.items():
                 watch.report("Check of the band", len(checked), len(checked))  # makes it cancellable
-                rng = np.random.default_rng([self.seed, number, 1])
-                rebound = self.rebound_.without(number)
-                pulses[number] = self._simulate(self._views[number], bias, rebound, rng, widening)
+                pulses[number] = unseen(widening)
             return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
 
         calibration = calibrate(check)
         self.left_out_ = LeftOut.of(pulses)
+        self.left_out_groups_ = LeftOut.of(self._left_out_groups(campaign, pulses, calibration.widening, watch))
         return calibration
+
+    def _left_out_groups(
+        self, campaign: Campaign, left_out: Mapping[int, FloatArray], widening: float, watch: Watch
+    ) -> dict[int, FloatArray]:
+        """Pulses for these tests, each predicted from the tests at other speeds; none if there are no others."""
+        pulses = {}
+        for number, alone in left_out.items():
+            watch.report("Check of the band", len(left_out), len(left_out))
+            group = [campaign.test_ids.index(member) for member in campaign.speed_group(campaign.test_ids[number])]
+            if len(group) == 1:
+                pulses[number] = alone
+            elif len(group) < len(campaign.tests):
+                pulses[number] = self._without(number, group)(widening)
+        return pulses
+
+    def _without(self, number: int, left_out: Sequence[int]) -> Callable[[float], FloatArray]:
+        """Prediction of a test from all but these, hyperparameters kept: a function of the widening."""
+        view, rng = self._views[number], np.random.default_rng([self.seed, number])
+        bias = self._sample(view, self.bias_.without(*left_out), _CHECK_DRAWS, rng)
+        rebound = self.rebound_.without(*left_out)
+
+        def pulses(widening: float) -> FloatArray:
+            return self._simulate(view, bias, rebound, np.random.default_rng([self.seed, number, 1]), widening)
+
+        return pulses
 
     def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
         """Predictions of the tests from the check of the band."""

@@ -100,9 +100,9 @@ class GaussianProcess:
         self._lower = self._cholesky(self._covariance(self.theta_[:-1]), self.theta_[-1])
         self._alpha = cho_solve((self._lower, True), self._y)
 
-    def without(self, test: int) -> Self:
-        """The same process with the same hyperparameters, as if this test had not been run."""
-        rest = self.x_[:, -1] != test
+    def without(self, *tests: int) -> Self:
+        """The same process with the same hyperparameters, as if these tests had not been run."""
+        rest = ~np.isin(self.x_[:, -1], tests)
         return self._given(self.x_[rest], self._y[rest])
 
     def also_at(self, x: FloatArray) -> Self:

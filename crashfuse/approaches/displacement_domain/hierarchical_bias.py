@@ -104,11 +104,11 @@ class HierarchicalBias:
         rows = np.concatenate([self._test_rows(test, number) for number, test in enumerate(tests)])
         return rows, np.concatenate([test.bias_mps2 for test in tests])
 
-    def without(self, number: int) -> Self:
-        """The same model, hyperparameters and factors kept, as if the test with this number had not been run."""
+    def without(self, *numbers: int) -> Self:
+        """The same model, hyperparameters and factors kept, as if the tests with these numbers had not been run."""
         other = copy.copy(self)
-        other.process_ = self.process_.without(number)
-        other.tests_ = self.tests_ - 1
+        other.process_ = self.process_.without(*numbers)
+        other.tests_ = self.tests_ - len(numbers)
         return other
 
     def also(self, tests: Sequence[BiasPoints]) -> Self:

@@ -125,12 +125,12 @@ class Rebound:
         self.freedom_ = max(len(x) - 2, _LEAST_FREEDOM)
         return np.concatenate(x), np.concatenate(y)
 
-    def without(self, number: int) -> Self:
-        """The same model, hyperparameters kept, as if the test with this number had not been run."""
+    def without(self, *numbers: int) -> Self:
+        """The same model, hyperparameters kept, as if the tests with these numbers had not been run."""
         other = copy.copy(self)
         if self.process_ is not None:
-            known = np.unique(self.process_.x_[:, -1])
-            other.process_ = None if (known == number).all() else self.process_.without(number)
+            nothing_left = np.isin(self.process_.x_[:, -1], numbers).all()
+            other.process_ = None if nothing_left else self.process_.without(*numbers)
         return other
 
     def follow(

@@ -14,7 +14,7 @@ from crashfuse.approaches.displacement_domain.rebound import follow_unloading
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.errors import NotFittedError
-from crashfuse.execution.progress import Progress, Watch
+from crashfuse.execution.progress import SILENT, Progress, Watch
 from crashfuse.signals.loading import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating import rate_windows
@@ -288,3 +288,31 @@ def test_of_many_tests_as_many_are_learned_from_as_an_exact_posterior_bears(
     again = DisplacementDomain().restore(campaign, domain.learned())
     np.testing.assert_array_equal(again.predict(condition).accel_mps2, one.accel_mps2)
     assert list(domain.left_out(campaign)) == list(thinned.test_ids)
+
+
+@pytest.mark.slow
+def test_a_left_out_group_says_nothing_of_its_tests() -> None:
+    """Tests at one speed are predicted from the others alone, whatever they measured; a lone test as in left_out_."""
+    campaign = made_up(bias(), (5.0, 7.5, 10.0, 10.3, 15.5))
+    group, others = [2, 3], [0, 1, 4]
+    domain = DisplacementDomain(FEW).fit(campaign)
+    np.testing.assert_array_equal(domain.left_out_groups_.numbers, range(5))
+    np.testing.assert_array_equal(domain.left_out_groups_.mean_mps2[others], domain.left_out_.mean_mps2[others])
+    np.testing.assert_array_equal(domain.left_out_groups_.draws_mps2[others], domain.left_out_.draws_mps2[others])
+    stiffer = [
+        replace(t, pulse=Pulse(GRID_S, (1 + 0.3 * (i in group)) * t.pulse.accel_mps2))
+        for i, t in enumerate(campaign.tests)
+    ]
+    changed = replace(campaign, tests=tuple(stiffer))
+    again = DisplacementDomain(FEW).restore(changed, domain.learned())  # with the hyperparameters of the others
+    again._calibrate(changed, SILENT)
+    expected = domain.left_out_groups_.mean_mps2[group]
+    np.testing.assert_allclose(again.left_out_groups_.mean_mps2[group], expected, atol=1e-6 * np.abs(expected).max())
+    assert np.abs(again.left_out_.mean_mps2[group] - domain.left_out_.mean_mps2[group]).max() > 1.0
+
+
+def test_tests_at_one_speed_leave_no_group_to_learn_from() -> None:
+    """Each is predicted from the others, but nothing is known of other speeds."""
+    domain = DisplacementDomain(FEW).fit(made_up(bias(), (10.0, 10.1, 10.2)))
+    assert domain.left_out_.numbers.size == 3
+    assert domain.left_out_groups_.numbers.size == 0
