@@ -1,4 +1,4 @@
-"""Leave-one-out predictions: each test predicted as if it had not been run."""
+"""Predictions of left-out tests: each test as if it, or its whole speed group, had not been run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -54,6 +54,12 @@ class LeftOut:
     def restored(cls, learned: FittedState) -> "LeftOut":
         """Restore from the state that :meth:`learned` returned."""
         return cls(learned.arrays["numbers"], learned.arrays["mean"], learned.arrays["draws"])
+
+
+def speed_groups(campaign: Campaign) -> list[tuple[int, ...]]:
+    """For each test, the numbers of the tests of its speed group, itself included."""
+    number = {test_id: i for i, test_id in enumerate(campaign.test_ids)}
+    return [tuple(number[member] for member in campaign.speed_group(test_id)) for test_id in campaign.test_ids]
 
 
 def predicted(test: CrashTest, mean_mps2: FloatArray, draws_mps2: FloatArray) -> Prediction:

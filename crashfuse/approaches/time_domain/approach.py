@@ -10,12 +10,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
-from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
+from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.left_out import LeftOut
+from crashfuse.approaches.left_out import LeftOut, speed_groups
+from crashfuse.approaches.time_domain.band import Band
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
-from crashfuse.approaches.time_domain.stopping import SMOOTH_S, Stopping, stopping_notes
+from crashfuse.approaches.time_domain.stopping import stopping_notes
 from crashfuse.approaches.time_domain.tangent_kernel import Tangent, tangent_kernel, tangents
 from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
 from crashfuse.approaches.time_domain.training_data import fine_tune, mean_outputs
@@ -23,11 +24,9 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.pulse import FloatArray
 
 _DRIFT_MPS = 12.0  # length scale of increments over speed: a 10 mph test says less about 35 mph than a 30 mph test
-_LEAST_FREEDOM = 3  # of the draws; with fewer the variance is infinite
-_HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
 class TimeDomain(TcnApproach):
@@ -45,8 +44,8 @@ class TimeDomain(TcnApproach):
         Posterior over θ_HF; only with fine-tuning in closed form.
     calibration_ : Calibration
         Calibration of the band on tests left out one by one; likewise.
-    left_out_ : LeftOut
-        Predictions of these tests; likewise.
+    left_out_, left_out_groups_ : LeftOut
+        Predictions of these tests, and of each test from those at other speeds; likewise.
     losses_ : ndarray, shape (n_members, n_steps)
         Loss on the tests before each step; only after fine-tuning by Adam.
     """
@@ -97,9 +96,7 @@ class TimeDomain(TcnApproach):
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         # target outputs for the tests, shape (n_tests, n_times)
         self._targets = self.scaling_.targets(self._vectors, accel, self.config).numpy().T.astype(np.float64)
-        self._end_shares = np.array(
-            [self._stopping(t.condition).end_share(own) for t, own in zip(campaign.tests, self._targets, strict=True)]
-        )
+        self._band = Band.of(campaign.tests, self._targets, self.scaling_, self.config, self.seed)
         return accel
 
     def learned(self) -> FittedState:
@@ -116,8 +113,10 @@ class TimeDomain(TcnApproach):
             "late_widening": check.late_widening,
             "delta_v_misfit": self._delta_v_misfit,
         }
-        parts = {"lf": lf, "increments": self.increments_.learned(), "left_out": self.left_out_.learned()}
-        return FittedState.of(values, {"inside": check.inside}, **parts)
+        left_out = {"left_out": self.left_out_.learned(), "left_out_groups": self.left_out_groups_.learned()}
+        return FittedState.of(
+            values, {"inside": check.inside}, lf=lf, increments=self.increments_.learned(), **left_out
+        )
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore networks and increments."""
@@ -131,6 +130,7 @@ class TimeDomain(TcnApproach):
         self.calibration_ = Calibration.of(values["widening"], learned.arrays["inside"], values["late_widening"])
         self._delta_v_misfit = values["delta_v_misfit"]
         self.left_out_ = LeftOut.restored(learned.part("left_out"))
+        self.left_out_groups_ = LeftOut.restored(learned.part("left_out_groups"))
         return self
 
     def _learn(self, campaign: Campaign, watch: Watch) -> None:
@@ -138,32 +138,27 @@ class TimeDomain(TcnApproach):
         watch.report("Fine-tuning on tests", 0, 1)
         kernel = self._kernel_with(self._tangents, self._vectors)
         watch.report("Fine-tuning on tests", 1, 1)
-        self.increments_ = increments = Increments().fit(kernel, self._targets - lf)
+        groups = speed_groups(campaign)
+        self.increments_ = increments = Increments().fit(kernel, self._targets - lf, groups)
         for number, rho in enumerate(reversed(PENALTIES), start=1):
             errors = {"tests_learned_from": increments.error_[rho], "tests_left_out": increments.left_out_error_[rho]}
             watch.report("Strength of the fine-tuning", number, len(PENALTIES), **errors)
 
+        def without(number: int, out: tuple[int, ...]) -> Posterior:
+            posterior = increments.left_out_[out][out.index(number)]
+            return self._band.stopped(campaign.tests[number].condition, lf[number], posterior, out)
+
         tests = campaign.tests
-        left_out = [
-            self._stopped(test.condition, lf[i], increments.left_out_[i], np.delete(self._end_shares, i))
-            for i, test in enumerate(tests)
-        ]
-        pulses: dict[int, FloatArray] = {}
-
-        def check(widening: float, late: float) -> list[Coverage]:
-            watch.report("Checking the band on left-out tests", 0, 1)
-            for number, (test, posterior) in enumerate(zip(tests, left_out, strict=True)):
-                pulses[number] = self._pulses(test.condition, posterior, widening, late)
-            return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
-
-        # Wider draws have higher peaks, so a measured peak below its interval is only reported and does not widen the
-        # band. The rebound is less certain and has its own factor.
-        first = calibrate(lambda w: [replace(c, rebound=np.nan, peak=True) for c in check(w, w)]).widening
-        late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
-        self.calibration_ = Calibration(first, tuple(check(first, late)), late)
+        left_out = {number: without(number, (number,)) for number in range(len(tests))}
+        self.calibration_, pulses = self._band.check(tests, left_out, watch)
         self.left_out_ = LeftOut.of(pulses)
-        ends = [self._stopping(test.condition).end_share(o.mean) for test, o in zip(tests, left_out, strict=True)]
-        self._delta_v_misfit = float(np.abs(np.array(ends) - self._end_shares).mean())
+        widening, late = self.calibration_.widening, self.calibration_.late_widening or self.calibration_.widening
+        for number, group in enumerate(groups):
+            if len(group) > 1:
+                pulses[number] = self._band.pulses(tests[number].condition, without(number, group), widening, late)
+        self.left_out_groups_ = LeftOut.of(pulses if max(map(len, groups)) < len(tests) else {})
+        ends = [self._band.stopping(tests[n].condition).end_share(p.mean) for n, p in left_out.items()]
+        self._delta_v_misfit = float(np.abs(np.array(ends) - self._band.end_shares).mean())
 
     @cached_property
     def _tangents(self) -> list[Tangent]:
@@ -182,27 +177,6 @@ class TimeDomain(TcnApproach):
         alike = np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2)
         return np.asarray(tangent_kernel(self.network_, self._tangents, others) * alike[:, None, :, None])
 
-    def _stopping(self, condition: Condition) -> Stopping:
-        return Stopping.of(condition, self.scaling_, self.config)
-
-    def _stopped(self, condition: Condition, lf: FloatArray, posterior: Posterior, end_shares: FloatArray) -> Posterior:
-        """Sum of LF networks and increments, smoothed to real pulses and constrained to a vehicle that stops."""
-        both = Posterior(lf + posterior.mean, posterior.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
-        return self._stopping(condition).imposed(both, end_shares)
-
-    def _pulses(self, condition: Condition, posterior: Posterior, widening: float, late: float) -> FloatArray:
-        """Pulses in m/s², shape (1 + n_draws, 1250): the mean, then draws with widened deviations."""
-        n_draws, n_times = self.config.n_draws, posterior.mean.size
-        dof = max(len(self._vectors), _LEAST_FREEDOM)
-        rng = np.random.default_rng(self.seed)
-        normal = posterior.draw(n_draws, rng)
-        # Student's t, as the variance itself is learned from a handful of tests
-        factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
-        wide = widening + (late - widening) * self._stopping(condition).after_t0(posterior.mean)
-        deviations = factors[:, None] * normal * wide
-        outputs = posterior.mean + np.vstack([np.zeros(n_times), deviations])
-        return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
-
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition, with draws if the increments were learned in closed form."""
         lf = super().predict(condition)
@@ -214,8 +188,8 @@ class TimeDomain(TcnApproach):
         own = tangent_kernel(self.network_, here, here)[0, :, 0]
         expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
         with threadpool_limits(1):  # small matrices, and the same numbers on any machine
-            posterior = self._stopped(condition, expected, self.increments_.posterior(across, own), self._end_shares)
-            pulses = self._pulses(condition, posterior, check.widening, check.late_widening or check.widening)
+            posterior = self._band.stopped(condition, expected, self.increments_.posterior(across, own))
+            pulses = self._band.pulses(condition, posterior, check.widening, check.late_widening or check.widening)
         notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 
