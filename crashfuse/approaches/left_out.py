@@ -41,6 +41,12 @@ class LeftOut:
             np.array([pulses[1:] for pulses in some], dtype=np.float32),
         )
 
+    def widened(self, factors: Mapping[int, float]) -> "LeftOut":
+        """The same with each test's draws moved away from its expected pulse by the factor under its number."""
+        by = np.array([factors[int(number)] for number in self.numbers])[:, None, None]
+        mean = self.mean_mps2[:, None]
+        return LeftOut(self.numbers, self.mean_mps2, (mean + by * (self.draws_mps2 - mean)).astype(np.float32))
+
     def predictions(self, campaign: Campaign) -> dict[str, Prediction]:
         """The predictions on the study grid, by test id; the campaign is the one that was learned from."""
         rows = zip(self.numbers, self.mean_mps2, self.draws_mps2, strict=True)

@@ -10,9 +10,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
-from crashfuse.approaches.calibration import Calibration
+from crashfuse.approaches.calibration import Calibration, widening_far
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.left_out import LeftOut, speed_groups
+from crashfuse.approaches.nearness import nearness
 from crashfuse.approaches.time_domain.band import Band
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
@@ -26,6 +27,7 @@ from crashfuse.errors import UsageError
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 
+_FAR_UNCHECKED = 1.5  # widening far from tests at a single speed, which cannot tell: from random vehicles
 _DRIFT_MPS = 12.0  # length scale of increments over speed: a 10 mph test says less about 35 mph than a 30 mph test
 
 
@@ -78,7 +80,7 @@ class TimeDomain(TcnApproach):
                 self.network_, self.scaling_, self._vectors, accel, self.config, checkpoint, watch
             )
             return self
-        self._learn(campaign, watch)
+        self._learn(campaign, accel, watch)
         return self
 
     def _lf(self) -> LfTcn:
@@ -111,6 +113,7 @@ class TimeDomain(TcnApproach):
         values = {
             "widening": check.widening,
             "late_widening": check.late_widening,
+            "far": check.far,
             "delta_v_misfit": self._delta_v_misfit,
         }
         left_out = {"left_out": self.left_out_.learned(), "left_out_groups": self.left_out_groups_.learned()}
@@ -127,13 +130,15 @@ class TimeDomain(TcnApproach):
             return self
         self.increments_ = Increments().restore(learned.part("increments"))
         values = learned.values
-        self.calibration_ = Calibration.of(values["widening"], learned.arrays["inside"], values["late_widening"])
+        self.calibration_ = Calibration.of(
+            values["widening"], learned.arrays["inside"], values["late_widening"], values["far"]
+        )
         self._delta_v_misfit = values["delta_v_misfit"]
         self.left_out_ = LeftOut.restored(learned.part("left_out"))
         self.left_out_groups_ = LeftOut.restored(learned.part("left_out_groups"))
         return self
 
-    def _learn(self, campaign: Campaign, watch: Watch) -> None:
+    def _learn(self, campaign: Campaign, accel: FloatArray, watch: Watch) -> None:
         lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors, self.config))
         watch.report("Fine-tuning on tests", 0, 1)
         kernel = self._kernel_with(self._tangents, self._vectors)
@@ -150,13 +155,22 @@ class TimeDomain(TcnApproach):
 
         tests = campaign.tests
         left_out = {number: without(number, (number,)) for number in range(len(tests))}
-        self.calibration_, pulses = self._band.check(tests, left_out, watch)
-        self.left_out_ = LeftOut.of(pulses)
-        widening, late = self.calibration_.widening, self.calibration_.late_widening or self.calibration_.widening
+        calibration, pulses = self._band.check(tests, left_out, watch)
+        alone = LeftOut.of(pulses)
         for number, group in enumerate(groups):
             if len(group) > 1:
-                pulses[number] = self._band.pulses(tests[number].condition, without(number, group), widening, late)
-        self.left_out_groups_ = LeftOut.of(pulses if max(map(len, groups)) < len(tests) else {})
+                pulses[number] = self._band.pulses(tests[number].condition, without(number, group), calibration)
+        apart = LeftOut.of(pulses if max(map(len, groups)) < len(tests) else {})
+        speeds = self._vectors[:, 0]
+        far = widening_far(accel, speeds, apart) if apart.numbers.size else _FAR_UNCHECKED
+        self.calibration_ = replace(calibration, far=far)
+
+        def further(out: Sequence[tuple[int, ...]]) -> dict[int, float]:
+            near = (nearness(speeds[number], np.delete(speeds, own)) for number, own in enumerate(out))
+            return {number: self.calibration_.further(q) for number, q in enumerate(near)}
+
+        self.left_out_ = alone.widened(further([(number,) for number in range(len(tests))]))
+        self.left_out_groups_ = apart.widened(further(groups))
         ends = [self._band.stopping(tests[n].condition).end_share(p.mean) for n, p in left_out.items()]
         self._delta_v_misfit = float(np.abs(np.array(ends) - self._band.end_shares).mean())
 
@@ -182,14 +196,15 @@ class TimeDomain(TcnApproach):
         lf = super().predict(condition)
         if not hasattr(self, "increments_"):
             return lf
-        vector, check = condition.vector[None], self.calibration_
+        vector = condition.vector[None]
         here = self._tangents_at(vector)
         across = self._kernel_with(here, vector)[:, :, 0]
         own = tangent_kernel(self.network_, here, here)[0, :, 0]
         expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
         with threadpool_limits(1):  # small matrices, and the same numbers on any machine
             posterior = self._band.stopped(condition, expected, self.increments_.posterior(across, own))
-            pulses = self._band.pulses(condition, posterior, check.widening, check.late_widening or check.widening)
+            further = self.calibration_.further(nearness(condition.speed_mps, self._vectors[:, 0]))
+            pulses = self._band.pulses(condition, posterior, self.calibration_, further)
         notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 

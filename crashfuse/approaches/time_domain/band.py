@@ -58,8 +58,15 @@ class Band:
         both = Posterior(lf + posterior.mean, posterior.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
         return self.stopping(condition).imposed(both, np.delete(self.end_shares, without))
 
-    def pulses(self, condition: Condition, posterior: Posterior, widening: float, late: float) -> FloatArray:
-        """Pulses in m/s², shape (1 + n_draws, 1250): the mean, then draws with widened deviations."""
+    def pulses(
+        self, condition: Condition, posterior: Posterior, calibration: Calibration, further: float = 1.0
+    ) -> FloatArray:
+        """Pulses in m/s², shape (1 + n_draws, 1250): the mean, then draws with widened deviations.
+
+        The widening is that of the calibration, times a further factor.
+        """
+        widening = further * calibration.widening
+        late = further * (calibration.late_widening or calibration.widening)
         n_draws, n_times = self.config.n_draws, posterior.mean.size
         dof = max(len(self.end_shares), _LEAST_FREEDOM)
         rng = np.random.default_rng(self.seed)
@@ -80,7 +87,7 @@ class Band:
         def check(widening: float, late: float) -> list[Coverage]:
             watch.report("Checking the band on left-out tests", 0, 1)
             for number, posterior in left_out.items():
-                pulses[number] = self.pulses(tests[number].condition, posterior, widening, late)
+                pulses[number] = self.pulses(tests[number].condition, posterior, Calibration(widening, (), late))
             return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
 
         # Wider draws have higher peaks, so a measured peak below its interval is only reported and does not widen the

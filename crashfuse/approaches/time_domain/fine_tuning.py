@@ -103,8 +103,8 @@ class Increments:
         band = trials[self.band_penalty_]
         self._unit, self._size, self._inverse = unit, float(sizes[self.band_penalty_]), band.inverse
         self._weights = trials[self.penalty_].inverse @ misfit.ravel()
-        self.left_out_ = {}
-        for out in {**{(i,): None for i in range(n)}, **dict.fromkeys(together)}:
+        self.left_out_: dict[tuple[int, ...], tuple[Posterior, ...]] = {}
+        for out in dict.fromkeys([*((i,) for i in range(n)), *together]):
             means = misfit[list(out)] - trials[self.penalty_].without(out)[0]
             resolved = band.without(out)[1] - _UNRESOLVED * np.eye(n_times)
             self.left_out_[out] = tuple(map(Posterior, means, self._size * resolved))
