@@ -111,9 +111,8 @@ def main() -> None:
     chosen = arguments.parse_args()
     seeds = range(chosen.first, chosen.first + chosen.vehicles)
     logits = _fitted(Parallel(chosen.workers)(delayed(_scores)(seed) for seed in seeds))
-    print(
-        "| | logit | slope by log ratio of spreads | logit by log tests | slope by log tests |\n|---|---:|---:|---:|---:|"
-    )
+    print("| | logit | slope by log ratio of spreads | logit by log tests | slope by log tests |")
+    print("|---" + "|---:" * 4 + "|")
     for name, row in zip(COMPONENTS, logits, strict=True):
         print(f"| {name} | " + " | ".join(f"{value:+.2f}" for value in row) + " |")
 

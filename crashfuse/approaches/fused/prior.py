@@ -11,7 +11,7 @@ import numpy as np
 from crashfuse.signals.pulse import FloatArray
 
 _EQUAL: FloatArray = np.array([0.0, 0.25, -2.1])  # logits of time domain, displacement domain, raw CAE with one test
-_BY_LOG_TESTS: FloatArray = np.array([0.0, -0.15, -0.1])
+_BY_LOG_TESTS: FloatArray = np.array([0.0, -0.15, -0.3])
 _SLOPES: FloatArray = np.array([-0.3, 0.3, 0.0])  # by the log ratio of the two approaches' spreads
 
 SPREAD: FloatArray = np.array([1.0, 0.2])

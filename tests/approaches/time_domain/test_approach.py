@@ -17,7 +17,7 @@ from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 
 pytestmark = pytest.mark.slow
 
@@ -111,7 +111,7 @@ def test_the_state_says_what_was_chosen(mf: TimeDomain) -> None:
     assert mf.state["members"] == 2
 
 
-def test_tests_alone_at_their_speed_are_left_out_once(campaign: Campaign, mf: TimeDomain) -> None:
+def test_tests_alone_at_their_speed_are_left_out_once(mf: TimeDomain) -> None:
     """T1, T2 and T4 are at 15, 25 and 35 mph: without their speed group is without themselves."""
     assert mf.left_out_groups_.numbers.tolist() == [0, 1, 2]
     np.testing.assert_array_equal(mf.left_out_groups_.mean_mps2, mf.left_out_.mean_mps2)
