@@ -6,6 +6,7 @@ from typing import Self
 
 import numpy as np
 
+from crashfuse.approaches.left_out import STRIDE, LeftOut
 from crashfuse.campaign import CrashTest
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics, motion
 
@@ -14,6 +15,7 @@ LEVELS: FloatArray = np.linspace(0.05, 0.95, 19)
 """Nominal levels at which the coverage of bands is checked."""
 
 WIDENINGS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
+_TINY = 1e-9  # m/s²
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,11 +95,18 @@ class Calibration:
         One for each left-out test, with the widened band.
     late_widening : float, optional
         Factor after the time of zero velocity, if different.
+    far : float
+        Further factor far from all tests, where tests left out one by one say little.
     """
 
     widening: float
     tests: tuple[Coverage, ...]
     late_widening: float | None = None
+    far: float = 1.0
+
+    def further(self, nearness: float) -> float:
+        """Factor on top of ``widening`` and ``late_widening`` at a condition of this nearness to a test."""
+        return nearness + (1 - nearness) * self.far
 
     @property
     def holds(self) -> bool:
@@ -137,16 +146,16 @@ class Calibration:
         return np.array([astuple(test) for test in self.tests], dtype=np.float64).reshape(-1, 5)
 
     @classmethod
-    def of(cls, widening: float, inside: FloatArray, late_widening: float | None = None) -> Self:
+    def of(cls, widening: float, inside: FloatArray, late_widening: float | None = None, far: float = 1.0) -> Self:
         """Create the calibration from rows as :attr:`inside` returns them."""
         tests = tuple(Coverage(a, v, after, bool(crush), bool(peak)) for a, v, after, crush, peak in inside.tolist())
-        return cls(widening, tests, late_widening)
+        return cls(widening, tests, late_widening, far)
 
     @property
     def state(self) -> dict[str, object]:
         """The counts and the widening, as plain JSON values."""
         late = {} if self.late_widening is None else {"late_widening": self.late_widening}
-        return {"widening": self.widening, **late, **self.counts}
+        return {"widening": self.widening, **late, "far": round(self.far, 3), **self.counts}
 
 
 def calibrate(check: Callable[[float], Sequence[Coverage]], widenings: Sequence[float] = WIDENINGS) -> Calibration:
@@ -160,3 +169,22 @@ def calibrate(check: Callable[[float], Sequence[Coverage]], widenings: Sequence[
         if calibration.holds:
             break
     return calibration
+
+
+def widening_far(measured_mps2: FloatArray, speeds_mps: FloatArray, left_out: LeftOut) -> float:
+    """Smallest widening with which a(t) of tests predicted from other speeds lies inside as often as it should.
+
+    That is on average up to the time of zero velocity; 1 without such tests. ``measured_mps2`` and ``speeds_mps`` are
+    those of all tests.
+    """
+    reach = []  # by how much each band would have to be widened at each time
+    for number, mean, draws in zip(left_out.numbers, left_out.mean_mps2, left_out.draws_mps2, strict=True):
+        measured = measured_mps2[number]
+        loading = (~(kinematics(measured, speeds_mps[number], DT_S).t0_s < GRID_S))[::STRIDE]
+        lower, upper = np.quantile(draws, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0) - mean
+        off = measured[::STRIDE] - mean
+        reach.append(np.maximum(off / np.maximum(upper, _TINY), off / np.minimum(lower, -_TINY))[loading])
+    for widening in WIDENINGS if reach else ():
+        if np.mean([(own <= widening).mean() for own in reach]) >= LEVEL:
+            return widening
+    return WIDENINGS[-1] if reach else 1.0

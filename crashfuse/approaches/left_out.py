@@ -1,4 +1,4 @@
-"""Leave-one-out predictions: each test predicted as if it had not been run."""
+"""Predictions of left-out tests: each test as if it, or its whole speed group, had not been run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -41,6 +41,12 @@ class LeftOut:
             np.array([pulses[1:] for pulses in some], dtype=np.float32),
         )
 
+    def widened(self, factors: Mapping[int, float]) -> "LeftOut":
+        """The same with each test's draws moved away from its expected pulse by the factor under its number."""
+        by = np.array([factors[int(number)] for number in self.numbers])[:, None, None]
+        mean = self.mean_mps2[:, None]
+        return LeftOut(self.numbers, self.mean_mps2, (mean + by * (self.draws_mps2 - mean)).astype(np.float32))
+
     def predictions(self, campaign: Campaign) -> dict[str, Prediction]:
         """The predictions on the study grid, by test id; the campaign is the one that was learned from."""
         rows = zip(self.numbers, self.mean_mps2, self.draws_mps2, strict=True)
@@ -54,6 +60,12 @@ class LeftOut:
     def restored(cls, learned: FittedState) -> "LeftOut":
         """Restore from the state that :meth:`learned` returned."""
         return cls(learned.arrays["numbers"], learned.arrays["mean"], learned.arrays["draws"])
+
+
+def speed_groups(campaign: Campaign) -> list[tuple[int, ...]]:
+    """For each test, the numbers of the tests of its speed group, itself included."""
+    number = {test_id: i for i, test_id in enumerate(campaign.test_ids)}
+    return [tuple(number[member] for member in campaign.speed_group(test_id)) for test_id in campaign.test_ids]
 
 
 def predicted(test: CrashTest, mean_mps2: FloatArray, draws_mps2: FloatArray) -> Prediction:

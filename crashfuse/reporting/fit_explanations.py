@@ -64,10 +64,12 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
             f"increments are a test's own, chosen from {', '.join(errors)} by leaving each test out; the change of "
             f"velocity of left-out tests was met to {100 * state['left_out_delta_v_misfit']:.1f} % of impact speed."
         )
-    if near := state.get("weights_beside_a_test"):
-        far = state["weights_far_from_tests"]
-        weights = ", ".join(f"{name} {near[name]:.2f} (far from all tests {far[name]:.2f})" for name in near)
-        sentences.append(f"Weights near a test: {weights}; from how well each predicted left-out tests (CRPS).")
+    if weights := state.get("weights_at_equal_bands"):
+        shares = ", ".join(f"{name} {weight:.2f}" for name, weight in weights.items())
+        sentences.append(
+            f"Weights where both approaches have equally wide bands: {shares}; from how well each predicted left-out "
+            "tests (CRPS). The one with the narrower band counts for more."
+        )
     if check := state.get("band_check"):
         sentences.append(_band_sentence(check))
     return sentences

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from crashfuse.approaches.calibration import Calibration, Coverage, calibrate, shares_inside
+from crashfuse.approaches.calibration import Calibration, Coverage, calibrate, shares_inside, widening_far
+from crashfuse.approaches.left_out import LeftOut
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
@@ -97,15 +98,16 @@ def test_one_test_in_twenty_may_lie_outside_rounded_up(name: str, n: int, most: 
 
 
 def test_what_is_kept_of_a_check_is_the_check() -> None:
-    """A row of five numbers a test, and both factors, give it back; what it tells is plain and rounded."""
+    """A row of five numbers a test, and the factors, give it back; what it tells is plain and rounded."""
     tests = (Coverage(0.91, 0.97236, float("nan"), crush=True, peak=False), Coverage(0.93, 1.0, 0.5, False, True))
-    check = Calibration(1.3, tests, 1.5)
+    check = Calibration(1.3, tests, 1.5, 1.25)
     np.testing.assert_array_equal(check.inside, [[0.91, 0.97236, np.nan, 1, 0], [0.93, 1.0, 0.5, 0, 1]])
-    again = Calibration.of(check.widening, check.inside, check.late_widening)
+    again = Calibration.of(check.widening, check.inside, check.late_widening, check.far)
     assert (again.widening, again.late_widening) == (1.3, 1.5)
     assert again.state == check.state == {
         "widening": 1.3,
         "late_widening": 1.5,
+        "far": 1.25,
         "left_out_tests": 2,
         "holds": False,
         "accel_inside": 0.92,
@@ -164,3 +166,23 @@ def test_a_band_of_each_level_holds_what_lies_within_it(campaign: Campaign) -> N
     measured = replace(test, pulse=replace(test.pulse, accel_mps2=1.34 * test.pulse.accel_mps2))
     shares = shares_inside(measured, factors[:, None] * test.pulse.accel_mps2, np.array([0.6, 0.66, 0.72, 0.95]))
     np.testing.assert_allclose(shares, [0, 0, 1, 1], atol=0.02)
+
+
+def test_far_from_all_tests_the_further_factor_holds_in_full() -> None:
+    """Beside a test it is 1, half-way between the mean of both."""
+    calibration = Calibration(1.3, (), far=2.0)
+    assert [calibration.further(nearness) for nearness in (0.0, 0.5, 1.0)] == [2.0, 1.5, 1.0]
+
+
+def test_bands_are_widened_far_from_tests_until_left_out_speed_groups_lie_inside() -> None:
+    """Bands of half the width that it takes to hold 95 % of the time: twice; none without such tests."""
+    rng = np.random.default_rng(0)
+    mean = np.full(125, -100.0)
+    measured = np.interp(np.arange(1250), np.arange(0, 1250, 10), mean + rng.standard_normal(125))
+    draws = (mean + 0.5 * rng.standard_normal((4000, 125)))[None]
+    left_out = LeftOut(np.array([0]), mean[None], draws)
+    speeds = np.array([50.0])  # it never stops
+    assert widening_far(measured[None], speeds, left_out) in (1.75, 2.0, 2.5)
+    wide = left_out.widened({0: 2.5})
+    assert widening_far(measured[None], speeds, wide) == 1.0
+    assert widening_far(measured[None], speeds, LeftOut.of({})) == 1.0

@@ -97,14 +97,11 @@ def test_a_dead_fit_is_called_one() -> None:
 
 
 def test_a_mixture_is_told_in_a_sentence() -> None:
-    """The weight of each component beside a test, and far from all."""
+    """The weight of each component where both approaches are equally sure, and what else counts."""
     components = ("time domain", "displacement domain", "raw CAE")
-    state = {
-        "weights_beside_a_test": dict(zip(components, (0.4, 0.6, 0.0), strict=True)),
-        "weights_far_from_tests": dict(zip(components, (0.3, 0.5, 0.2), strict=True)),
-    }
-    (sentence,) = fit_sentences(state)
-    assert "time domain 0.40 (far from all tests 0.30), displacement domain 0.60 (far from all tests 0.50)" in sentence
+    (sentence,) = fit_sentences({"weights_at_equal_bands": dict(zip(components, (0.4, 0.6, 0.0), strict=True))})
+    assert "time domain 0.40, displacement domain 0.60, raw CAE 0.00" in sentence
+    assert "narrower band counts for more" in sentence
 
 
 def test_a_factor_of_its_own_after_zero_velocity_is_told() -> None:

@@ -10,25 +10,26 @@ from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
-from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
+from crashfuse.approaches.calibration import Calibration, widening_far
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.left_out import LeftOut
+from crashfuse.approaches.left_out import LeftOut, speed_groups
+from crashfuse.approaches.nearness import nearness
+from crashfuse.approaches.time_domain.band import Band
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
 from crashfuse.approaches.time_domain.kernel_blocks import KernelBlocks
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
-from crashfuse.approaches.time_domain.stopping import SMOOTH_S, Stopping, stopping_notes
+from crashfuse.approaches.time_domain.stopping import stopping_notes
 from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
 from crashfuse.approaches.time_domain.training_data import fine_tune, mean_outputs
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.signals.pulse import FloatArray
 
+_FAR_UNCHECKED = 1.5  # widening far from tests at a single speed, which cannot tell: from random vehicles
 _DRIFT_MPS = 12.0  # length scale of increments over speed: a 10 mph test says less about 35 mph than a 30 mph test
-_LEAST_FREEDOM = 3  # of the draws; with fewer the variance is infinite
 _KERNEL_STEP = "Derivatives of the LF networks"
-_HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
 class TimeDomain(TcnApproach):
@@ -46,8 +47,8 @@ class TimeDomain(TcnApproach):
         Posterior over θ_HF; only with fine-tuning in closed form.
     calibration_ : Calibration
         Calibration of the band on tests left out one by one; likewise.
-    left_out_ : LeftOut
-        Predictions of these tests; likewise.
+    left_out_, left_out_groups_ : LeftOut
+        Predictions of these tests, and of each test from those at other speeds; likewise.
     losses_ : ndarray, shape (n_members, n_steps)
         Loss on the tests before each step; only after fine-tuning by Adam.
     """
@@ -84,7 +85,7 @@ class TimeDomain(TcnApproach):
                 self.network_, self.scaling_, self._vectors, accel, self.config, checkpoint, watch
             )
             return self
-        self._learn(campaign, watch)
+        self._learn(campaign, accel, watch)
         return self
 
     def _lf(self) -> LfTcn:
@@ -102,9 +103,7 @@ class TimeDomain(TcnApproach):
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         # target outputs for the tests, shape (n_tests, n_times)
         self._targets = self.scaling_.targets(self._vectors, accel, self.config).numpy().T.astype(np.float64)
-        self._end_shares = np.array(
-            [self._stopping(t.condition).end_share(own) for t, own in zip(campaign.tests, self._targets, strict=True)]
-        )
+        self._band = Band.of(campaign.tests, self._targets, self.scaling_, self.config, self.seed)
         return accel
 
     def learned(self) -> FittedState:
@@ -119,10 +118,13 @@ class TimeDomain(TcnApproach):
         values = {
             "widening": check.widening,
             "late_widening": check.late_widening,
+            "far": check.far,
             "delta_v_misfit": self._delta_v_misfit,
         }
-        parts = {"lf": lf, "increments": self.increments_.learned(), "left_out": self.left_out_.learned()}
-        return FittedState.of(values, {"inside": check.inside}, **parts)
+        left_out = {"left_out": self.left_out_.learned(), "left_out_groups": self.left_out_groups_.learned()}
+        return FittedState.of(
+            values, {"inside": check.inside}, lf=lf, increments=self.increments_.learned(), **left_out
+        )
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore networks and increments."""
@@ -133,42 +135,49 @@ class TimeDomain(TcnApproach):
             return self
         self.increments_ = Increments().restore(learned.part("increments"))
         values = learned.values
-        self.calibration_ = Calibration.of(values["widening"], learned.arrays["inside"], values["late_widening"])
+        self.calibration_ = Calibration.of(
+            values["widening"], learned.arrays["inside"], values["late_widening"], values["far"]
+        )
         self._delta_v_misfit = values["delta_v_misfit"]
         self.left_out_ = LeftOut.restored(learned.part("left_out"))
+        self.left_out_groups_ = LeftOut.restored(learned.part("left_out_groups"))
         return self
 
-    def _learn(self, campaign: Campaign, watch: Watch) -> None:
+    def _learn(self, campaign: Campaign, accel: FloatArray, watch: Watch) -> None:
         lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors, self.config))
         watch.report("Fine-tuning on tests", 0, 1)
         kernel = self._kernel.among(self._vectors) * self._alike(self._vectors)[:, None, :, None]
         watch.report("Fine-tuning on tests", 1, 1)
-        self.increments_ = increments = Increments().fit(kernel, self._targets - lf)
+        groups = speed_groups(campaign)
+        self.increments_ = increments = Increments().fit(kernel, self._targets - lf, groups)
         for number, rho in enumerate(reversed(PENALTIES), start=1):
             errors = {"tests_learned_from": increments.error_[rho], "tests_left_out": increments.left_out_error_[rho]}
             watch.report("Strength of the fine-tuning", number, len(PENALTIES), **errors)
 
+        def without(number: int, out: tuple[int, ...]) -> Posterior:
+            posterior = increments.left_out_[out][out.index(number)]
+            return self._band.stopped(campaign.tests[number].condition, lf[number], posterior, out)
+
         tests = campaign.tests
-        left_out = [
-            self._stopped(test.condition, lf[i], increments.left_out_[i], np.delete(self._end_shares, i))
-            for i, test in enumerate(tests)
-        ]
-        pulses: dict[int, FloatArray] = {}
+        left_out = {number: without(number, (number,)) for number in range(len(tests))}
+        calibration, pulses = self._band.check(tests, left_out, watch)
+        alone = LeftOut.of(pulses)
+        for number, group in enumerate(groups):
+            if len(group) > 1:
+                pulses[number] = self._band.pulses(tests[number].condition, without(number, group), calibration)
+        apart = LeftOut.of(pulses if max(map(len, groups)) < len(tests) else {})
+        speeds = self._vectors[:, 0]
+        far = widening_far(accel, speeds, apart) if apart.numbers.size else _FAR_UNCHECKED
+        self.calibration_ = replace(calibration, far=far)
 
-        def check(widening: float, late: float) -> list[Coverage]:
-            watch.report("Checking the band on left-out tests", 0, 1)
-            for number, (test, posterior) in enumerate(zip(tests, left_out, strict=True)):
-                pulses[number] = self._pulses(test.condition, posterior, widening, late)
-            return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
+        def further(out: Sequence[tuple[int, ...]]) -> dict[int, float]:
+            near = (nearness(speeds[number], np.delete(speeds, own)) for number, own in enumerate(out))
+            return {number: self.calibration_.further(q) for number, q in enumerate(near)}
 
-        # Wider draws have higher peaks, so a measured peak below its interval is only reported and does not widen the
-        # band. The rebound is less certain and has its own factor.
-        first = calibrate(lambda w: [replace(c, rebound=np.nan, peak=True) for c in check(w, w)]).widening
-        late = calibrate(lambda w: [replace(_HELD, rebound=c.rebound) for c in check(first, w)]).widening
-        self.calibration_ = Calibration(first, tuple(check(first, late)), late)
-        self.left_out_ = LeftOut.of(pulses)
-        ends = [self._stopping(test.condition).end_share(o.mean) for test, o in zip(tests, left_out, strict=True)]
-        self._delta_v_misfit = float(np.abs(np.array(ends) - self._end_shares).mean())
+        self.left_out_ = alone.widened(further([(number,) for number in range(len(tests))]))
+        self.left_out_groups_ = apart.widened(further(groups))
+        ends = [self._band.stopping(tests[n].condition).end_share(p.mean) for n, p in left_out.items()]
+        self._delta_v_misfit = float(np.abs(np.array(ends) - self._band.end_shares).mean())
 
     def _blocks(self, lf: LfTcn, campaign: Campaign) -> KernelBlocks:
         def inputs(vectors: FloatArray) -> Tensor:
@@ -181,39 +190,19 @@ class TimeDomain(TcnApproach):
         apart = self._vectors[:, None, 0] - vectors[:, 0]
         return np.asarray(np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2))
 
-    def _stopping(self, condition: Condition) -> Stopping:
-        return Stopping.of(condition, self.scaling_, self.config)
-
-    def _stopped(self, condition: Condition, lf: FloatArray, posterior: Posterior, end_shares: FloatArray) -> Posterior:
-        """Sum of LF networks and increments, smoothed to real pulses and constrained to a vehicle that stops."""
-        both = Posterior(lf + posterior.mean, posterior.covariance).smoothed(SMOOTH_S / (DT_S * self.config.stride))
-        return self._stopping(condition).imposed(both, end_shares)
-
-    def _pulses(self, condition: Condition, posterior: Posterior, widening: float, late: float) -> FloatArray:
-        """Pulses in m/s², shape (1 + n_draws, 1250): the mean, then draws with widened deviations."""
-        n_draws, n_times = self.config.n_draws, posterior.mean.size
-        dof = max(len(self._vectors), _LEAST_FREEDOM)
-        rng = np.random.default_rng(self.seed)
-        normal = posterior.draw(n_draws, rng)
-        # Student's t, as the variance itself is learned from a handful of tests
-        factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
-        wide = widening + (late - widening) * self._stopping(condition).after_t0(posterior.mean)
-        deviations = factors[:, None] * normal * wide
-        outputs = posterior.mean + np.vstack([np.zeros(n_times), deviations])
-        return self.scaling_.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
-
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition, with draws if the increments were learned in closed form."""
         lf = super().predict(condition)
         if not hasattr(self, "increments_"):
             return lf
-        vector, check = condition.vector[None], self.calibration_
+        vector = condition.vector[None]
         across, own = self._kernel.beside(self._vectors, condition.vector)
         across = across * self._alike(vector)[:, :, None]
         expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
         with threadpool_limits(1):  # small matrices, and the same numbers on any machine
-            posterior = self._stopped(condition, expected, self.increments_.posterior(across, own), self._end_shares)
-            pulses = self._pulses(condition, posterior, check.widening, check.late_widening or check.widening)
+            posterior = self._band.stopped(condition, expected, self.increments_.posterior(across, own))
+            further = self.calibration_.further(nearness(condition.speed_mps, self._vectors[:, 0]))
+            pulses = self._band.pulses(condition, posterior, self.calibration_, further)
         notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)
 

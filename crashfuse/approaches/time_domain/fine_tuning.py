@@ -7,6 +7,7 @@ The only input is the tangent kernel J(x) J(x')ᵀ of :mod:`crashfuse.approaches
 (Jacot et al. 2018; as a posterior, Immer et al. 2021).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -71,17 +72,18 @@ class Increments:
     ----------
     penalty_, band_penalty_ : float
         ρ of the mean and of the covariance.
-    left_out_ : tuple of Posterior
-        Posterior for each test, from all the others.
+    left_out_ : dict of tuple of int to tuple of Posterior
+        By the numbers of tests left out together, the posterior for each of them from all others.
     left_out_error_, error_ : dict of float to float
         Root mean square error for each ρ, in units of the network's output: on each test predicted from the others,
         and predicted with it included.
     """
 
-    def fit(self, kernel: FloatArray, misfit: FloatArray) -> Self:
+    def fit(self, kernel: FloatArray, misfit: FloatArray, together: Sequence[tuple[int, ...]] = ()) -> Self:
         """Fit to the tangent kernel between the tests, shape (n, n_times, n, n_times), and their misfit.
 
-        The misfit is measured minus LF prediction, in units of the network's output, shape (n, n_times).
+        The misfit is measured minus LF prediction, in units of the network's output, shape (n, n_times). Besides each
+        test alone, the tests in each entry of ``together`` are left out at once; that takes no further fit.
         """
         n, n_times = misfit.shape
         unit = float(np.trace(kernel.reshape(n * n_times, -1))) / misfit.size
@@ -101,8 +103,11 @@ class Increments:
         band = trials[self.band_penalty_]
         self._unit, self._size, self._inverse = unit, float(sizes[self.band_penalty_]), band.inverse
         self._weights = trials[self.penalty_].inverse @ misfit.ravel()
-        resolved = band.covariances - _UNRESOLVED * np.eye(n_times)
-        self.left_out_ = tuple(Posterior(*pair) for pair in zip(misfit - errors, self._size * resolved, strict=True))
+        self.left_out_: dict[tuple[int, ...], tuple[Posterior, ...]] = {}
+        for out in dict.fromkeys([*((i,) for i in range(n)), *together]):
+            means = misfit[list(out)] - trials[self.penalty_].without(out)[0]
+            resolved = band.without(out)[1] - _UNRESOLVED * np.eye(n_times)
+            self.left_out_[out] = tuple(map(Posterior, means, self._size * resolved))
         return self
 
     def posterior(self, across: FloatArray, own: FloatArray) -> Posterior:
@@ -140,28 +145,45 @@ class Increments:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Trial:
-    """Trial of one ρ: inverse covariance of the tests; error and covariance of each predicted from the others."""
+    """Trial of one ρ: inverse covariance of the tests, and its product with their misfit, shape (n, n_times).
+
+    Error and variance of each test, predicted from the others, have the shape (n, n_times).
+    """
 
     inverse: FloatArray
+    weights: FloatArray
     errors: FloatArray
-    covariances: FloatArray
-
-    @property
-    def variances(self) -> FloatArray:
-        """Variance of each test's output at each time, predicted from the others, shape (n, n_times)."""
-        return np.diagonal(self.covariances, axis1=1, axis2=2)
+    variances: FloatArray
 
     @classmethod
     def of(cls, kernel: FloatArray, misfit: FloatArray, rho: float) -> Self:
-        """Leave out one test at a time by blocks of the inverse (Rasmussen & Williams 2006, Eqs. 5.10–5.12)."""
+        """Invert, and leave out one test at a time."""
         n, n_times = misfit.shape
         same_test = np.eye(n)[:, None, :, None]
         covariance = (kernel * (1 + rho * same_test)).reshape(misfit.size, -1) + _UNRESOLVED * np.eye(misfit.size)
         inverse = np.linalg.inv(covariance)
         weights = (inverse @ misfit.ravel()).reshape(n, n_times)
-        blocks = inverse.reshape(n, n_times, n, n_times)
-        covariances = np.linalg.inv(np.array([blocks[i, :, i] for i in range(n)]))
-        return cls(inverse, np.einsum("itu,iu->it", covariances, weights), covariances)
+        singly = [_left_out(inverse, weights, (i,)) for i in range(n)]
+        errors = np.concatenate([errors for errors, _ in singly])
+        variances = np.concatenate([np.diagonal(own, axis1=1, axis2=2) for _, own in singly])
+        return cls(inverse, weights, errors, variances)
+
+    def without(self, out: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        """Errors and covariances of these tests, predicted from all others."""
+        return _left_out(self.inverse, self.weights, out)
+
+
+def _left_out(inverse: FloatArray, weights: FloatArray, out: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Leave tests out together by blocks of the inverse (Rasmussen & Williams 2006, Eqs. 5.10–5.12).
+
+    Returns their errors, shape (m, n_times), and the covariance of each, shape (m, n_times, n_times).
+    """
+    n, n_times = weights.shape
+    m, numbers = len(out), list(out)
+    block = inverse.reshape(n, n_times, n, n_times)[numbers][:, :, numbers].reshape(m * n_times, -1)
+    covariance = np.linalg.inv(block)
+    errors = (covariance @ weights[numbers].ravel()).reshape(m, n_times)
+    return errors, covariance.reshape(m, n_times, m, n_times)[range(m), :, range(m)]
 
 
 def _one_standard_error(squares: dict[float, FloatArray]) -> float:

@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.special import softmax
 
 from crashfuse.approaches.calibration import Coverage
 from crashfuse.approaches.fused.approach import Fused
-from crashfuse.approaches.fused.weights import Pool, Scores
+from crashfuse.approaches.fused.prior import SPREAD, STRENGTH, prior
+from crashfuse.approaches.fused.weights import Pool, Scores, spread
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
-from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import LB, MPH
 
 pytestmark = pytest.mark.usefixtures("quick_networks")
@@ -23,6 +23,15 @@ pytestmark = pytest.mark.usefixtures("quick_networks")
 def fused(campaign: Campaign, quick_networks: None) -> Fused:  # noqa: ARG001
     """Fitted to all tests but T3 (26 mph; T2 is at 25)."""
     return Fused().fit(campaign.without(["T3"]))
+
+
+def _weights(fused: Fused, condition: Condition) -> FloatArray:
+    """The weights at a condition: by the spread of what each component draws there over the first 60 ms."""
+    parts = [part.predict(condition).draws_mps2 for part in fused.parts]
+    tests = fused._tests
+    raw = tests.raw(fused.displacement_domain_.model_.pulse(condition).accel_mps2, condition.speed_mps).draws
+    spreads = [spread(draws[:, :750:10]) for draws in (*parts, raw) if draws is not None]
+    return fused.pool_.weights(np.array(spreads))
 
 
 def test_the_band_is_checked_around_the_mixture(fused: Fused) -> None:
@@ -42,7 +51,7 @@ def test_the_expected_pulse_is_the_weighted_mean_of_its_components(campaign: Cam
         fused.displacement_domain_.predict(condition).accel_mps2,
         fused.displacement_domain_.model_.pulse(condition).accel_mps2,
     ]
-    weights = fused.pool_.weights(float(np.exp(-1 / 3)))  # T2 is 1 mph away
+    weights = _weights(fused, condition)
     assert weights.sum() == pytest.approx(1)
     np.testing.assert_allclose(fused.predict(condition).accel_mps2, weights @ np.array(components), atol=1e-6)
 
@@ -78,9 +87,10 @@ def test_the_band_holds_draws_of_its_components_by_their_weights(campaign: Campa
     of_time = fused.time_domain_.predict(test.condition).draws_mps2
     assert of_time is not None
     mean = prediction.accel_mps2
-    found = mean + (prediction.draws_mps2 - mean) / fused.calibration_.widening
+    check = fused.calibration_
+    found = mean + (prediction.draws_mps2 - mean) / (check.widening * check.further(float(np.exp(-1 / 3))))
     share = np.mean([np.abs(of_time - draw).max(axis=1).min() < 1e-6 for draw in found])
-    assert share == pytest.approx(fused.pool_.weights(float(np.exp(-1 / 3)))[0], abs=0.01)
+    assert share == pytest.approx(_weights(fused, test.condition)[0], abs=0.01)
     coverage = Coverage.of(test, prediction.draws_mps2)
     assert coverage.accel > 0.9
     assert coverage.crush
@@ -116,12 +126,10 @@ def test_a_single_test_is_enough(campaign: Campaign) -> None:
     test, condition = campaign.test("T2"), campaign.test("T4").condition  # at 25 and 35 mph
     prediction = fused.predict(condition)
     assert np.isfinite(prediction.accel_mps2).all()
-    assert "weights not learned" in prediction.notes[0]
-    for away_mph, found in ((0.0, fused.predict(test.condition)), (10.0, prediction)):
-        far, beside = np.array([-0.5, 0.0, -3.0]), np.array([-0.5, 0.0, -5.0])  # what is thought before
-        near = np.exp(-away_mph / 3)
-        told = [float(share) for share in re.findall(r"(?:domain|CAE) (\d\.\d\d)", found.notes[0])]
-        np.testing.assert_allclose(told, softmax((1 - near) * far + near * beside), atol=0.01)
+    assert "weights of other vehicles" in prediction.notes[0]
+    np.testing.assert_array_equal(fused.pool_.logits_, prior(1))
+    told = [float(share) for share in re.findall(r"(?:domain|CAE) (\d\.\d\d)", prediction.notes[0])]
+    np.testing.assert_allclose(told, _weights(fused, condition), atol=0.01)
     # the last draws are the CAE's, with the error that it had in T2, scaled with the speed, of either sign
     model = fused.displacement_domain_.model_
     error = (test.pulse.accel_mps2 - model.pulse(test.condition).accel_mps2) * 35 / 25
@@ -135,7 +143,7 @@ def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign
     rest = campaign.without(["T3"])
     speeds_mph, cae = np.array([15.0, 25.0, 35.0]), fused.displacement_domain_.model_
     wrong = {test.id: test.pulse.accel_mps2 - cae.pulse(test.condition).accel_mps2 for test in rest.tests}
-    scores, nearness, means = [], [], []
+    scores, spreads, means = [], [], []
     for i, test in enumerate(rest.tests):
         learned = [part.left_out_ for part in (fused.time_domain_, fused.displacement_domain_)]
         rows = [(left, left.numbers.tolist().index(i)) for left in learned]
@@ -144,23 +152,20 @@ def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign
         pulse = cae.pulse(test.condition).accel_mps2
         drawn = [*(left.draws_mps2[row] for left, row in rows), (pulse + np.concatenate([errors, -errors]))[:, ::10]]
         scores.append(Scores.of(test.pulse.accel_mps2[:750:10], [draws[:, :75] for draws in drawn]))
-        nearness.append(np.exp(-10 / 3))
+        spreads.append(scores[-1].spreads)
         means.append([*(left.mean_mps2[row] for left, row in rows), pulse[::10]])
-    prior = np.array([[-0.5, -0.5], [0.0, 0.0], [-3.0, -5.0]])
-    again = Pool(prior, spread=1.0, strength=10.0).fit(scores, np.array(nearness))
+    again = Pool(prior(3), spread=SPREAD, strength=STRENGTH).fit(scores)
     np.testing.assert_allclose(fused.pool_.logits_, again.logits_, atol=1e-3)
     expected = fused.left_out(rest)
     assert tuple(expected) == rest.test_ids
-    for test, near, said in zip(rest.tests, nearness, means, strict=True):
+    for test, own, said in zip(rest.tests, spreads, means, strict=True):
         np.testing.assert_allclose(
-            expected[test.id].accel_mps2[::10], fused.pool_.weights(near) @ np.array(said), atol=1e-6
+            expected[test.id].accel_mps2[::10], fused.pool_.weights(own) @ np.array(said), atol=1e-6
         )
-    state = fused.state
-    for key, near in (("weights_far_from_tests", 0.0), ("weights_beside_a_test", 1.0)):
-        told = state[key]
-        assert isinstance(told, dict)
-        assert list(told) == ["time domain", "displacement domain", "raw CAE"]
-        np.testing.assert_allclose(list(told.values()), fused.pool_.weights(near), atol=1e-4)
+    told = fused.state["weights_at_equal_bands"]
+    assert isinstance(told, dict)
+    assert list(told) == ["time domain", "displacement domain", "raw CAE"]
+    np.testing.assert_allclose(list(told.values()), fused.pool_.weights(np.ones(3)), atol=1e-4)
 
 
 @pytest.mark.slow

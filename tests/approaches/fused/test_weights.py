@@ -6,6 +6,7 @@ from scipy.stats import norm
 
 from crashfuse.approaches.fused import weights as pool
 from crashfuse.approaches.fused.weights import Pool, Scores
+from crashfuse.signals.pulse import FloatArray
 
 EVEN = np.zeros((2, 2))
 
@@ -14,10 +15,12 @@ def test_the_distance_between_draws_is_the_mean_over_all_pairs() -> None:
     """Written out pair by pair, for two components and for one with itself."""
     rng = np.random.default_rng(0)
     a, b = rng.standard_normal((7, 3)), rng.standard_normal((5, 3)) + 1
-    assert pool._apart(a, b) == pytest.approx(np.mean([np.abs(x - y).mean() for x in a for y in b]))
+    between = Scores.of(np.zeros(3), [a, b]).apart
+    np.testing.assert_allclose(between[[0, 1], [1, 0]], np.mean([np.abs(x - y).mean() for x in a for y in b]))
     own = [np.abs(a[i] - a[j]).mean() for i in range(7) for j in range(7) if i != j]
-    assert pool._apart(a, a) == pytest.approx(np.mean(own))
-    assert pool._apart(a[:1], a[:1]) == 0
+    assert between[0, 0] == pytest.approx(np.mean(own))
+    assert pool.spread(a) == pytest.approx(np.mean(own))
+    assert pool.spread(a[:1]) == 0
 
 
 def test_the_score_of_normal_draws_is_its_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -46,29 +49,50 @@ def _scores(rng: np.random.Generator, *offsets: float) -> Scores:
     return Scores.of(measured, [offset + 0.1 * rng.standard_normal((50, 5)) for offset in offsets])
 
 
+EQUAL = np.ones(2)
+
+
 def test_who_predicts_left_out_tests_better_is_trusted_more() -> None:
     """Ten tests in a row: nearly all of the weight."""
     rng = np.random.default_rng(2)
-    weights = Pool(EVEN, spread=1.0, strength=10.0).fit([_scores(rng, 0.0, 1.0)] * 10, np.full(10, 0.5)).weights(0.5)
+    weights = Pool(EVEN, spread=1.0, strength=10.0).fit([_scores(rng, 0.0, 1.0)] * 10).weights(EQUAL)
     assert weights.sum() == pytest.approx(1)
     assert weights[0] > 0.9
 
 
-def test_trust_depends_on_how_near_the_tests_are() -> None:
-    """The first is right beside a test, the second far from all: each is trusted where it was right."""
-    rng = np.random.default_rng(3)
-    scores = [_scores(rng, 0.0, 1.0), _scores(rng, 1.0, 0.0)] * 5
-    fitted = Pool(EVEN, spread=1.0, strength=10.0).fit(scores, np.array([1.0, 0.0] * 5))
-    assert fitted.weights(1.0)[0] > 0.8
-    assert fitted.weights(0.0)[1] > 0.8
-    assert fitted.weights(0.5)[0] == pytest.approx(0.5, abs=0.2)
+def test_the_narrower_band_counts_for_more_where_that_proved_right() -> None:
+    """In each test the one with the narrower band was right; next time the band tells whom to trust."""
+    rng, measured = np.random.default_rng(3), np.zeros(5)
+    sure, unsure = 0.1 * rng.standard_normal((50, 5)), 1.0 + 0.4 * rng.standard_normal((50, 5))
+    scores = [Scores.of(measured, [sure, unsure]), Scores.of(measured, [unsure, sure])] * 5
+    fitted = Pool(EVEN, spread=1.0, strength=10.0).fit(scores)
+    assert fitted.weights(np.array([0.1, 0.4]))[0] > 0.8
+    assert fitted.weights(np.array([0.4, 0.1]))[1] > 0.8
+    assert fitted.weights(EQUAL)[0] == pytest.approx(0.5, abs=0.05)
+
+
+def test_the_weights_are_the_best_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No small change of the logits lowers what they minimise: the gradient is that of the score."""
+    rng = np.random.default_rng(5)
+    scores = [_scores(rng, *offsets) for offsets in ((0.2, 0.5, 0.9), (0.6, 0.1, 0.4), (0.3, 0.3, 0.2))]
+    prior, scale, strength = rng.standard_normal((3, 2)), 0.7, 10.0
+    fitted = Pool(prior, spread=scale, strength=strength).fit(scores)
+    best = fitted.logits_
+
+    def loss(logits: FloatArray) -> float:
+        monkeypatch.setattr(fitted, "logits_", logits)
+        found = [score.crps(fitted.weights(score.spreads)) / score.crps(np.full(3, 1 / 3)) for score in scores]
+        return float(strength * np.sum(found) + 0.5 * np.sum(((logits - prior) / scale) ** 2))
+
+    least = loss(best)
+    for step in 0.02 * rng.standard_normal((20, 3, 2)):
+        assert loss(best + step) > least
 
 
 def test_without_left_out_tests_the_prior_decides() -> None:
     """Its logits, as they are; and one test alone moves them only so far."""
-    prior = np.array([[1.0, 1.0], [0.0, 0.0]])
-    assert Pool(prior, spread=1.0, strength=10.0).fit([], np.array([])).weights(0.3)[0] == pytest.approx(
-        1 / (1 + np.exp(-1))
-    )
-    one = Pool(prior, spread=0.1, strength=1.0).fit([_scores(np.random.default_rng(4), 1.0, 0.0)], np.array([0.3]))
-    assert one.weights(0.3)[0] == pytest.approx(1 / (1 + np.exp(-1)), abs=0.02)
+    prior = np.array([[1.0, 0.0], [0.0, 0.0]])
+    alone = Pool(prior, spread=1.0, strength=10.0).fit([]).weights(EQUAL)
+    assert alone[0] == pytest.approx(1 / (1 + np.exp(-1)))
+    one = Pool(prior, spread=0.1, strength=1.0).fit([_scores(np.random.default_rng(4), 1.0, 0.0)])
+    assert one.weights(EQUAL)[0] == pytest.approx(1 / (1 + np.exp(-1)), abs=0.02)

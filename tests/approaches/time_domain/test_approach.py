@@ -17,7 +17,7 @@ from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 
 pytestmark = pytest.mark.slow
 
@@ -109,6 +109,35 @@ def test_the_state_says_what_was_chosen(mf: TimeDomain) -> None:
     assert mf.calibration_.state == mf.state["band_check"]
     assert len(mf.calibration_.tests) == 3
     assert mf.state["members"] == 2
+
+
+def test_tests_alone_at_their_speed_are_left_out_once(mf: TimeDomain) -> None:
+    """T1, T2 and T4 are at 15, 25 and 35 mph: without their speed group is without themselves."""
+    assert mf.left_out_groups_.numbers.tolist() == [0, 1, 2]
+    np.testing.assert_array_equal(mf.left_out_groups_.mean_mps2, mf.left_out_.mean_mps2)
+
+
+def test_a_test_without_its_speed_group_is_predicted_from_the_others(campaign: Campaign) -> None:
+    """T2 and T3 are at 25 and 26 mph: what T3 measured does not change what is predicted of T2 without both."""
+    approach = TimeDomain(replace(SMALL, min_steps=60))
+    changed = tuple(
+        replace(test, pulse=Pulse(GRID_S, 1.5 * test.pulse.accel_mps2)) if test.id == "T3" else test
+        for test in campaign.tests
+    )
+    assert campaign.speed_group("T2") == ("T2", "T3")
+    both = [approach.fit(each).left_out_groups_ for each in (campaign, replace(campaign, tests=changed))]
+    alone = approach.left_out_
+    ours = [left.mean_mps2[left.numbers == 1][0] for left in (*both, alone)]
+    apart = [np.abs(own - ours[0]).max() for own in ours[1:]]
+    assert apart[0] < 0.3 * apart[1]  # the penalty, chosen from all tests, may differ
+
+
+def test_the_band_is_wider_far_from_tests_at_a_single_speed(campaign: Campaign) -> None:
+    """They cannot tell how wide it has to be there: half as wide again as the check says, and not beside them."""
+    single = TimeDomain(replace(SMALL, min_steps=60)).fit(campaign.without(["T1", "T3", "T4"]))
+    assert single.left_out_groups_.numbers.size == 0
+    assert single.calibration_.further(0.0) == 1.5
+    assert single.calibration_.further(1.0) == 1.0
 
 
 def test_the_same_seed_gives_the_same_bits(campaign: Campaign, mf: TimeDomain) -> None:

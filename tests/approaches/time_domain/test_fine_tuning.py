@@ -52,18 +52,21 @@ def test_the_mean_minimises_the_penalised_squares() -> None:
 
 
 @pytest.mark.usefixtures("one_penalty")
-def test_a_left_out_test_is_predicted_as_if_it_had_not_been() -> None:
-    """Mean and covariance from the whole matrix are those of a fit on the other tests."""
+@pytest.mark.parametrize("out", [(0,), (0, 2)])
+def test_left_out_tests_are_predicted_as_if_they_had_not_been(out: tuple[int, ...]) -> None:
+    """Alone or together: mean and covariance from the whole matrix are those of a fit on the other tests."""
     jacobian, misfit = _toy()
-    scale = np.mean(np.sum(jacobian[1:N] ** 2, axis=-1))  # each fit counts in units of its own kernel
-    jacobian = jacobian / np.sqrt(scale)
-    again = Increments().fit(_kernel(jacobian[1:N], jacobian[1:N]), misfit[1:])
-    alone = again.posterior(_kernel(jacobian[1:N], jacobian[:1])[:, :, 0], _kernel(jacobian[:1], jacobian[:1])[0, :, 0])
+    rest = [i for i in range(N) if i not in out]
+    jacobian = jacobian / np.sqrt(np.mean(np.sum(jacobian[rest] ** 2, axis=-1)))  # each fit has its own unit
+    again = Increments().fit(_kernel(jacobian[rest], jacobian[rest]), misfit[rest])
     trial = increments._Trial.of(_kernel(jacobian[:N], jacobian[:N]), misfit, RHO)
-    np.testing.assert_allclose(misfit[0] - trial.errors[0], alone.mean, rtol=1e-8)
-    np.testing.assert_allclose(
-        trial.covariances[0] - UNRESOLVED * np.eye(N_TIMES), alone.covariance / again._size, rtol=1e-8, atol=1e-10
-    )
+    errors, covariances = trial.without(out)
+    for i, error, covariance in zip(out, errors, covariances, strict=True):
+        new = jacobian[i : i + 1]
+        alone = again.posterior(_kernel(jacobian[rest], new)[:, :, 0], _kernel(new, new)[0, :, 0])
+        np.testing.assert_allclose(misfit[i] - error, alone.mean, rtol=1e-8)
+        resolved = covariance - UNRESOLVED * np.eye(N_TIMES)
+        np.testing.assert_allclose(resolved, alone.covariance / again._size, rtol=1e-8, atol=1e-10)
 
 
 def test_the_weakest_penalty_within_one_standard_error_is_taken() -> None:
