@@ -1,7 +1,6 @@
 """The time-domain approach: networks trained on the CAE runs, then fine-tuned on the tests (Sect. 3.1)."""
 
 import copy
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Self
@@ -16,7 +15,7 @@ from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn, TcnApproach, thinned
 from crashfuse.approaches.time_domain.stopping import SMOOTH_S, Stopping, stopping_notes
-from crashfuse.approaches.time_domain.tangent_kernel import Tangent, tangent_kernel, tangents
+from crashfuse.approaches.time_domain.tangent_kernel import TangentKernel
 from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
 from crashfuse.approaches.time_domain.training_data import fine_tune, mean_outputs
 from crashfuse.campaign import Campaign
@@ -92,7 +91,7 @@ class TimeDomain(TcnApproach):
     def _begin(self, campaign: Campaign, lf: LfTcn) -> FloatArray:
         """Start from the LF networks; returns the tests' pulses."""
         self.lf_, self._library, self.scaling_, self.network_ = lf, campaign.cae, lf.scaling_, lf.network_
-        self.__dict__.pop("_tangents", None)  # discard those of a previous fit
+        self.__dict__.pop("_kernel", None)  # discard that of a previous fit
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         accel: FloatArray = np.array([test.pulse.accel_mps2 for test in campaign.tests])
         # target outputs for the tests, shape (n_tests, n_times)
@@ -136,7 +135,7 @@ class TimeDomain(TcnApproach):
     def _learn(self, campaign: Campaign, watch: Watch) -> None:
         lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors, self.config))
         watch.report("Fine-tuning on tests", 0, 1)
-        kernel = self._kernel_with(self._tangents, self._vectors)
+        kernel = self._kernel_between(self._vectors, self._vectors)
         watch.report("Fine-tuning on tests", 1, 1)
         self.increments_ = increments = Increments().fit(kernel, self._targets - lf)
         for number, rho in enumerate(reversed(PENALTIES), start=1):
@@ -166,21 +165,17 @@ class TimeDomain(TcnApproach):
         self._delta_v_misfit = float(np.abs(np.array(ends) - self._end_shares).mean())
 
     @cached_property
-    def _tangents(self) -> list[Tangent]:
-        """Tangents at the tests, which every prediction needs."""
-        return self._tangents_at(self._vectors)
+    def _kernel(self) -> TangentKernel:
+        return TangentKernel(self.network_, self.config, self.scaling_.inputs(self._vectors, self.config))
 
-    def _tangents_at(self, vectors: FloatArray) -> list[Tangent]:
-        return tangents(self.network_, self.config, self.scaling_.inputs(vectors, self.config))
-
-    def _kernel_with(self, others: Sequence[Tangent], vectors: FloatArray) -> FloatArray:
-        """Tangent kernel between the tests and other conditions, shape (n_tests, n_times, n, n_times).
+    def _kernel_between(self, ours: FloatArray, theirs: FloatArray) -> FloatArray:
+        """Tangent kernel between conditions of shape (n, 3) and (n', 3): shape (n, n_times, n', n_times).
 
         It decreases with their difference in speed, as increments vary with speed.
         """
-        apart = self._vectors[:, None, 0] - vectors[:, 0]
-        alike = np.exp(-0.5 * (apart / _DRIFT_MPS) ** 2)
-        return np.asarray(tangent_kernel(self.network_, self._tangents, others) * alike[:, None, :, None])
+        alike = np.exp(-0.5 * ((ours[:, None, 0] - theirs[:, 0]) / _DRIFT_MPS) ** 2)
+        inputs = (self.scaling_.inputs(vectors, self.config) for vectors in (ours, theirs))
+        return np.asarray(self._kernel.between(*inputs) * alike[:, None, :, None])
 
     def _stopping(self, condition: Condition) -> Stopping:
         return Stopping.of(condition, self.scaling_, self.config)
@@ -209,12 +204,12 @@ class TimeDomain(TcnApproach):
         if not hasattr(self, "increments_"):
             return lf
         vector, check = condition.vector[None], self.calibration_
-        here = self._tangents_at(vector)
-        across = self._kernel_with(here, vector)[:, :, 0]
-        own = tangent_kernel(self.network_, here, here)[0, :, 0]
+        *across, own = self._kernel_between(np.vstack([self._vectors, vector]), vector)[:, :, 0]
         expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
         with threadpool_limits(1):  # small matrices, and the same numbers on any machine
-            posterior = self._stopped(condition, expected, self.increments_.posterior(across, own), self._end_shares)
+            posterior = self._stopped(
+                condition, expected, self.increments_.posterior(np.array(across), own), self._end_shares
+            )
             pulses = self._pulses(condition, posterior, check.widening, check.late_widening or check.widening)
         notes = lf.notes + self._thinning + stopping_notes(condition, pulses[0], lf.accel_mps2)
         return replace(lf, accel_mps2=pulses[0], draws_mps2=pulses[1:], notes=notes)

@@ -1,6 +1,7 @@
 """Scaling of the inputs and outputs of a TCN: conditions and accelerations as numbers near 1."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import torch
@@ -108,13 +109,19 @@ class Scaling:
         sequences: FloatArray = outputs * self.outputs(vectors, config)[:, None]
         if config.stride == 1:
             return sequences
-        spline: FloatArray = CubicSpline(GRID_S[:: config.stride], sequences, axis=1)(GRID_S)
-        return spline
+        return np.asarray(sequences @ _spline(config.stride))
 
     def targets(self, vectors: FloatArray, accel_mps2: FloatArray, config: TcnConfig) -> Tensor:
         """Target outputs of the network for pulses of shape (n, 1250): shape (n_times, n), float32."""
         scaled = accel_mps2[:, :: config.stride] / self.outputs(vectors, config)[:, None]
         return torch.from_numpy(np.ascontiguousarray(scaled.T, dtype=np.float32))
+
+
+@cache
+def _spline(stride: int) -> FloatArray:
+    """Matrix that interpolates sequences of every n-th sample by cubic splines, shape (n_times, 1250)."""
+    knots = GRID_S[::stride]
+    return np.asarray(CubicSpline(knots, np.eye(len(knots)))(GRID_S).T)
 
 
 def _waves(x: FloatArray, n: int) -> list[FloatArray]:
