@@ -149,6 +149,6 @@ class CausalConv(nn.Module):
             return outputs.view(n_pulses, members, n_out, n_times).permute(1, 3, 0, 2)
         padded = functional.pad(inputs, (0, 0, 0, 0, past, 0)) if past else inputs
         shifted = [padded[:, tap * self._dilation : tap * self._dilation + n_times] for tap in range(kernel)]
-        columns = torch.cat(shifted, dim=-1).view(members, -1, kernel * n_in)
+        columns = torch.cat(shifted, dim=-1).reshape(members, -1, kernel * n_in)
         outputs = torch.baddbmm(self.bias[:, None], columns, self.weight.view(members, -1, n_out))
         return outputs.view(members, n_times, n_pulses, n_out)
