@@ -13,7 +13,7 @@ from torch import Tensor
 
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.network import Tcn
-from crashfuse.approaches.time_domain.tangent_kernel import Tangent, tangents
+from crashfuse.approaches.time_domain.tangent_kernel import Tangent
 from crashfuse.approaches.time_domain.threads import Crew, quick_threads
 from crashfuse.approaches.time_domain.training import weights_of
 from crashfuse.execution.cache import Cache, Entry
@@ -28,7 +28,7 @@ Pair = tuple[Vector, Vector]
 
 
 class KernelBlocks:
-    """The tangent kernel of an ensemble, as :func:`~crashfuse.approaches.time_domain.tangent_kernel.tangent_kernel`.
+    """J(x) J(x')ᵀ of the mean of an ensemble's members, all weights together, times the number of members.
 
     Parameters
     ----------
@@ -53,7 +53,8 @@ class KernelBlocks:
         settings = {"config": config.lf_settings, "code": code_digest(__name__)}
         self._key = {"library": library, "weights": weights, **settings}
         self._blocks: dict[Pair, npt.NDArray[np.float32]] = {}
-        self._tangents: dict[Vector, list[Tangent]] = {}  # at tests, for predictions at any number of conditions
+        # of each member at the tests, for predictions at any number of conditions
+        self._tangents: list[dict[Vector, Tangent]] = [{} for _ in range(network.members)]
 
     def among(self, vectors: FloatArray) -> FloatArray:
         """Kernel between all of these conditions, shape (n, n_times, n, n_times)."""
@@ -61,7 +62,7 @@ class KernelBlocks:
         pairs = {_pair(one, two) for one in ours for two in ours}
         self._look_up(pairs)
         if missing := sorted(pairs - self._blocks.keys()):
-            self._blocks |= self._computed(missing, {})
+            self._blocks |= self._computed(missing)
             self._keep(ours)
         return self._joined(ours, ours)
 
@@ -72,39 +73,24 @@ class KernelBlocks:
         self._look_up(pairs)
         known = self._blocks
         if missing := sorted(pairs - self._blocks.keys()):
-            for one in ours:
-                if one not in self._tangents:
-                    self._tangents[one] = self._tangents_at(one)
-            self._blocks = known | self._computed(missing, self._tangents)
+            self._blocks = known | self._computed(missing, ours)
         across, own = self._joined(ours, [new])[:, :, 0], self._joined([new], [new])[0, :, 0]
         self._blocks = known
         return across, own
 
-    def _tangents_at(self, vector: Vector) -> list[Tangent]:
-        return tangents(self._network, self._config, self._inputs(np.array([vector])))
-
-    def _computed(
-        self, pairs: Sequence[Pair], known: dict[Vector, list[Tangent]]
-    ) -> dict[Pair, npt.NDArray[np.float32]]:
-        """Blocks of these pairs, one member a thread: tangents take 3 MB a condition and member, and are not kept."""
+    def _computed(self, pairs: Sequence[Pair], tests: Sequence[Vector] = ()) -> dict[Pair, npt.NDArray[np.float32]]:
+        """Blocks of these pairs, one member a thread; of the tangents, 3 MB each, those at the tests are kept."""
         needed = {vector for pair in pairs for vector in pair}
 
-        def of_member(member: int) -> list[FloatArray]:
-            alone = self._network.alone(member, self._config)
-            at = {
-                vector: known[vector][member]
-                if vector in known
-                else Tangent.of(alone, self._inputs(np.array([vector])))
-                for vector in needed
-            }
-            return [at[one].kernel_with(at[two])[0, :, 0] for one, two in pairs]
+        def of_member(member: int) -> list[npt.NDArray[np.float32]]:
+            alone, kept = self._network.alone(member, self._config), self._tangents[member]
+            at = kept | {v: Tangent.of(alone, self._inputs(np.array([v]))) for v in needed - kept.keys()}
+            kept.update({vector: at[vector] for vector in needed.intersection(tests)})
+            return [at[one].kernel_with(at[two]).cpu().numpy() for one, two in pairs]
 
         with quick_threads(self._network), Crew(self._network.members) as crew:
-            by_member = crew.map(of_member, range(self._network.members))
-        return {
-            pair: np.mean(blocks, axis=0).astype(np.float32)
-            for pair, blocks in zip(pairs, zip(*by_member, strict=True), strict=True)
-        }
+            by_member = np.array(crew.map(of_member, range(self._network.members)))
+        return dict(zip(pairs, by_member.mean(axis=0, dtype=np.float64).astype(np.float32), strict=True))
 
     def _joined(self, ours: Sequence[Vector], theirs: Sequence[Vector]) -> FloatArray:
         blocks = np.array([[self._block(one, two) for two in theirs] for one in ours], dtype=np.float64)

@@ -1,7 +1,7 @@
 """The temporal convolutional network (TCN; Figs. 3 and 4, Eq. 4; after Bai et al. 2018).
 
 Sequences are time-major, shape (n_members, n_times, n_pulses, n_channels): a short causal convolution is then one
-matrix product per tap, and the independent members of an ensemble share each product as a batch, which is a fifth
+matrix product, and the independent members of an ensemble share each product as a batch, which is a fifth
 faster than computing them one by one.
 There is no weight normalisation, as it costs 15 % on a CPU.
 """
@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from crashfuse.approaches.time_domain.config import TcnConfig
 
-_MOST_PRODUCTS = 8  # taps: each product keeps a copy of its input for the gradient, gigabytes for 20 taps
+_MOST_TAPS = 8  # in one product: it keeps a copy of its input for each tap for the gradient, gigabytes for 20
 
 
 class Tcn(nn.Module):
@@ -139,7 +139,7 @@ class CausalConv(nn.Module):
         members, kernel, n_in, n_out = self.weight.shape
         n_times, n_pulses = inputs.shape[1:3]
         past = (kernel - 1) * self._dilation
-        if kernel > _MOST_PRODUCTS:
+        if kernel > _MOST_TAPS:
             sequences = inputs.permute(2, 0, 3, 1).reshape(n_pulses, members * n_in, n_times)
             weights = self.weight.permute(0, 3, 2, 1).reshape(members * n_out, n_in, kernel)
             outputs = functional.conv1d(
@@ -148,8 +148,7 @@ class CausalConv(nn.Module):
             )  # fmt: skip
             return outputs.view(n_pulses, members, n_out, n_times).permute(1, 3, 0, 2)
         padded = functional.pad(inputs, (0, 0, 0, 0, past, 0)) if past else inputs
-        outputs = self.bias[:, None].expand(members, n_times * n_pulses, n_out)
-        for tap in range(kernel):
-            shifted = padded[:, tap * self._dilation : tap * self._dilation + n_times]
-            outputs = torch.baddbmm(outputs, shifted.reshape(members, -1, n_in), self.weight[:, tap])
+        shifted = [padded[:, tap * self._dilation : tap * self._dilation + n_times] for tap in range(kernel)]
+        columns = torch.cat(shifted, dim=-1).reshape(members, -1, kernel * n_in)
+        outputs = torch.baddbmm(self.bias[:, None], columns, self.weight.view(members, -1, n_out))
         return outputs.view(members, n_times, n_pulses, n_out)

@@ -7,23 +7,18 @@ computed from them. An output depends on all of the first block's steps, so ther
 stored: 3 MB per pulse and member.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
-import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.network import CausalConv, ResidualBlock, Tcn
-from crashfuse.approaches.time_domain.threads import Crew, quick_threads
-from crashfuse.signals.pulse import FloatArray
 
 
 class Product(NamedTuple):
-    """Derivative with respect to a weight matrix, back ⊗ seen per output, both of shape (n · n_times, ·)."""
+    """Derivative with respect to a weight matrix, back ⊗ seen per output, both of shape (n_times, ·)."""
 
     back: Tensor
     seen: Tensor
@@ -31,70 +26,70 @@ class Product(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Tangent:
-    """Derivatives of a single network's outputs at n conditions; the times of a condition are contiguous.
+    """Derivatives of a single network's outputs at one condition.
 
     Attributes
     ----------
-    first : Tensor, shape (n · n_times, n_weights)
+    first : Tensor, shape (n_times, n_weights)
         With respect to the weights of the first block.
     last : tuple of tuple of Product
         For the head and each convolution of the last block, the products whose sum is the derivative.
     """
 
-    n_times: int
     first: Tensor
     last: tuple[tuple[Product, ...], ...]
 
     @classmethod
     def of(cls, network: Tcn, inputs: Tensor) -> "Tangent":
-        """Differentiate a single network at inputs of shape (n_times, n, n_inputs)."""
+        """Differentiate a single network at inputs of shape (n_times, 1, n_inputs)."""
         inputs = inputs.to(network.device)
         with torch.no_grad():
-            return cls(len(inputs), _by_first_block(network, inputs), _by_last_block(network, inputs))
+            return cls(_by_first_block(network, inputs), _by_last_block(network, inputs))
 
-    def kernel_with(self, other: "Tangent") -> FloatArray:
-        """Scalar products of derivatives at these and at other conditions, shape (n, n_times, n_others, n_times)."""
+    def kernel_with(self, other: "Tangent") -> Tensor:
+        """Scalar products of derivatives here and at another condition, shape (n_times, n_times)."""
         kernel = self.first @ other.first.T
         for ours, theirs in zip(self.last, other.last, strict=True):
             for one in ours:
                 for two in theirs:
                     kernel += (one.back @ two.back.T) * (one.seen @ two.seen.T)
-        n, n_others = (len(tangent.first) // self.n_times for tangent in (self, other))
-        return kernel.cpu().numpy().astype(np.float64).reshape(n, self.n_times, n_others, self.n_times)
-
-
-def tangents(network: Tcn, config: TcnConfig, inputs: Tensor) -> list[Tangent]:
-    """Differentiate each member of an ensemble at inputs of shape (n_times, n, n_inputs)."""
-    with quick_threads(network), Crew(network.members) as crew:
-        return crew.map(lambda member: Tangent.of(network.alone(member, config), inputs), range(network.members))
-
-
-def tangent_kernel(network: Tcn, ours: Sequence[Tangent], theirs: Sequence[Tangent]) -> FloatArray:
-    """J(x) J(x')ᵀ of the mean of the members, all weights together, times the number of members.
-
-    From the tangents of each member at n and at n' conditions: shape (n, n_times, n', n_times).
-    """
-    with quick_threads(network), Crew(network.members) as crew:
-        kernels = crew.map(lambda pair: pair[0].kernel_with(pair[1]), zip(ours, theirs, strict=True))
-    kernel: FloatArray = np.mean(kernels, axis=0)
-    return kernel
+        return kernel
 
 
 def _by_first_block(network: Tcn, inputs: Tensor) -> Tensor:
-    """Derivatives with respect to the first block's weights, one condition after the other."""
-    weights = {name: weight.detach() for name, weight in network.named_parameters() if name.startswith("blocks.0.")}
-    n_times, n, _ = inputs.shape
-    rows = torch.empty(n, n_times, sum(weight.numel() for weight in weights.values()), device=inputs.device)
-    for pulse, own in zip(torch.split(inputs, 1, dim=1), rows, strict=True):
+    """Derivatives with respect to the first block's weights, shape (n_times, n_weights)."""
+    first, *later = cast(list[ResidualBlock], list(network.blocks))
+    hidden = [inputs[None]]
+    for block in (first, *later):
+        hidden.append(block(hidden[-1]))
+    # Derivatives by what a block puts out are sequences, with one "pulse" for each output of the network.
+    back = torch.eye(len(inputs), device=inputs.device)[None, ..., None] * network.head.weight[0, 0, :, 0]
+    for block, seen in zip(reversed(later), reversed(hidden[1:-1]), strict=True):
+        by_sum, _, by_first = _backwards(block, seen, back)
+        back = by_sum + _transposed(block.first, by_first)
+    by_sum, by_second, by_first = _backwards(first, hidden[0], back)
+    products = [
+        (by_first, _seen(first.first, hidden[0])),
+        (by_second, _seen(first.second, torch.relu(first.first(hidden[0])))),
+    ]
+    if isinstance(first.shortcut, CausalConv):
+        products.append((by_sum, _seen(first.shortcut, hidden[0])))
+    return torch.cat([torch.einsum("stc,sk->tck", b[0], s[0, :, 0]).flatten(1) for b, s in products], dim=1)
 
-        def outputs(weights: dict[str, Tensor], pulse: Tensor = pulse) -> Tensor:
-            result: Tensor = torch.func.functional_call(network, weights, (pulse[None],))
-            return result[0, :, 0]
 
-        pullback = torch.func.vjp(outputs, weights)[1]
-        (gradients,) = torch.func.vmap(pullback)(torch.eye(n_times, device=inputs.device))
-        torch.cat([gradient.flatten(1) for gradient in gradients.values()], dim=1, out=own)
-    return rows.flatten(0, 1)
+def _backwards(block: ResidualBlock, inputs: Tensor, back: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Derivatives by the sum before a block's last ReLU, and by the outputs of its second and first convolution."""
+    between = torch.relu(block.first(inputs))
+    second = block.second(between)
+    by_sum = back * (torch.relu(second) + block.shortcut(inputs) > 0)
+    by_second = by_sum * (second > 0)
+    return by_sum, by_second, _transposed(block.second, by_second) * (between > 0)
+
+
+def _transposed(convolution: CausalConv, back: Tensor) -> Tensor:
+    """Derivatives by the input of a convolution, from those by its output."""
+    taps = zip(convolution.weight[0], convolution.lags, strict=True)
+    return torch.stack([functional.pad(back[:, lag:], (0, 0, 0, 0, 0, lag)) @ tap.T for tap, lag in taps]).sum(dim=0)
 
 
 def _by_last_block(network: Tcn, inputs: Tensor) -> tuple[tuple[Product, ...], ...]:
@@ -120,8 +115,8 @@ def _by_last_block(network: Tcn, inputs: Tensor) -> tuple[tuple[Product, ...], .
 
 
 def _product(back: Tensor, seen: Tensor) -> Product:
-    """Create a product from sequences of a single member, shape (1, n_times, n, ·)."""
-    return Product(*(sequence[0].movedim(1, 0).flatten(0, 1) for sequence in (back, seen)))
+    """Create a product from sequences of a single member and condition, shape (1, n_times, 1, ·)."""
+    return Product(back[0, :, 0], seen[0, :, 0])
 
 
 def _seen(convolution: CausalConv, inputs: Tensor) -> Tensor:

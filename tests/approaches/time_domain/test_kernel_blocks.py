@@ -12,7 +12,7 @@ from crashfuse.approaches.time_domain import kernel_blocks
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.kernel_blocks import KernelBlocks
 from crashfuse.approaches.time_domain.network import Tcn
-from crashfuse.approaches.time_domain.tangent_kernel import tangent_kernel, tangents
+from crashfuse.approaches.time_domain.tangent_kernel import Tangent
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import FloatArray
 
@@ -41,15 +41,16 @@ def nothing_is_computed(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     def refuse(*_: object) -> NoReturn:
         raise AssertionError("computed again")
 
-    monkeypatch.setattr(kernel_blocks.Tangent, "of", refuse)
-    monkeypatch.setattr(kernel_blocks, "tangents", refuse)
+    monkeypatch.setattr(Tangent, "of", refuse)
     return monkeypatch
 
 
 def test_blocks_are_those_of_the_whole_kernel() -> None:
     """Between all conditions, between some and another, and of that alone."""
-    ours = tangents(NETWORK, CONFIG, inputs(VECTORS))
-    expected = tangent_kernel(NETWORK, ours, ours)
+    members = [NETWORK.alone(member, CONFIG) for member in range(CONFIG.members)]
+    each = [[Tangent.of(member, inputs(vector[None])) for vector in VECTORS] for member in members]
+    by_member = [[[one.kernel_with(two).numpy() for two in own] for one in own] for own in each]
+    expected = np.mean(by_member, axis=0).swapaxes(1, 2)
     np.testing.assert_allclose(blocks().among(VECTORS), expected, rtol=1e-4, atol=1e-5)
     across, own = blocks().beside(VECTORS[:3], VECTORS[3])
     np.testing.assert_allclose(across, expected[:3, :, 3], rtol=1e-4, atol=1e-5)

@@ -67,7 +67,7 @@ def test_many_taps_are_convolved_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     convolution = tcn.CausalConv(2, 3, 4, 10, 2, torch.Generator().manual_seed(0)).double()
     inputs = torch.randn(2, 30, 2, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
     by_library = convolution(inputs)
-    monkeypatch.setattr(tcn, "_MOST_PRODUCTS", 10)
+    monkeypatch.setattr(tcn, "_MOST_TAPS", 10)
     torch.testing.assert_close(convolution(inputs), by_library)
 
 
@@ -107,5 +107,5 @@ def test_members_may_be_fed_each_with_its_own(monkeypatch: pytest.MonkeyPatch) -
     both = network(inputs)
     torch.testing.assert_close(both[0], network(inputs[0])[0])
     torch.testing.assert_close(both[1], network(inputs[1])[1])
-    monkeypatch.setattr(tcn, "_MOST_PRODUCTS", 0)
+    monkeypatch.setattr(tcn, "_MOST_TAPS", 0)
     torch.testing.assert_close(network(inputs), both)
