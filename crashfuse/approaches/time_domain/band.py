@@ -1,6 +1,6 @@
 """The time domain's band: whole pulses drawn from the posterior, their spread checked on left-out tests."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -65,29 +65,36 @@ class Band:
 
         The widening is that of the calibration, times a further factor.
         """
-        widening = further * calibration.widening
-        late = further * (calibration.late_widening or calibration.widening)
+        late = calibration.late_widening or calibration.widening
+        return self.drawn(condition, posterior)(further * calibration.widening, further * late)
+
+    def drawn(self, condition: Condition, posterior: Posterior) -> Callable[[float, float], FloatArray]:
+        """The pulses as a function of their widenings, before the stop and after it, in which they are linear."""
         n_draws, n_times = self.config.n_draws, posterior.mean.size
         dof = max(len(self.end_shares), _LEAST_FREEDOM)
         rng = np.random.default_rng(self.seed)
         normal = posterior.draw(n_draws, rng)
         # Student's t, as the variance itself is learned from a handful of tests
         factors = np.sqrt(max(dof - 2, 1) / rng.chisquare(dof, n_draws))
-        wide = widening + (late - widening) * self.stopping(condition).after_t0(posterior.mean)
-        deviations = factors[:, None] * normal * wide
-        outputs = posterior.mean + np.vstack([np.zeros(n_times), deviations])
-        return self.scaling.pulses(outputs, np.tile(condition.vector, (1 + n_draws, 1)), self.config)
+        deviations = np.vstack([np.zeros(n_times), factors[:, None] * normal])
+        after = self.stopping(condition).after_t0(posterior.mean)
+        parts = [posterior.mean[None], deviations * (1 - after), deviations * after]
+        mean, early, late = (
+            self.scaling.pulses(part, np.tile(condition.vector, (len(part), 1)), self.config) for part in parts
+        )
+        return lambda widening, late_widening: mean + widening * early + late_widening * late
 
     def check(
         self, tests: Sequence[CrashTest], left_out: Mapping[int, Posterior], watch: Watch
     ) -> tuple[Calibration, dict[int, FloatArray]]:
         """Widen the band until it holds on tests, each predicted without it; with the resulting pulses by number."""
+        drawn = {number: self.drawn(tests[number].condition, posterior) for number, posterior in left_out.items()}
         pulses: dict[int, FloatArray] = {}
 
         def check(widening: float, late: float) -> list[Coverage]:
             watch.report("Checking the band on left-out tests", 0, 1)
-            for number, posterior in left_out.items():
-                pulses[number] = self.pulses(tests[number].condition, posterior, Calibration(widening, (), late))
+            for number, own in drawn.items():
+                pulses[number] = own(widening, late)
             return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
 
         # Wider draws have higher peaks, so a measured peak below its interval is only reported and does not widen the
