@@ -1,18 +1,17 @@
 """What is thought of the components before a vehicle's own left-out tests are heard.
 
-``python benchmarks/fused_prior.py`` fits such numbers to random vehicles of many kinds, so that the mixture's score on
-tests that were not learned from is best on average; these are rounded. Where their bands are equally wide both
-approaches count about the same, with one test the displacement domain a little more; the raw CAE counts a tenth of
-either.
+``python benchmarks/fused_prior.py`` fits these numbers to random vehicles of many kinds, so that the mixture's score on
+tests that were not learned from is best on average; here they are rounded. Where their bands are equally wide the
+displacement domain counts half as much again as the time domain, and the raw CAE a tenth of either.
 """
 
 import numpy as np
 
 from crashfuse.signals.pulse import FloatArray
 
-_EQUAL: FloatArray = np.array([0.0, 0.25, -2.1])  # logits of time domain, displacement domain, raw CAE with one test
-_BY_LOG_TESTS: FloatArray = np.array([0.0, -0.15, -0.3])
-_SLOPES: FloatArray = np.array([-0.3, 0.3, 0.0])  # by the log ratio of the two approaches' spreads
+_EQUAL: FloatArray = np.array([-0.15, 0.25, -2.1])  # logits of time domain, displacement domain, raw CAE with one test
+_BY_LOG_TESTS: FloatArray = np.array([0.0, 0.0, -0.1])
+_SLOPES: FloatArray = np.array([-0.3, 0.3, 0.0])  # by the log ratio of the two approaches' spreads: for two or three
 
 SPREAD: FloatArray = np.array([1.0, 0.2])
 """Prior standard deviations of the logits and of their slopes: a handful of tests says little about a slope."""
