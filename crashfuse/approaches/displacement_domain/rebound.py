@@ -53,10 +53,14 @@ def follow_unloading(
     cae_loading : LoadingPhase
         Loading phase of that pulse. If it never stops the vehicle there is no unloading: the acceleration just fades.
     """
-    time = np.arange(accel_mps2.shape[-1]) * DT_S
-    t0 = kinematics(accel_mps2, speed_mps, DT_S).t0_s[:, None]
+    return _unloaded(accel_mps2, kinematics(accel_mps2, speed_mps, DT_S).t0_s, cae, cae_loading)
+
+
+def _unloaded(accel_mps2: FloatArray, t0_s: FloatArray, cae: FloatArray, cae_loading: LoadingPhase) -> FloatArray:
+    """As :func:`follow_unloading`, for pulses whose time of zero velocity is known, shape (n_draws,)."""
+    time, t0 = np.arange(accel_mps2.shape[-1]) * DT_S, t0_s[:, None]
     after = np.maximum(time - t0, 0.0)  # NaN where the vehicle does not stop
-    at_t0 = np.array([np.interp(t, time, accel) for t, accel in zip(t0[:, 0], accel_mps2, strict=True)])[:, None]
+    at_t0 = _at(accel_mps2, t0_s)[:, None]
     if np.isnan(cae_loading.t0_s):
         branch, end = np.zeros_like(accel_mps2), 0.0
     else:
@@ -146,32 +150,46 @@ class Rebound:
 
         ``widening`` is a factor on the draws' deviations.
         """
-        pulses = follow_unloading(pulses_mps2, speed_mps, cae_mps2, cae_loading)
+        t0 = kinematics(pulses_mps2, speed_mps, DT_S).t0_s
+        pulses = _unloaded(pulses_mps2, t0, cae_mps2, cae_loading)
         if self.process_ is None:
             return pulses
         mean, covariance = self.process_.posterior(_rows(_AFTER_S, speed_mps, -1))
         draws = student_draws(mean, widening**2 * covariance, self.freedom_, len(pulses) - 1, rng)
-        return _with(np.vstack([mean, draws]), pulses, speed_mps)
+        return _with(np.vstack([mean, draws]), pulses, t0)
 
     def repeat(
         self, pulses_mps2: FloatArray, speed_mps: float, test_mps2: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
         """Let each pulse rebound as a repeat of this test would: as the test, and differently by what tests do."""
-        pulses = follow_unloading(pulses_mps2, speed_mps, test_mps2, loading_phase(test_mps2, speed_mps))
+        t0 = kinematics(pulses_mps2, speed_mps, DT_S).t0_s
+        pulses = _unloaded(pulses_mps2, t0, test_mps2, loading_phase(test_mps2, speed_mps))
         if self.process_ is None:
             return pulses
         own = self.process_.prior_of(_OF_A_TEST, _rows(_AFTER_S, speed_mps, -1))
         differences = draw(np.zeros(_AFTER_S.size), 2 * own, len(pulses), rng)
-        return _with(differences, pulses, speed_mps)
+        return _with(differences, pulses, t0)
 
 
-def _with(extra: FloatArray, pulses_mps2: FloatArray, speed_mps: float) -> FloatArray:
-    """Add corrections, one row for each pulse, from zero velocity on."""
-    t0 = kinematics(pulses_mps2, speed_mps, DT_S).t0_s
-    for pulse, start, own in zip(pulses_mps2, t0, extra, strict=True):
-        later = start < GRID_S  # empty if it does not stop
-        pulse[later] += _unit(np.interp(start, GRID_S, pulse)) * np.interp(GRID_S[later] - start, _AFTER_S, own)
+def _with(extra: FloatArray, pulses_mps2: FloatArray, t0_s: FloatArray) -> FloatArray:
+    """Add corrections at the times after zero velocity, one row for each pulse, from zero velocity on."""
+    unit = np.maximum(np.abs(_at(pulses_mps2, t0_s)), _LEAST_UNIT)[:, None]
+    place = np.maximum((GRID_S - t0_s[:, None]) / _STEP_S, 0.0)  # NaN where the vehicle does not stop
+    low = np.nan_to_num(place).astype(np.intp)
+    share = place - low
+    later = np.minimum(low + 1, extra.shape[1] - 1)
+    own = np.take_along_axis(extra, low, axis=1) * (1 - share) + np.take_along_axis(extra, later, axis=1) * share
+    pulses_mps2 += np.where(t0_s[:, None] < GRID_S, unit * own, 0.0)
     return pulses_mps2
+
+
+def _at(pulses_mps2: FloatArray, time_s: FloatArray) -> FloatArray:
+    """The value of each pulse at a time of its own; NaN where the time is."""
+    place = time_s / DT_S
+    low = np.minimum(np.nan_to_num(place).astype(np.intp), pulses_mps2.shape[1] - 2)[:, None]
+    before, after = (np.take_along_axis(pulses_mps2, low + step, axis=1)[:, 0] for step in (0, 1))
+    share = place - low[:, 0]
+    return np.asarray(before * (1 - share) + after * share)
 
 
 def _unit(accel_at_t0: float) -> float:
