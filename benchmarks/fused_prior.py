@@ -32,7 +32,9 @@ from crashfuse.study.subsets import subsets
 _NETWORKS = TcnConfig(members=2, min_steps=500, epochs=10)
 _MOST = {1: 2, 2: 2, 3: 2, 4: 1}  # even choices of so many tests
 _JUDGED = slice(75)  # 60 ms of every tenth sample
-_PRIOR: FloatArray = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [-2.0, 0.0, 0.0, 0.0]])
+_PRIOR: FloatArray = np.array(
+    [[0.0] * 5, [0.0] * 5, [-1.4, 0.0, -1.0, 0.0, 0.0]]
+)  # the vehicles hardly tell of the CAE
 _RIDGE = 0.01
 
 
@@ -86,7 +88,7 @@ def _scores(seed: int) -> list[tuple[Scores, int]]:
 
 
 def _fitted(vehicles: list[list[tuple[Scores, int]]]) -> FloatArray:
-    """Logit and slope with one test, and their change with the logarithm of the number, for each component."""
+    """Logit and slopes with one test, and their change with the logarithm of the number, for each component."""
     cases = [(scores, n, 1 / len(own) / len(vehicles)) for own in vehicles for scores, n in own]
     counts = np.array([count for *_, count in cases])
 
@@ -94,8 +96,9 @@ def _fitted(vehicles: list[list[tuple[Scores, int]]]) -> FloatArray:
         logits = flat.reshape(_PRIOR.shape)
         found = []
         for scores, n, _ in cases:
-            ratio = np.log(scores.spreads[0] / scores.spreads[1])
-            at = np.array([1.0, ratio, np.log(n), ratio * np.log(n)])
+            first, second, raw = np.log(scores.spreads)
+            ratio = first - second
+            at = np.array([1.0, ratio, raw - (first + second) / 2, np.log(n), ratio * np.log(n)])
             found.append(scores.crps(np.asarray(softmax(logits @ at))) / scores.away[-1])
         return float(counts @ found + _RIDGE / 2 * ((logits - _PRIOR) ** 2).sum())
 
@@ -111,8 +114,8 @@ def main() -> None:
     chosen = arguments.parse_args()
     seeds = range(chosen.first, chosen.first + chosen.vehicles)
     logits = _fitted(Parallel(chosen.workers)(delayed(_scores)(seed) for seed in seeds))
-    print("| | logit | slope by log ratio of spreads | logit by log tests | slope by log tests |")
-    print("|---" + "|---:" * 4 + "|")
+    print("| | logit | slope by log ratio | … of the raw CAE to both | logit by log tests | slope by log tests |")
+    print("|---" + "|---:" * 5 + "|")
     for name, row in zip(COMPONENTS, logits, strict=True):
         print(f"| {name} | " + " | ".join(f"{value:+.2f}" for value in row) + " |")
 

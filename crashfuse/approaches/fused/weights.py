@@ -76,23 +76,24 @@ def spread(draws: FloatArray) -> float:
 
 
 class Pool:
-    """Component weights: a softmax of logits, linear in the log ratio of the first two components' spreads.
+    """Component weights: a softmax of logits, linear in log ratios of the components' spreads.
 
     Far from the tests and beyond them bands grow, not all alike: so of two approaches the one with the narrower band
-    counts for more, and how much more is learned.
+    counts for more, and the last component, the raw CAE, the less the narrower both are beside it. How much is learned.
 
     Parameters
     ----------
-    prior : ndarray, shape (n_components, 2)
-        Prior mean of the logits where both spreads are equal, and of their slopes.
-    spread : float or ndarray, shape (2,)
+    prior : ndarray, shape (n_components, 3)
+        Prior mean of the logits where all spreads are equal, and of their slopes: by the log ratio of the first two
+        spreads, and by that of the last to their geometric mean. It is 0 for two.
+    spread : float or ndarray, shape (3,)
         Prior standard deviation of the logits, and of the slopes.
     strength : float
         Weight of the data against the prior: nats per test that a score improved by 100 % counts.
 
     Attributes
     ----------
-    logits_ : ndarray, shape (n_components, 2)
+    logits_ : ndarray, shape (n_components, 3)
     """
 
     def __init__(self, prior: FloatArray, *, spread: float | FloatArray, strength: float) -> None:
@@ -129,5 +130,5 @@ class Pool:
 
 
 def _inputs(spreads: FloatArray) -> FloatArray:
-    first, second = np.log(np.maximum(spreads[:2], _LEAST_MPS2))
-    return np.array([1.0, first - second])
+    first, second, *others = np.log(np.maximum(spreads, _LEAST_MPS2))
+    return np.array([1.0, first - second, others[-1] - (first + second) / 2 if others else 0.0])
