@@ -14,7 +14,13 @@ from tests.conftest import ROOT
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 ACCURACY = (ROOT / "docs" / "accuracy.md").read_text(encoding="utf-8")
 APPROACHES = ("CAE", "Time domain", "Displacement domain", "Fused")  # in the order of the columns
-CAMPAIGNS = ("Sample", "Lumped parameters, runs paired with tests", "Lumped parameters, none paired", "Finite elements")
+CAMPAIGNS = (
+    "Sample",
+    "Lumped parameters, runs paired with tests",
+    "Lumped parameters, none paired",
+    "Finite elements, unibody car",
+    "Finite elements, pickup",
+)
 
 
 def test_the_two_commands_install_and_run_what_exists() -> None:
@@ -68,15 +74,21 @@ def _summaries() -> Iterator[tuple[str, str, str]]:
 
 @pytest.mark.parametrize("campaign", CAMPAIGNS)
 def test_accuracy_is_what_the_benchmark_printed(campaign: str) -> None:
-    """Means over 0–60 ms of each approach, and of the mixture the gap closed and the worst test."""
+    """Means over 0–60 ms of each approach and of a second test; of the mixture the gap closed and the worst test."""
     for place, left_out, text in _summaries():
         printed = _printed(campaign, left_out)
         cells = _rows(text)[campaign]
         means = [printed[approach][2] for approach in APPROACHES]
         if left_out == "test":
-            assert cells[2:] == [*means, printed["Fused"][4], printed["Fused"][3]], place
+            assert cells[2:] == [*means, _second_test(printed), printed["Fused"][4], printed["Fused"][3]], place
         else:
-            assert cells == means, place
+            assert cells == [*means, printed["Fused"][3]], place
+
+
+def _second_test(printed: dict[str, list[str]]) -> str:
+    """What was measured on repeats; else the estimate, which the tables mark by an asterisk."""
+    measured = [cells[2] for name, cells in printed.items() if name.startswith("A repeat, measured")]
+    return measured[0] if measured else printed["A repeat, estimated"][2] + r"\*"
 
 
 def test_the_tutorial_shows_the_means_of_the_sample() -> None:
