@@ -76,7 +76,8 @@ def test_the_raw_cae_counts_the_less_the_wider_it_is_beside_both_others() -> Non
     prior = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-1.0, 0.0, -1.0]])
     alone = Pool(prior, spread=1.0, strength=10.0).fit([])
     shares = [alone.weights(unit * np.array([1.0, 4.0, wide]))[2] for unit in (1.0, 9.81) for wide in (2.0, 8.0)]
-    np.testing.assert_allclose(shares, 2 * [1 / (1 + 2 * np.e), 1 / (1 + 8 * np.e)])
+    expected = 1 / (1 + np.array([2.0, 8.0]) * np.exp(1.0))
+    np.testing.assert_allclose(np.array(shares), np.tile(expected, 2))
 
 
 def test_the_weights_are_the_best_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
