@@ -10,6 +10,8 @@ from crashfuse.signals.pulse import GRID_S, FloatArray
 
 def in_full(thinned: FloatArray, stride: int) -> FloatArray:
     """Interpolate every n-th sample back to the study grid by a cubic spline, shape (..., 1250)."""
+    if stride == 1:
+        return thinned
     full: FloatArray = thinned @ _spline(stride)
     return full
 

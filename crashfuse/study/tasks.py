@@ -103,7 +103,7 @@ class Computation:
         start = time.perf_counter()
         missing = [each for each in wanted if each not in self.known]
         late = [each for each in missing if CLASSES[each.approach].trains_networks]
-        early = _tasks([each for each in missing if each not in late])
+        early = _tasks([each for each in missing if not CLASSES[each.approach].trains_networks])
         repeats = [Task(repeated=repeated)]
         self.watch.report(_STEP, len(self.known), len(wanted))
         shared = self._prepared(missing, trained=False)

@@ -24,7 +24,7 @@ from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
 from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
-from crashfuse.approaches.left_out import LeftOut
+from crashfuse.approaches.left_out import LeftOut, speed_groups
 from crashfuse.approaches.settings import Settings
 from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign, CrashTest
@@ -249,10 +249,10 @@ class DisplacementDomain(Approach):
         self, campaign: Campaign, left_out: Mapping[int, FloatArray], widening: float, watch: Watch
     ) -> dict[int, FloatArray]:
         """Pulses for these tests, each predicted from the tests at other speeds; none if there are no others."""
-        pulses = {}
+        pulses, groups = {}, speed_groups(campaign)
         for number, alone in left_out.items():
             watch.report("Check of the band", len(left_out), len(left_out))
-            group = [campaign.test_ids.index(member) for member in campaign.speed_group(campaign.test_ids[number])]
+            group = groups[number]
             if len(group) == 1:
                 pulses[number] = alone
             elif len(group) < len(campaign.tests):

@@ -30,11 +30,6 @@ class BiasPoints:
     cae: CaeForce
     bias_mps2: FloatArray
 
-    @property
-    def cae_mps2(self) -> FloatArray:
-        """The CAE model's acceleration in m/s², shape (n,)."""
-        return self.cae.accel_mps2
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BiasDraws:

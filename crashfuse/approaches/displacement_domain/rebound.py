@@ -60,7 +60,7 @@ def _unloaded(accel_mps2: FloatArray, t0_s: FloatArray, cae: FloatArray, cae_loa
     """As :func:`follow_unloading`, for pulses whose time of zero velocity is known, shape (n_draws,)."""
     time, t0 = np.arange(accel_mps2.shape[-1]) * DT_S, t0_s[:, None]
     after = np.maximum(time - t0, 0.0)  # NaN where the vehicle does not stop
-    at_t0 = _at(accel_mps2, t0_s)[:, None]
+    at_t0 = _at(accel_mps2, t0 / DT_S)
     if np.isnan(cae_loading.t0_s):
         branch, end = np.zeros_like(accel_mps2), 0.0
     else:
@@ -173,27 +173,22 @@ class Rebound:
 
 def _with(extra: FloatArray, pulses_mps2: FloatArray, t0_s: FloatArray) -> FloatArray:
     """Add corrections at the times after zero velocity, one row for each pulse, from zero velocity on."""
-    unit = np.maximum(np.abs(_at(pulses_mps2, t0_s)), _LEAST_UNIT)[:, None]
-    place = np.maximum((GRID_S - t0_s[:, None]) / _STEP_S, 0.0)  # NaN where the vehicle does not stop
-    low = np.nan_to_num(place).astype(np.intp)
-    share = place - low
-    later = np.minimum(low + 1, extra.shape[1] - 1)
-    own = np.take_along_axis(extra, low, axis=1) * (1 - share) + np.take_along_axis(extra, later, axis=1) * share
-    pulses_mps2 += np.where(t0_s[:, None] < GRID_S, unit * own, 0.0)
+    t0 = t0_s[:, None]  # NaN where the vehicle does not stop
+    own = _at(extra, np.maximum((GRID_S - t0) / _STEP_S, 0.0))
+    pulses_mps2 += np.where(t0 < GRID_S, _unit(_at(pulses_mps2, t0 / DT_S)) * own, 0.0)
     return pulses_mps2
 
 
-def _at(pulses_mps2: FloatArray, time_s: FloatArray) -> FloatArray:
-    """The value of each pulse at a time of its own; NaN where the time is."""
-    place = time_s / DT_S
-    low = np.minimum(np.nan_to_num(place).astype(np.intp), pulses_mps2.shape[1] - 2)[:, None]
-    before, after = (np.take_along_axis(pulses_mps2, low + step, axis=1)[:, 0] for step in (0, 1))
-    share = place - low[:, 0]
+def _at(rows: FloatArray, place: FloatArray) -> FloatArray:
+    """Each row, linear between its samples, at places of its own, counted in samples; NaN where the place is."""
+    low = np.minimum(np.nan_to_num(place).astype(np.intp), rows.shape[1] - 2)
+    before, after = (np.take_along_axis(rows, low + step, axis=1) for step in (0, 1))
+    share = place - low
     return np.asarray(before * (1 - share) + after * share)
 
 
-def _unit(accel_at_t0: float) -> float:
-    return max(abs(accel_at_t0), _LEAST_UNIT)
+def _unit(accel_at_t0: FloatArray | float) -> FloatArray:
+    return np.asarray(np.maximum(np.abs(accel_at_t0), _LEAST_UNIT))
 
 
 def _rows(after_s: FloatArray, speed_mps: float, test: int) -> FloatArray:

@@ -111,8 +111,6 @@ class Scaling:
     def pulses(self, outputs: FloatArray, vectors: FloatArray, config: TcnConfig) -> FloatArray:
         """Pulses on the study grid, shape (n, 1250), from outputs of shape (n, n_times) at these conditions."""
         sequences: FloatArray = outputs * self.outputs(vectors, config)[:, None]
-        if config.stride == 1:
-            return sequences
         return in_full(sequences, config.stride)
 
     def targets(self, vectors: FloatArray, accel_mps2: FloatArray, config: TcnConfig) -> Tensor:

@@ -35,7 +35,7 @@ def test_projection_has_both_directions_evenly_spaced_in_time() -> None:
     expected = np.concatenate([10 * test_s - 100 * test_s**2, 10 * cae_s - 62.5 * cae_s**2])
     np.testing.assert_allclose(points.displacement_m, expected, atol=1e-5)
     np.testing.assert_allclose(points.bias_mps2, -75.0)
-    np.testing.assert_allclose(points.cae_mps2, -125.0)
+    np.testing.assert_allclose(points.cae.accel_mps2, -125.0)
 
 
 def test_projection_interpolates_the_one_at_the_others_displacement() -> None:
@@ -49,7 +49,7 @@ def test_where_the_test_crushed_further_the_curve_says_how_the_cae_goes_on() -> 
     """The CAE vehicle on the same spring but faster continues -ω² s beyond the slow one's crush."""
     fast = loading_phase(-2 * SPEED * 40 * np.sin(40 * GRID_S), 2 * SPEED)
     points = bijective_projection(CONDITION, constant(-120.0), LoadingCurve(spring(40.0), (fast,)), 30)
-    np.testing.assert_allclose(points.cae_mps2, -1600 * points.displacement_m, atol=3.0)
+    np.testing.assert_allclose(points.cae.accel_mps2, -1600 * points.displacement_m, atol=3.0)
     assert points.displacement_m.max() > 0.4  # beyond the slow one's 0.25
 
 
