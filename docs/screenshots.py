@@ -83,7 +83,8 @@ def _compute(browser: WebDriver, button: str | None, words: str) -> None:
 
     def shown(_: WebDriver) -> bool:
         nonlocal pressed
-        if words in browser.find_element(By.CSS_SELECTOR, '[data-testid="stMain"]').text:
+        text = browser.find_element(By.CSS_SELECTOR, '[data-testid="stMain"]').text
+        if words in text and "still training" not in text:
             return True
         for element in browser.find_elements(By.CSS_SELECTOR, '[data-testid="stMain"] button') if not pressed else ():
             if button and button in element.text and element.is_enabled():
