@@ -45,6 +45,7 @@ study = result_of(
     button=f"Predict test {test.id}",
 )
 explanations.show_missing(config, study.config.approaches)
+whole = study.config.approaches == config.approaches  # else nothing can be recommended yet
 fold = study.fold(test.id)
 predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
 
@@ -67,11 +68,13 @@ for name, by_window in fold.ratings.items():
             low, high = fold.rating_interval(name, window_ms)
             st.caption(f"Draws: {low:.2f}–{high:.2f}", help=DRAWS_HELP)
 
-advice = recommend_for(fold.estimates, rest, test.condition, window_ms)
-said = advice.sentences
-explanations.show_recommendation(said)
+said: tuple[str, ...] = ()
 repeats = study.repeatability.get(test.id, {})
-if window_ms in repeats:
+if whole:
+    advice = recommend_for(fold.estimates, rest, test.condition, window_ms)
+    said = advice.sentences
+    explanations.show_recommendation(said)
+if whole and window_ms in repeats:
     rated = fold.ratings[advice.approach][window_ms].overall
     st.markdown(repeats[window_ms].sentence(rated, LABELS[advice.approach]), help=glossary.REPEAT)
 left, right = st.columns([3, 2], vertical_alignment="center")
@@ -114,5 +117,5 @@ with st.container(horizontal=True):
     download_table("scores.csv", lambda: scores_table(study))
     download_table("pulses.csv", lambda: pulses_table((test.id, estimate) for estimate in fold.estimates))
     download_table("metrics.csv", lambda: study_metrics(study))
-    if study.config.approaches == config.approaches:
+    if whole:
         download_report(lambda: study_report(study))

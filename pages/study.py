@@ -48,6 +48,7 @@ study = result_of(
     button=f"Leave out each of {len(campaign.tests)} tests",
 )
 explanations.show_missing(config, study.config.approaches)
+whole = study.config.approaches == config.approaches  # else nothing can be recommended yet
 
 
 def open_test(test_id: str, study: Study) -> None:
@@ -75,7 +76,8 @@ def show_ratings(study: Study, way: str) -> None:
     st.caption(f"Click a cell to open its test on the page Compare. {glossary.REPEAT}")
 
 
-explanations.show_recommendation(recommend(study).sentences)
+if whole:
+    explanations.show_recommendation(recommend(study).sentences)
 explanations.show_settings(config)
 st.subheader("Mean rating over the tests")
 names = ["Each test left out alone", "With all tests at about its speed"][: 1 if study.speed_groups is None else 2]
@@ -119,5 +121,5 @@ with st.container(horizontal=True):
     download_table("metrics.csv", lambda: study_metrics(study))
     if study.speed_groups is not None:
         download_table("speed_groups.csv", partial(scores_table, study.speed_groups))
-    if study.config.approaches == config.approaches:
+    if whole:
         download_report(lambda: study_report(study))

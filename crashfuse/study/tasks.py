@@ -99,7 +99,7 @@ class Computation:
     seconds: dict[str, float] = field(default_factory=dict)
 
     def run(self, wanted: Sequence[Wanted], repeated: tuple[str, ...]) -> None:
-        """Compute these, and the repeatability of these tests."""
+        """Compute these; and the repeatability of these tests, where workers have time for it."""
         start = time.perf_counter()
         missing = [each for each in wanted if each not in self.known]
         late = [each for each in missing if CLASSES[each.approach].trains_networks]
@@ -109,13 +109,13 @@ class Computation:
         shared = self._prepared(missing, trained=False)
         if not late:
             self._compute([*early, *repeats], shared, len(wanted))
-        elif self.workers.are_elsewhere([*early, *repeats]):
+        elif self.workers.are_elsewhere(early):
             trained = self._train_beside([*early, *repeats], late, shared, len(wanted))
             self._compute(_tasks(late), trained, len(wanted))
-        else:
+        else:  # here, one after the other: what can be shown first is not delayed by training
             self._compute(early, shared, len(wanted))
             self.on_first()
-            self._compute([*_tasks(late), *repeats], self._prepared(late), len(wanted))
+            self._compute(_tasks(late), self._prepared(late), len(wanted))
         self.seconds["held_out_tests"] = time.perf_counter() - start
 
     def _train_beside(self, tasks: Sequence[Task], late: Sequence[Wanted], shared: Cache, total: int) -> Cache:

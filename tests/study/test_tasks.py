@@ -31,6 +31,23 @@ def test_what_needs_no_network_is_rated_first(
     assert [fold.ratings for fold in again.folds] == [fold.ratings for fold in whole.folds]
 
 
+@pytest.mark.slow
+def test_nothing_trains_before_the_only_test_is_shown(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody waits for one comparison: training would slow it down, and starting other processes takes longer."""
+    monkeypatch.setattr(Cae, "trains_networks", True)
+    order: list[str] = []
+    prepare = Cae.prepare
+
+    def noted(self: Cae, *arguments: object, **further: object) -> None:
+        order.append("training")
+        prepare(self, *arguments, **further)
+
+    monkeypatch.setattr(Cae, "prepare", noted)
+    watch = Watch(on_first=lambda _: order.append("shown"))
+    run_study(campaign, CONFIG, held_out=["T1"], watch=watch, workers=2)
+    assert order == ["shown", "training"]
+
+
 def test_a_speed_group_of_one_test_is_that_test_alone(campaign: Campaign) -> None:
     """One fold serves both."""
     alone = next(test_id for test_id in campaign.test_ids if len(campaign.speed_group(test_id)) == 1)

@@ -354,6 +354,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     assert "LF TCN, Time domain, Fused: still training" in words(app)
     assert "Training LF TCN: 3 of 10" in words(app)
     assert downloads(app) == ["scores.csv", "pulses.csv", "metrics.csv"]
+    assert "Use " not in words(app)  # a recommendation of what happens to be known first
     go(app, "train")
     assert "Rated already, 0–60 ms: CAE" in words(app)
     assert "Compare T1" in [button.label for button in app.button]
@@ -362,6 +363,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     go(app, "compare")
     assert [metric.label for metric in app.metric] == list(LABELS.values())
     assert "still training" not in words(app)
+    assert "Use " in words(app)
 
 
 @pytest.mark.usefixtures("open_campaign", "studies_are_quick")
