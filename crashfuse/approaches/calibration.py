@@ -8,7 +8,7 @@ import numpy as np
 
 from crashfuse.approaches.left_out import STRIDE, LeftOut
 from crashfuse.campaign import CrashTest
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics, motion
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, kinematics, motion
 
 LEVEL = 0.95
 LEVELS: FloatArray = np.linspace(0.05, 0.95, 19)
@@ -40,11 +40,16 @@ class Coverage:
 
     @classmethod
     def of(cls, test: CrashTest, draws_mps2: FloatArray) -> Self:
-        """Compare a test with equally likely pulses, shape (n_draws, 1250), that were drawn without it."""
-        speed, accel = test.condition.speed_mps, test.pulse.accel_mps2
-        velocity, displacement = motion(np.asarray(draws_mps2, dtype=np.float64), speed, DT_S)
-        measured = kinematics(accel, speed, DT_S)
-        loading = ~(measured.t0_s < GRID_S)
+        """Compare a test with equally likely pulses that were drawn without it.
+
+        They are given on every k-th sample of the study grid, shape (n_draws, 1250 / k).
+        """
+        stride = N_SAMPLES // draws_mps2.shape[1]
+        dt_s, time = stride * DT_S, GRID_S[::stride]
+        speed, accel = test.condition.speed_mps, test.pulse.accel_mps2[::stride]
+        velocity, displacement = motion(np.asarray(draws_mps2, dtype=np.float64), speed, dt_s)
+        measured = kinematics(accel, speed, dt_s)
+        loading = ~(measured.t0_s < time)
         accel_inside = _inside(draws_mps2, accel)
         crush = _inside(displacement.max(axis=1), measured.displacement_m.max())
         return cls(

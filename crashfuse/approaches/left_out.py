@@ -7,7 +7,7 @@ import numpy as np
 
 from crashfuse.approaches.base import FittedState, Prediction
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.signals.thinning import in_full
 
 STRIDE = 10  # samples of the study grid: a CFC 60 pulse contains no finer detail
@@ -33,8 +33,11 @@ class LeftOut:
 
     @classmethod
     def of(cls, pulses_mps2: Mapping[int, FloatArray]) -> "LeftOut":
-        """Thin out pulses, given by test number: row 0 is the expected pulse, then draws, shape (1 + m, 1250)."""
-        some = [pulses[: 1 + _DRAWS, ::STRIDE] for pulses in pulses_mps2.values()]
+        """Thin out pulses, given by test number: row 0 is the expected pulse, then draws.
+
+        They are given on every k-th sample of the study grid, shape (1 + m, 1250 / k), where k divides 10.
+        """
+        some = [pulses[: 1 + _DRAWS, :: STRIDE * pulses.shape[1] // N_SAMPLES] for pulses in pulses_mps2.values()]
         return cls(
             np.array(list(pulses_mps2), dtype=np.int64),
             np.array([pulses[0] for pulses in some], dtype=np.float64),

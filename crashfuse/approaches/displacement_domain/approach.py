@@ -34,7 +34,6 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
-from crashfuse.signals.thinning import in_full
 
 _SHARES = np.linspace(0.0, 1.0, 101)  # shares of the impact speed at which velocity-dependent parts are drawn
 _CHECK_DRAWS = 200  # for each test used to check the band
@@ -210,15 +209,15 @@ class DisplacementDomain(Approach):
         widening: float,
         stride: int = 1,
     ) -> FloatArray:
-        """Pulses, shape (1 + n_draws, 1250): the expected one in row 0, then draws, in steps of ``stride`` samples."""
+        """Pulses, shape (1 + n_draws, 1250 / stride): the expected one in row 0, then draws."""
         speed, curve, end_share, fine = cae.condition.speed_mps, cae.curve, self.bias_.end_share, cae.grid_m
         wide = bias.widened(widening)
         force = curve.accel_at(fine, end_share)
         over_displacement = force + [np.interp(fine, fine[::FINER], f) for f in wide.over_displacement_mps2]
         over_speed = curve.stopping_accel(_SHARES, end_share) + wide.over_speed_mps2
-        n_times = -(-N_SAMPLES // stride)
-        motion = integrate(over_displacement, fine[1], over_speed, speed, dt_s=stride * DT_S, n_times=n_times)
-        return rebound.follow(in_full(motion.accel_mps2, stride), speed, cae.accel_mps2, curve.own, rng, widening)
+        dt_s, n_times = stride * DT_S, N_SAMPLES // stride
+        motion = integrate(over_displacement, fine[1], over_speed, speed, dt_s=dt_s, n_times=n_times)
+        return rebound.follow(motion.accel_mps2, speed, cae.accel_mps2, curve.own, rng, widening, dt_s)
 
     def _calibrate(self, campaign: Campaign, watch: Watch) -> Calibration:
         """Check the band on each test, predicted from the others with the same hyperparameters; widen it if needed."""

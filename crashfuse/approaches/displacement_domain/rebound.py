@@ -12,7 +12,7 @@ from crashfuse.approaches.displacement_domain.covariance import LogNormal, Part
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.draws import draw, student_draws
 from crashfuse.signals.loading import LoadingPhase, loading_phase
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, kinematics
 from crashfuse.units import G
 
 _JOIN_S = 0.005  # time constant with which a step at zero velocity fades
@@ -53,18 +53,19 @@ def follow_unloading(
     cae_loading : LoadingPhase
         Loading phase of that pulse. If it never stops the vehicle there is no unloading: the acceleration just fades.
     """
-    return _unloaded(accel_mps2, kinematics(accel_mps2, speed_mps, DT_S).t0_s, cae, cae_loading)
+    return _unloaded(kinematics(accel_mps2, speed_mps, DT_S), cae, cae_loading)
 
 
-def _unloaded(accel_mps2: FloatArray, t0_s: FloatArray, cae: FloatArray, cae_loading: LoadingPhase) -> FloatArray:
-    """As :func:`follow_unloading`, for pulses whose time of zero velocity is known, shape (n_draws,)."""
-    time, t0 = np.arange(accel_mps2.shape[-1]) * DT_S, t0_s[:, None]
+def _unloaded(pulses: Kinematics, cae: FloatArray, cae_loading: LoadingPhase) -> FloatArray:
+    """As :func:`follow_unloading`, for pulses at any time step."""
+    accel_mps2, t0 = pulses.accel_mps2, pulses.t0_s[:, None]
+    time = np.arange(accel_mps2.shape[-1]) * pulses.dt_s
     after = np.maximum(time - t0, 0.0)  # NaN where the vehicle does not stop
-    at_t0 = _at(accel_mps2, t0 / DT_S)
+    at_t0 = _at(accel_mps2, t0 / pulses.dt_s)
     if np.isnan(cae_loading.t0_s):
         branch, end = np.zeros_like(accel_mps2), 0.0
     else:
-        branch, end = np.interp(cae_loading.t0_s + after, time, cae), cae_loading.accel_mps2[-1]
+        branch, end = np.interp(cae_loading.t0_s + after, np.arange(cae.size) * DT_S, cae), cae_loading.accel_mps2[-1]
     scale = np.clip(at_t0 / end, *_SCALES) if end < 0 else np.ones_like(at_t0)
     unloading = scale * branch + (at_t0 - scale * end) * np.exp(-after / _JOIN_S)
     return np.where(time > t0, unloading, accel_mps2)
@@ -145,37 +146,39 @@ class Rebound:
         cae_loading: LoadingPhase,
         rng: np.random.Generator,
         widening: float = 1.0,
+        dt_s: float = DT_S,
     ) -> FloatArray:
         """Apply :func:`follow_unloading` with the correction: expected for the first pulse, drawn for the others.
 
-        ``widening`` is a factor on the draws' deviations.
+        ``widening`` is a factor on the draws' deviations, ``dt_s`` the time step of the pulses, of 100 ms each.
         """
-        t0 = kinematics(pulses_mps2, speed_mps, DT_S).t0_s
-        pulses = _unloaded(pulses_mps2, t0, cae_mps2, cae_loading)
+        own = kinematics(pulses_mps2, speed_mps, dt_s)
+        pulses = _unloaded(own, cae_mps2, cae_loading)
         if self.process_ is None:
             return pulses
         mean, covariance = self.process_.posterior(_rows(_AFTER_S, speed_mps, -1))
         draws = student_draws(mean, widening**2 * covariance, self.freedom_, len(pulses) - 1, rng)
-        return _with(np.vstack([mean, draws]), pulses, t0)
+        return _with(np.vstack([mean, draws]), pulses, own.t0_s, dt_s)
 
     def repeat(
         self, pulses_mps2: FloatArray, speed_mps: float, test_mps2: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
         """Let each pulse rebound as a repeat of this test would: as the test, and differently by what tests do."""
-        t0 = kinematics(pulses_mps2, speed_mps, DT_S).t0_s
-        pulses = _unloaded(pulses_mps2, t0, test_mps2, loading_phase(test_mps2, speed_mps))
+        motion = kinematics(pulses_mps2, speed_mps, DT_S)
+        pulses = _unloaded(motion, test_mps2, loading_phase(test_mps2, speed_mps))
         if self.process_ is None:
             return pulses
         own = self.process_.prior_of(_OF_A_TEST, _rows(_AFTER_S, speed_mps, -1))
         differences = draw(np.zeros(_AFTER_S.size), 2 * own, len(pulses), rng)
-        return _with(differences, pulses, t0)
+        return _with(differences, pulses, motion.t0_s, DT_S)
 
 
-def _with(extra: FloatArray, pulses_mps2: FloatArray, t0_s: FloatArray) -> FloatArray:
+def _with(extra: FloatArray, pulses_mps2: FloatArray, t0_s: FloatArray, dt_s: float) -> FloatArray:
     """Add corrections at the times after zero velocity, one row for each pulse, from zero velocity on."""
     t0 = t0_s[:, None]  # NaN where the vehicle does not stop
-    own = _at(extra, np.maximum((GRID_S - t0) / _STEP_S, 0.0))
-    pulses_mps2 += np.where(t0 < GRID_S, _unit(_at(pulses_mps2, t0 / DT_S)) * own, 0.0)
+    time = np.arange(pulses_mps2.shape[-1]) * dt_s
+    own = _at(extra, np.maximum((time - t0) / _STEP_S, 0.0))
+    pulses_mps2 += np.where(t0 < time, _unit(_at(pulses_mps2, t0 / dt_s)) * own, 0.0)
     return pulses_mps2
 
 

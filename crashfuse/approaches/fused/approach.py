@@ -21,7 +21,6 @@ from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, FloatArray
-from crashfuse.signals.thinning import in_full
 from crashfuse.units import MPH
 
 _JUDGED_S = 0.06  # the rated time: later errors must not affect the weights
@@ -108,11 +107,10 @@ class Fused(Approach):
             for number, components, _ in learned_from
         ]
         self.pool_.fit(scores)
-        mixtures = {left_out.number: self._mixed(left_out.components) for left_out in alone}
-        full = {number: Component(*(in_full(part, STRIDE) for part in mixture)) for number, mixture in mixtures.items()}
+        mixtures = [(campaign.tests[left_out.number], self._mixed(left_out.components)) for left_out in alone]
 
         def check(widening: float) -> list[Coverage]:
-            return [Coverage.of(campaign.tests[number], mixture.widened(widening)) for number, mixture in full.items()]
+            return [Coverage.of(test, mixture.widened(widening)) for test, mixture in mixtures]
 
         # A mixture of valid bands is wider than necessary where the components agree: beside tests it may be narrowed.
         near = calibrate(check, _WIDENINGS) if mixtures else Calibration(1.0, ())
