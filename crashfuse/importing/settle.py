@@ -4,6 +4,7 @@ The order matters: detecting unit and sign needs the impact speed, the filter ne
 before contact, and only then is the record cut to the crash.
 """
 
+import re
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,6 +25,7 @@ from crashfuse.importing.detection import (
     step_of,
     time_zero,
     unit_and_sign,
+    unlike_speed,
 )
 from crashfuse.importing.sampling import even, on_one_clock
 from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
@@ -90,6 +92,8 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
         If a choice does not exist.
     """
     steps = list(record.steps)
+    if record.other_setup and role == "tests":
+        steps.append(f"Careful: not a full-frontal barrier crash, by its own account: {record.other_setup}.")
     condition = complete_condition(
         record,
         choices.condition,
@@ -123,9 +127,9 @@ def _missing(record: Record, choices: Choices) -> list[Problem]:
     chosen = record.chosen(choices.channels)
     missing = []
     if not chosen:
-        have = ", ".join(f"{channel.name} ({channel.label})" for channel in record.channels[:12])
         expected = f"a channel of {record.id} that is known to be the vehicle's pulse"
-        missing.append(Problem(record.source, expected, have, "choose one or several to be averaged (--channel)"))
+        advice = f"choose one or several to be averaged (--channel {_quoted(record.channels[0].name)})"
+        missing.append(Problem(record.source, expected, record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
         expected = f"the unit of the acceleration of {record.id}"
@@ -133,11 +137,16 @@ def _missing(record: Record, choices: Choices) -> list[Problem]:
     return missing
 
 
+def _quoted(name: str) -> str:
+    """A name as the command line takes it."""
+    return name if re.fullmatch(r"[\w#.:+-]+", name) else '"{}"'.format(re.sub(r'(["\\$`])', r"\\\1", name))
+
+
 def _channels(record: Record, choices: Choices, speed_mps: float, steps: list[str]) -> tuple[RecordedChannel, ...]:
     """The channels to average: those chosen, else the largest group of proposed channels whose ΔV agrees."""
     chosen = record.chosen(choices.channels)
     if choices.channels:
-        steps.append(f"Channels chosen by the user: {', '.join(choices.channels)}.")
+        steps.append(f"Channels chosen by the user: {', '.join(channel.name for channel in chosen)}.")
     units = {choices.unit or channel.unit for channel in chosen}
     if len(chosen) == 1 or len(units) > 1 or speed_mps <= CREEP_MPS:
         return chosen
@@ -212,8 +221,8 @@ def _check(record: Record, pulse: Pulse, condition: Condition, role: Role, steps
     taken = (condition.speed_mps - motion.velocity_mps.min()) / max(condition.speed_mps, 1e-9)
     if condition.speed_mps > CREEP_MPS and not low <= taken <= high:
         expected = f"a change of velocity near the impact speed of {speed_text(condition.speed_mps)} from contact on"
-        found = f"{100 * taken:.0f} % of it"
-        raise DataError(Problem(record.source, expected, found, "check time zero, unit and channels"))
+        found, advice = f"{100 * taken:.0f} % of it", unlike_speed(record, "time zero, unit and channels")
+        raise DataError(Problem(record.source, expected, found, advice))
     if end < GRID_S[-1] - pulse.dt_s:
         if at_end > MOVING * condition.speed_mps:
             found = f"{speed_text(at_end)} at its end, {end / MS:.4g} ms"

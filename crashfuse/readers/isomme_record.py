@@ -9,10 +9,13 @@ import numpy as np
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Limits
 from crashfuse.readers.channel_codes import UNPLACED, ChannelCode, proposed
+from crashfuse.readers.crash_setup import other_setup
 from crashfuse.readers.isomme import ISOMME_LIMITS, read_isomme
 from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.unit_spelling import UNITS, number_and_unit, unit_named
+
+_OTHER_SIDES = ("LE", "RI", "RE", "LEFT", "RIGHT", "REAR")
 
 
 def read_isomme_record(path: Path, limits: Limits = ISOMME_LIMITS) -> tuple[Record]:
@@ -51,7 +54,9 @@ def record_of(test: IsommeTest, source: str) -> Record:
         notes = (*notes, "No time of the first sample is in the file, so that time zero has to be found.")
         zero = ""
     recorded = tuple(_recorded(name, code, channel) for name, (code, channel) in timed.items())
-    return Record(test.name, source, condition, recorded, chosen, (*notes, why), zero, unread=untimed)
+    steps = (*notes, why)
+    other = _other_setup(test, vehicle)
+    return Record(test.name, source, condition, recorded, chosen, steps, zero, unread=untimed, other_setup=other)
 
 
 def _on_a_vehicle(channel: Channel) -> ChannelCode | None:
@@ -95,6 +100,13 @@ def _condition(test: IsommeTest, vehicle: str) -> tuple[PartialCondition, tuple[
     elif mass:
         notes.append(f"Mass {mass:g} kg from the .mme file, which does not say what each axle carries.")
     return PartialCondition(speed, mass, front, rear), tuple(notes)
+
+
+def _other_setup(test: IsommeTest, vehicle: str) -> str:
+    """What the test is called, if that is no full-frontal crash; the side of its impact, if that is not the front."""
+    texts = [test.descriptor(name) or "" for name in ("Type of the test", "Subtype of the test", "Title")]
+    side = test.descriptor(f"Impact side test object {vehicle}") or ""
+    return other_setup(texts) or (f"impact side {printable(side)}" if side.upper() in _OTHER_SIDES else "")
 
 
 def _quantity(test: IsommeTest, names: Sequence[str], quantity: str, default: str) -> float | None:

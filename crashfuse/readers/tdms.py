@@ -17,7 +17,14 @@ from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members
-from crashfuse.readers.nhtsa_sensors import Sensor, nhtsa_record, number_in, of_first_vehicle, setup_and_speed
+from crashfuse.readers.nhtsa_sensors import (
+    Sensor,
+    nhtsa_record,
+    number_in,
+    of_first_vehicle,
+    other_configuration,
+    speed_step,
+)
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile, parse_tdms
 from crashfuse.readers.unit_spelling import UNITS, unit_named
@@ -122,8 +129,10 @@ def _nhtsa_record(file: TdmsFile, told: Sequence[tuple[TdmsChannel, _Told]], mem
         label = f"{sensor.comment or channel.name}{', redundant' if sensor.redundant else ''}"
         return _channel(file, channel, said, str(sensor.number), label, where)
 
-    condition = _condition(sensors[candidates[0]][1], where)
-    return nhtsa_record(member.path.stem, where, {one: partial(read, one) for one in candidates}, condition)
+    test = sensors[candidates[0]][1]
+    other = other_configuration(_text(test, "test_tstcfn"), _number(test, "test_impang"))
+    readers = {one: partial(read, one) for one in candidates}
+    return nhtsa_record(member.path.stem, where, readers, _condition(test, where), other)
 
 
 def _sensor(place: int, said: _Told) -> Sensor:
@@ -170,7 +179,7 @@ def _condition(said: _Told, where: str) -> tuple[PartialCondition, tuple[str, ..
     speed, mass = _number(said, "veh_vehspd") or _number(said, "test_clsspd"), _number(said, "veh_vehtwt")
     car = " ".join(filter(None, (_text(said, name) for name in ("veh_year", "veh_maked", "veh_modeld"))))
     steps = [f"NHTSA test {_text(said, 'test_tstno')}, {printable(car)}."]
-    steps += setup_and_speed(_text(said, "test_tstcfn"), _number(said, "test_impang"), speed, where)
+    steps.append(speed_step(speed, where))
     if mass:
         steps.append(f"Weight {mass:g} kg from {where}, which does not say what each axle carried.")
     return PartialCondition(speed * KPH or None, mass or None), tuple(steps)
