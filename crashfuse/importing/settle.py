@@ -13,7 +13,7 @@ from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, MOVING, STOPS
 from crashfuse.campaign_folder.recorded_pulse import SHORTEST_S, SLOWEST_S
 from crashfuse.condition import Condition
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import complete_condition
 from crashfuse.importing.detection import (
@@ -94,14 +94,30 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
     steps = list(record.steps)
     if record.other_setup and role == "tests":
         steps.append(f"Careful: not a full-frontal barrier crash, by its own account: {record.other_setup}.")
-    condition = complete_condition(
-        record,
-        choices.condition,
-        choices.front_share,
-        steps,
-        standstill=role == "cae",
-        also_missing=_missing(record, choices),
-    )
+    missing = _missing(record, choices)
+    try:
+        condition = complete_condition(
+            record,
+            choices.condition,
+            choices.front_share,
+            steps,
+            standstill=role == "cae",
+            also_missing=missing,
+        )
+    except DataError as error:
+        speed = record.condition.overruled(choices.condition).speed_mps
+        problems = list(error.problems)
+        if speed is not None and not missing:  # nobody should look for weights of a pulse that will be refused
+            with collecting(problems):
+                _settled(record, choices, Condition(speed, 1.0, 1.0), role, [], raw=raw)
+        raise DataError(problems) from None
+    return _settled(record, choices, condition, role, steps, raw=raw)
+
+
+def _settled(
+    record: Record, choices: Choices, condition: Condition, role: Role, steps: list[str], *, raw: bool
+) -> Settled:
+    """Settle the pulse of a record whose condition is known."""
     channels = _channels(record, choices, condition.speed_mps, steps)
     time_s, values = _average(record, channels, choices, steps)
     unit, sign = unit_and_sign(record, channels, time_s, values, condition.speed_mps, choices, role, steps)

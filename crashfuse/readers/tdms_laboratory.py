@@ -90,7 +90,7 @@ def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     condition, steps = _condition(file)
     others = sum(one.use.why in (OF_A_DUMMY, OTHER_DIRECTION) for one in every)
     if others:
-        steps.append(f"Left out: {others} accelerations of dummies or in other directions.")
+        steps.append(f"Left out: accelerations of dummies or in other directions ({others}).")
     if unread:
         steps.append(f"Left out for lack of samples or of their time: {', '.join(map(printable, unread))}.")
     chosen, why = _proposed(channels, len(found), what)

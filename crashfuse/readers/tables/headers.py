@@ -156,7 +156,7 @@ def _is(role: ColumnRole, plain: str) -> bool:
 
 def _code_of(column: str) -> ChannelCode | None:
     """The channel code of ISO-MME of an acceleration in a header, if it is one."""
-    code = ChannelCode.parsed(column) or ChannelCode.parsed(bare_name(column))
+    code = ChannelCode.parsed(re.split(r"[^\w?]", column.strip())[0]) or ChannelCode.parsed(bare_name(column))
     return code if code is not None and code.is_acceleration else None
 
 
