@@ -14,11 +14,11 @@ _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
 _GIVE_SPEED = "give the speed (--speed-kph V, or --speed-mph V)"
 _GIVE_WEIGHTS = (
     "give both axle weights, or the mass and the front axle's share of it "
-    "(--front-weight-kg F --rear-weight-kg R, or --mass-kg M --front-share 0.58)"
+    "(--front-weight-kg F --rear-weight-kg R, or --mass-kg M --front-share S)"
 )
 _GIVE_SHARE = (
     "give the front axle's share of the mass, or both axle weights "
-    "(--front-share 0.58, or --front-weight-kg F --rear-weight-kg R)"
+    "(--front-share S, or --front-weight-kg F --rear-weight-kg R)"
 )
 
 
@@ -87,6 +87,11 @@ def missing_values(source: str, record_id: str, known: PartialCondition, no_spee
         found, advice = ("none", _GIVE_WEIGHTS) if mass is None else (f"a mass of {mass:.5g} kg alone", _GIVE_SHARE)
         missing.append(Problem(source, f"the weights on both axles of {record_id}", found, advice))
     return missing
+
+
+def is_missing_value(problem: Problem) -> bool:
+    """Whether a problem is one of :func:`missing_values`."""
+    return problem.advice in (_GIVE_SPEED, _GIVE_WEIGHTS, _GIVE_SHARE)
 
 
 def _weights_trouble(record: Record, front: float, rear: float) -> Problem | None:

@@ -4,7 +4,6 @@ The order matters: detecting unit and sign needs the impact speed, the filter ne
 before contact, and only then is the record cut to the crash.
 """
 
-import re
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,7 +27,7 @@ from crashfuse.importing.detection import (
     unlike_speed,
 )
 from crashfuse.importing.sampling import even, on_one_clock
-from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
+from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel, quoted
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
@@ -144,18 +143,13 @@ def _missing(record: Record, choices: Choices) -> list[Problem]:
     missing = []
     if not chosen:
         expected = f"a channel of {record.id} that is known to be the vehicle's pulse"
-        advice = f"choose one or several to be averaged (--channel {_quoted(record.channels[0].name)})"
+        advice = f"choose one or several to be averaged (--channel {quoted(record.channels[0].name)})"
         missing.append(Problem(record.source, expected, record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
         expected = f"the unit of the acceleration of {record.id}"
         missing.append(Problem(record.source, expected, "none", "give it if the speed does not tell it (--unit)"))
     return missing
-
-
-def _quoted(name: str) -> str:
-    """A name as the command line takes it."""
-    return name if re.fullmatch(r"[\w#.:+-]+", name) else '"{}"'.format(re.sub(r'(["\\$`])', r"\\\1", name))
 
 
 def _channels(record: Record, choices: Choices, speed_mps: float, steps: list[str]) -> tuple[RecordedChannel, ...]:

@@ -5,6 +5,7 @@ Every reader of a foreign format (:mod:`~crashfuse.readers.nhtsa`, :mod:`~crashf
 fact. Their interpretation (time zero, sign and unit) is settled in one place, :mod:`crashfuse.importing`.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
@@ -87,6 +88,11 @@ class RecordedChannel:
         """The name, and the label where it says more, as messages print it."""
         name, label = printable(self.name), printable(self.label)
         return name if label in name else f"{name} ({label})"
+
+
+def quoted(name: str) -> str:
+    """A name as a command line takes it."""
+    return name if re.fullmatch(r"[\w#.:+-]+", name) else '"{}"'.format(re.sub(r'(["\\$`])', r"\\\1", printable(name)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -15,7 +15,7 @@ from itertools import takewhile
 import numpy as np
 
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.readers.channel_codes import UNPLACED, ChannelCode, proposed
+from crashfuse.readers.channel_codes import ChannelCode, proposed
 from crashfuse.readers.crash_setup import other_setup
 from crashfuse.readers.nhtsa_sensors import number_in
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
@@ -24,7 +24,7 @@ from crashfuse.readers.tables.headers import (
     OTHER_DIRECTION,
     ColumnUse,
     cutoff_of,
-    filter_order,
+    likelihood,
     use_of,
     why_no_acceleration,
 )
@@ -39,10 +39,6 @@ _MOST_VALUES = 20_000_000  # in all of them
 _MOST_CLOCKS = 1000
 _SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
 _ABOUT_THE_TEST = re.compile(r"type|config|title|descr|test|crash|mode|subject", re.IGNORECASE)
-_OF_THE_VEHICLE = re.compile(
-    r"\b(veh\w*|car|fahrzeug|cg|tunnel|sill|schweller|b[ -]?(pillar|s\wule)|rocker|(x|cross)[ -]?member)\b",
-    re.IGNORECASE,
-)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -52,18 +48,6 @@ class _Candidate:
     channel: TdmsChannel
     said: Told
     use: ColumnUse
-
-    @property
-    def code(self) -> ChannelCode | None:
-        """Its code, if its name is one."""
-        return ChannelCode.parsed(self.channel.name)
-
-    @property
-    def order(self) -> tuple[int, bool, int, bool, float]:
-        """Sort key: by the place of a code, then what is called the vehicle's; the least filtered first."""
-        by_code = (UNPLACED, False, 0) if self.code is None else self.code.order
-        words = re.sub("_", " ", self.channel.name)
-        return *by_code, _OF_THE_VEHICLE.search(words) is None, filter_order(self.channel.name)
 
 
 def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
@@ -83,7 +67,7 @@ def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     if not found:
         expected = "accelerations of the vehicle along X, by their units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
-    found = sorted(found, key=lambda one: one.order)
+    found = sorted(found, key=lambda one: likelihood(one.channel.name))
     channels, unread = _read(file, found[:_MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
@@ -129,8 +113,7 @@ def _read(
             unread[name] = error.problems[0]
             continue
         unit = read.unit or unit_named(one.use.unit or "", "acceleration")
-        cutoff = cutoff_of(channel.name) if one.code is None else one.code.cutoff_hz
-        channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or cutoff)
+        channels[name] = replace(read, unit=unit, cutoff_hz=read.cutoff_hz or cutoff_of(channel.name))
         if sum(each.values.size for each in channels.values()) > _MOST_VALUES:
             expected = f"accelerations of at most {_MOST_VALUES:,} values in all"
             raise DataError(Problem(where, expected, "more", "choose the file of one test"))

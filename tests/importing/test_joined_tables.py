@@ -111,8 +111,8 @@ def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
     """Left beside right: refused, averaged under an id, or two records if the conditions of both are there."""
     path = table(tmp_path, "t [ms];ax left [g];ax right [g]", TIME_S / MS, PULSE_G, PULSE_G)
     said = refusal(path)
-    assert "found ax left, ax right; if they are sensors of one crash, say so (--id, or --channel)" in said
-    assert "if they are crashes, give a table of their conditions (--conditions)" in said
+    assert "found ax left, ax right; if they are sensors of one crash, average them (--id ID)" in said
+    assert 'or choose among them (--channel "ax left [g]"); if they are crashes, give a table of their' in said
     (one,) = import_source(path, tmp_path / "one", GIVEN, record_id="T1")
     assert one.channels == ("ax left [g]", "ax right [g]")
     alike = table(tmp_path, "t [ms];ax [g];ax [g]", TIME_S / MS, PULSE_G, PULSE_G, name="alike.csv")

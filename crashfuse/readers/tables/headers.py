@@ -5,7 +5,7 @@ import unicodedata
 from dataclasses import dataclass
 from typing import Literal
 
-from crashfuse.readers.channel_codes import ChannelCode
+from crashfuse.readers.channel_codes import UNPLACED, ChannelCode
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 
 ColumnRole = Literal[
@@ -41,6 +41,9 @@ _DUMMY = re.compile(
     r"\b(dumm(y|ies)|hiii|thor|worldsid|occupant|insass\w*|head|kopf\w*|neck|hals|chest|brust\w*|thorax|stern(um|al)|"
     r"ribs?|rippe\w*|spine|shoulder|schulter\w*|abdomen|pelvis|pelvic|becken\w*|femur|oberschenkel|knee|knie|tibia|"
     r"foot|fuss)\b"
+)
+_OF_THE_VEHICLE = re.compile(
+    r"\b(veh\w*|car|fahrzeug\w*|cg|tunnel\w*|sill|schweller\w*|b (pillar|saule)|rocker|(x|cross) ?member)\b"
 )
 _RAW = r"raw|roh(?:daten|signal)?|unfiltered|ungefiltert"
 _FILTER = re.compile(rf"\b({_RAW}|filtered|filt|gefiltert|cfc ?(\d{{1,4}}))\b")
@@ -177,6 +180,13 @@ def filter_order(column: str) -> float:
     if re.search(rf"\b({_RAW})\b", plain):
         return 0.0
     return 4.0 if _FILTER.search(plain) else 1.0
+
+
+def likelihood(column: str) -> tuple[int, bool, int, bool, float]:
+    """Sort key of accelerations, the likeliest pulse first: by its code's place, by words, the least filtered first."""
+    code = _code_of(column)
+    by_code = (UNPLACED, False, 0) if code is None else code.order
+    return *by_code, _OF_THE_VEHICLE.search(_plain(column)) is None, filter_order(column)
 
 
 def cutoff_of(column: str) -> float | None:
