@@ -78,6 +78,8 @@ def use_of(column: str, unit_cell: str) -> ColumnUse:
     unit = _name_and_unit(column, unit_cell)[1]
     plain, code = place_of(column), _code_of(column)
     why = f"its unit is {unit}" if unit else "its name says so"
+    if code is not None and not code.is_acceleration:
+        return ColumnUse(column, "ignored", None, "its code is no acceleration's")
     quantity = None if unit is None else next(q for q, units in UNITS.items() if unit in units)
     if quantity == "acceleration" or (unit is None and (code or _is("acceleration", plain))):
         return _acceleration(ColumnUse(column, "acceleration", unit, why), plain, code, unit_cell)
@@ -158,9 +160,8 @@ def _is(role: ColumnRole, plain: str) -> bool:
 
 
 def _code_of(column: str) -> ChannelCode | None:
-    """The channel code of ISO-MME of an acceleration in a header, if it is one."""
-    code = ChannelCode.parsed(re.split(r"[^\w?]", column.strip())[0]) or ChannelCode.parsed(bare_name(column))
-    return code if code is not None and code.is_acceleration else None
+    """The channel code of ISO-MME in a header, if it is one."""
+    return ChannelCode.parsed(re.split(r"[^\w?]", column.strip())[0]) or ChannelCode.parsed(bare_name(column))
 
 
 def place_of(column: str) -> str:
