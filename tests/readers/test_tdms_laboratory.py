@@ -134,9 +134,8 @@ def test_many_candidates_are_never_cut_before_the_vehicles(tmp_path: Path) -> No
 def test_another_crash_is_named_as_that(tmp_path: Path) -> None:
     """A small overlap test is read with a warning; where it does not stop the vehicle, it is refused as what it is."""
     record = read(tmp_path, VEHICLE, Impact_velocity="56", Test_type="Small overlap frontal: driver side")
-    assert "Careful: not a full-frontal barrier crash, by its own account: Small overlap" in " ".join(
-        settle(record, WEIGHTS).steps
-    )
+    careful = "Careful: not a full-frontal barrier crash, by its own account: Small overlap frontal: driver side."
+    assert careful in settle(record, WEIGHTS).steps
     slower = [(group, name, 0.6 * values) for group, name, values in VEHICLE]
     record = read(tmp_path, slower, Impact_velocity="56", Test_type="Small overlap frontal: driver side")
     with pytest.raises(DataError, match="calls the test 'Small overlap frontal: driver side', and only full-frontal"):
