@@ -13,7 +13,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.files.archive import refuse
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import is_missing_value, missing_values
-from crashfuse.importing.joined_tables import ColumnChoice
+from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Reading, each_record
 from crashfuse.readers.record import Record
@@ -72,6 +72,8 @@ def import_source(
     settled: tuple[Settled, ...] = ()
     try:
         settled = settle_each(records, problems, choices, role=role, raw=own is not None)
+    except OneCrashOrSeveral as error:
+        problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
     except DataError as error:
         problems = [*error.problems, *problems]
     if source.is_file() and conditions is None and any(_COLUMNS.search(problem.advice) for problem in problems):
