@@ -16,6 +16,7 @@ from crashfuse.importing.condition import is_missing_value, missing_values
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Reading, each_record
+from crashfuse.importing.unpacking import is_archive
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
 
@@ -76,7 +77,8 @@ def import_source(
         problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
     except DataError as error:
         problems = [*error.problems, *problems]
-    if source.is_file() and conditions is None and any(_COLUMNS.search(problem.advice) for problem in problems):
+    alone = source.is_file() and not is_archive(source.name) and conditions is None
+    if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once
         problems = [problem for problem in problems if not is_missing_value(problem)]
         problems += missing_values(source.name, record_id or source.stem, choices.known)
