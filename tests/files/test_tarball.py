@@ -66,7 +66,12 @@ def test_files_come_back_to_the_byte(packed: bool, form: int) -> None:
     content = NOISE * 10
     long = "Channel/" + "x" * 90 + ".001"
     folder = special("T1", tarfile.DIRTYPE)
-    entries = [(folder, b""), ("./T1/T1.mme", b"1"), (f"T1/{long}", content), ("T1/._T1.mme", b"2")]
+    entries: list[tuple[str | tarfile.TarInfo, bytes]] = [
+        (folder, b""),
+        ("./T1/T1.mme", b"1"),
+        (f"T1/{long}", content),
+        ("T1/._T1.mme", b"2"),
+    ]
     assert unpacked(tarred(*entries, form=form, packed=packed)) == {"T1/T1.mme": b"1", f"T1/{long}": content}
     assert all(map(is_tar, ("a.tar.gz", "A.TGZ", "a.tar")))
     assert not any(map(is_tar, ("a.gz", "tar", "a.tar.zip")))
