@@ -143,7 +143,7 @@ def _missing(record: Record, choices: Choices) -> list[Problem]:
     missing = []
     if not chosen:
         expected = f"a channel of {record.id} that is known to be the vehicle's pulse"
-        advice = f"choose one or several to be averaged (--channel {quoted(record.channels[0].name)})"
+        advice = f"choose the one that is, or several to be averaged (--channel {quoted(record.channels[0].name)})"
         missing.append(Problem(record.source, expected, record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
