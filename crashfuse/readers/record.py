@@ -138,8 +138,8 @@ class Record:
 
     @property
     def listed(self) -> str:
-        """The channels as messages list them: the likeliest, as many as fit, and how many more there are."""
-        shown = [channel.shown for channel in self.channels]
+        """The channels as messages list them: those proposed, the likeliest, as many as fit, and how many more."""
+        shown = [channel.shown for channel in sorted(self.channels, key=lambda one: one.name not in self.proposed)]
         fitting = 1
         while fitting < len(shown) and len(", ".join(shown[: fitting + 1])) <= _LISTED:
             fitting += 1

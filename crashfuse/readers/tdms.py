@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import Limits, Member, refuse
 from crashfuse.readers.formats import FORMATS
@@ -48,7 +50,7 @@ def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
         records: list[Record] = []
         problems: list[Problem] = []
         for member in members:
-            with collecting(problems):
+            with collecting(problems), np.errstate(all="ignore"):  # damaged data may hold any number
                 records.append(_record(parse_tdms(member.content(budget), member.where), member))
         refuse(problems, path.name)
     return tuple(records)

@@ -149,3 +149,10 @@ def test_memory_is_bounded_over_all_channels(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(tdms_laboratory, "_MOST_VALUES", 5 * TIME_S.size)
     with pytest.raises(DataError, match="accelerations of at most 17,505 values in all, found more"):
         read(tmp_path, [("Car", f"AX {number}", RAW_G) for number in range(6)])
+
+
+def test_a_time_beyond_all_numbers_is_refused_without_a_warning(tmp_path: Path) -> None:
+    """A step of 1e305 s, as damage makes it, overflows; it is a sentence all the same."""
+    record = read(tmp_path, VEHICLE, {**WAVE, "wf_increment": 1e305}, Impact_velocity="56")
+    with pytest.raises(DataError, match="expected a number in each sample"):
+        settle(record, WEIGHTS)

@@ -6,6 +6,7 @@ The file only has to hold a table: the delimiter and the decimal sign are those 
 import csv
 import io
 import re
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
@@ -77,19 +78,21 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
 
 def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_row: int) -> pd.DataFrame:
     try:
-        return pd.read_csv(
-            io.StringIO("\n".join(lines)),
-            sep=r"\s+" if delimiter == " " else delimiter,
-            header=None,
-            names=range(width),
-            index_col=False,
-            dtype=str,
-            keep_default_na=False,
-            na_filter=False,
-            skip_blank_lines=False,
-            skipinitialspace=True,
-            on_bad_lines="error",
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # cells beyond the width would be dropped
+            return pd.read_csv(
+                io.StringIO("\n".join(lines)),
+                sep=r"\s+" if delimiter == " " else delimiter,
+                header=None,
+                names=range(width),
+                index_col=False,
+                dtype=str,
+                keep_default_na=False,
+                na_filter=False,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                on_bad_lines="error",
+            )
     except (pd.errors.ParserError, pd.errors.EmptyDataError, pd.errors.ParserWarning, ValueError) as error:
         found = " ".join(str(error).split())[:160]
         advice = f"export it again (the data begin in row {first_row})"
