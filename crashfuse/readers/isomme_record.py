@@ -38,7 +38,7 @@ def record_of(test: IsommeTest, source: str) -> Record:
     named = _named([(code, channel) for code, channel in on_vehicles if code.test_object == vehicle])
     timed = {name: one for name, one in named.items() if one[1].interval_s is not None and one[1].values.size >= 2}
     expected, advice = "an even time, as long as the channel", "export its sampling interval"
-    untimed = {name: Problem(f"{source}, {name}", expected, "none", advice) for name in named if name not in timed}
+    untimed = {name: Problem(f"{source}, {name}", expected, "none such", advice) for name in named if name not in timed}
     if not timed:
         raise DataError(list(untimed.values()))
     chosen, why = proposed({name: code for name, (code, _) in timed.items()})

@@ -71,7 +71,7 @@ def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
     channels, unread = _read(file, found[:_MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
-    condition, steps = _condition(file)
+    condition, steps = _condition(found[0].said)
     others = sum(one.use.why in (OF_A_DUMMY, OTHER_DIRECTION) for one in every)
     if others:
         steps.append(f"Left out: accelerations of dummies or in other directions ({others}).")
@@ -156,10 +156,10 @@ def _proposed(channels: Mapping[str, RecordedChannel], found: int, what: str) ->
     return (), f"Choose one of {len(channels)} {what}s{unit}."
 
 
-def _condition(file: TdmsFile) -> tuple[PartialCondition, list[str]]:
-    """The speed among the properties of the file, and sentences on its origin."""
+def _condition(said: Told) -> tuple[PartialCondition, list[str]]:
+    """The speed among the properties of the file (or of a group), and sentences on its origin."""
     steps = ["TDMS file."]
-    for name, value in file.properties.items():
+    for name, value in said.items():
         if (key := _SPEED.match(name)) is None:
             continue
         number, unit = (value, "") if isinstance(value, float) else number_and_unit(value) or (0.0, "")
