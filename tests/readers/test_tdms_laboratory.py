@@ -45,6 +45,14 @@ def read(
     return record
 
 
+def iihs_test() -> bytes:
+    """A small file as the IIHS writes them."""
+    properties = {**WAVE, "wf_increment": 5e-4}
+    channels = [(group, name, values[::5]) for group, name, values in [*DUMMIES[:6], *VEHICLE]]
+    objects = [ChannelObject(group, name, values, properties=properties) for group, name, values in channels]
+    return written([RootObject(properties={"Impact_velocity": "56.0"}), *objects])
+
+
 def test_the_iihs_vehicle_is_found_among_the_dummies(tmp_path: Path) -> None:
     """Of 229 channels the raw one of the vehicle's along X is the pulse; the speed is the file's, a text in km/h."""
     record = read(tmp_path, DUMMIES + VEHICLE, Impact_velocity="56.0")
