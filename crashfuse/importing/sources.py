@@ -11,6 +11,7 @@ from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.files.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral, read_tables
 from crashfuse.importing.unpacking import lay_out_source
+from crashfuse.readers.axes import Travel
 from crashfuse.readers.formats import FORMATS, TABLES, all_formats, formats_of
 from crashfuse.readers.members import files_below
 from crashfuse.readers.record import Record
@@ -36,6 +37,8 @@ class Reading:
         A table with the conditions of the records by id; it may have foreign headers, too.
     record_id : str, optional
         Id for the one record in the source, also in the table of conditions.
+    travel : str, optional
+        The direction of travel in the file's own axes; by default found from the motion.
     """
 
     source: Path
@@ -44,6 +47,7 @@ class Reading:
     together: bool = False
     conditions: Path | None = None
     record_id: str | None = None
+    travel: Travel | None = None
 
 
 def format_of(source: Path) -> str:
@@ -99,6 +103,8 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         raise UsageError(f"There is no format {fmt!r}; there are {', '.join(FORMATS)}.")
     if fmt != TABLES and reading.columns and reading.conditions is None:
         raise UsageError("Only tables have columns to map.")
+    if reading.travel is not None and not FORMATS[fmt].axes:
+        raise UsageError(f"{FORMATS[fmt].label} says itself which channels are along X; remove --travel.")
     if source.suffix.lower() == ".zip" and source.is_file() and _has_to_be_unpacked(source, fmt):
         with TemporaryDirectory() as scratch:
             yield from each_record(replace(reading, source=_unpacked(source, Path(scratch)), fmt=fmt), problems)
@@ -113,7 +119,7 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         expected = "a column of time and one of acceleration"
         raise DataError(Problem(source.name, expected, found, "map the columns (--column COLUMN=ROLE:UNIT)"))
     whole, ids = not problems, list[str]()
-    for record in tables.records if fmt == TABLES else _of_homes(source, fmt, problems):
+    for record in tables.records if fmt == TABLES else _of_homes(source, fmt, reading.travel, problems):
         if reading.record_id is not None:
             if ids:
                 raise UsageError(f"One id is not enough: {source.name} holds several records.")
@@ -149,12 +155,12 @@ def _unpacked(source: Path, into: Path) -> Path:
     return lay_out_source([(source.name, source.read_bytes())], into)
 
 
-def _of_homes(source: Path, fmt: str, problems: list[Problem]) -> Iterator[Record]:
+def _of_homes(source: Path, fmt: str, travel: Travel | None, problems: list[Problem]) -> Iterator[Record]:
     """Yield the records of a format, with one path per test if its reader takes only one."""
     tests = _files(source, FORMATS[fmt].has) if FORMATS[fmt].one_a_file else []
     for home in tests if len(tests) > 1 else [source]:
         with collecting(problems):
-            yield from FORMATS[fmt].read(home)
+            yield from FORMATS[fmt].read(home, travel)
 
 
 def _files(folder: Path, wanted: Callable[[Path], bool]) -> list[Path]:
