@@ -309,7 +309,7 @@ def test_a_record_that_ends_before_its_crash_says_when_and_how_fast(role: Litera
 
 
 def test_a_record_that_ends_after_the_stop_is_taken_with_a_warning() -> None:
-    """Thrown back at 5.0 km/h and still pushed with 6.7 g, both in closed form: what the campaign takes for the rest is told."""
+    """Thrown back at 5.0 km/h, pushed with 6.7 g, both in closed form: what is taken for the rest is told."""
     (told,) = [step for step in settle(record(channel(end_s=0.075)), role="cae").steps if "record ends" in step]
     assert told == (
         "Careful: the record ends 75 ms after contact with -5.0 km/h (-3.1 mph) left at its end and -6.7 g; it goes on "

@@ -91,10 +91,14 @@ def read_binout(families: Sequence[Shards], most: int, travel: Travel | None) ->
         for file in files:
             glstat |= states_of(file, "glstat")
             matsum |= states_of(file, "matsum")
-        parts += _parts(files, [where for _, where in shards])
+        own = list(_parts(files, [where for _, where in shards]))
+        _check_apart(parts, own)
+        parts += own
     title = next((part.of.title for part in parts if part.of.title), "")
     if not parts:
         return Histories(title, (), 0), glstat, matsum
+    if sum(len(part.states) * min(part.of.ids.size, most) for part in parts) > MOST_VALUES:
+        raise too_much(parts[0].where)
     start, fastest = _motion(parts)
     axis = AXES[axis_of_travel(start, travel)]
     pieces: dict[tuple[str, str], list[History]] = {}
@@ -149,6 +153,17 @@ def _parts(files: Sequence[LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
                     yield _Part(database, file, after, where, known[database], in_order, time[order])
 
 
+def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:
+    """Raise a DataError if two families hold the same nodes at the same time: they are of two runs."""
+    for part in parts:
+        for other in others:
+            at_once = part.time[0] <= other.time[-1] and other.time[0] <= part.time[-1]
+            if part.database == other.database and at_once and np.intersect1d(part.of.ids, other.of.ids).size:
+                expected, found = f"{part.database} of one run in a folder", f"the same nodes as in {part.where}"
+                advice = "put each run into a folder of its own, or name its job (run1.binout0000)"
+                raise DataError(Problem(other.where, expected, found, advice))
+
+
 def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
     """How the nodes set out, shape (3, n_nodes), and the largest speed along each axis in some of the states."""
     first: dict[tuple[str, bytes], _Part] = {}
@@ -166,8 +181,6 @@ def _histories(part: _Part, axis: str, most: int) -> list[History]:
     labels = part.of.labels(part.database)
     chosen = kept_of(labels, part.of.titles, most)
     places = [place for place, label in enumerate(labels) if label in chosen]
-    if len(part.states) * len(places) > MOST_VALUES:
-        raise too_much(part.where)
     values = np.full((2, len(places), len(part.states)), np.nan)
     with np.errstate(invalid="ignore"):  # damaged data may hold any number
         for of, name in zip(values, _DATABASES[part.database], strict=True):

@@ -84,7 +84,16 @@ def _histories(files: RunFiles, budget: Budget, most: int, travel: Travel | None
     if not found.nodes:
         advice = "ask the solver for it (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
         raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", advice))
-    return replace(found, kinetic_energy=kinetic_energy(glstat), quality=quality_of(glstat, matsum))
+    notes = (*found.notes, *_missing_end(found, glstat))
+    return replace(found, notes=notes, kinetic_energy=kinetic_energy(glstat), quality=quality_of(glstat, matsum))
+
+
+def _missing_end(run: Histories, glstat: States) -> list[str]:
+    """A warning if the energies go on after the nodes end: a part of their file is missing."""
+    nodes, energies = max(float(node.time[-1]) for node in run.nodes), sorted(glstat)
+    if len(energies) < 3 or energies[-1] - nodes <= 2 * max(np.diff(energies)):
+        return []
+    return [f"Careful: the nodes end at {nodes:.4g} but the energies at {energies[-1]:.4g}; copy all files of the run."]
 
 
 def _unzipped(file: Member, budget: Budget) -> IO[bytes]:
