@@ -110,9 +110,9 @@ def read_binout(families: Sequence[Shards], most: int, travel: Travel | None) ->
     kept = kept_of([node.name for node in merged], {node.name: node.title for node in merged}, most)
     nodes = tuple(node for node in merged if node.name in kept)
     total = max(len(merged), *(part.of.ids.size for part in parts))
-    files = sum(map(len, families))
+    count = sum(map(len, families))
     holding = len({part.where for part in parts})
-    notes = (f"{holding} of {files} files of binout hold nodes; joined.",) if files > 1 else ()
+    notes = (f"{holding} of {count} files of binout hold nodes; joined.",) if count > 1 else ()
     return Histories(title, nodes, total, start, fastest, notes=notes), glstat, matsum
 
 

@@ -77,10 +77,10 @@ def _histories(files: RunFiles, budget: Budget, most: int, travel: Travel | None
         for text in (files.text[kind] for kind in ("nodouthf", "nodout") if kind in files.text):
             more = read_nodout(text.chunks(budget), text.where, most, travel)
             found = more.beside(found) if found.nodes and found.nodes[0].name.isdecimal() else more
-    if not glstat and (text := files.text.get("glstat")) is not None:
-        glstat = glstat_text(text.chunks(budget), text.where)
-    if not matsum and (text := files.text.get("matsum")) is not None:
-        matsum = matsum_text(text.chunks(budget), text.where)
+    if not glstat and (whole := files.text.get("glstat")) is not None:
+        glstat = glstat_text(whole.chunks(budget), whole.where)
+    if not matsum and (parts := files.text.get("matsum")) is not None:
+        matsum = matsum_text(parts.chunks(budget), parts.where)
     if not found.nodes:
         advice = "ask the solver for it (*DATABASE_NODOUT, *DATABASE_HISTORY_NODE)"
         raise DataError(Problem(files.first, "accelerations of nodes (nodout) or rigid bodies", "none", advice))
