@@ -1,5 +1,6 @@
 """Which files are a run: families of binout, jobs by name, nodouthf; what is missing is said, nothing is dropped."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ def continued(*cuts: int, torn: bool = False) -> list[bytes]:
     """The run's binout in several files, of which only the first holds metadata; torn in the middle of a state."""
     bounds = [0, *cuts, len(STATES)]
     files = []
-    for number, (start, stop) in enumerate(zip(bounds, bounds[1:], strict=False)):
+    for number, (start, stop) in enumerate(pairwise(bounds)):
         folders = {name: FOLDERS[name] for name in STATES[start:stop]}
         if torn and start:
             folders = {STATES[start - 1]: _half(STATES[start - 1], after=True)} | folders
@@ -154,9 +155,8 @@ def test_nodes_that_end_before_the_energies_are_pointed_out(tmp_path: Path) -> N
     record = only(saved(tmp_path / "a", binout0000=lsda(folders)))
     assert not [step for step in record.steps if "energies at" in step]  # within two steps of the energies
     times = tuple(np.linspace(0, 150, 31).tolist())
-    many = Energies(
-        *(tuple(np.resize(values, 31).tolist()) for values in ((9.0,), (1.0,), (2.0,), (1.0,), (1.0,))), times
-    )
+    nine = (9.0,) * 31
+    many = Energies(nine, nine, nine, nine, nine, times)
     record = only(saved(tmp_path / "b", binout0000=lsda({**folders, **many.glstat_folders()})))
     assert "Careful: the nodes end at 120 but the energies at 150; copy all files of the run." in record.steps
 

@@ -64,9 +64,7 @@ def test_the_axis_is_that_of_most_motion_whatever_single_nodes_do() -> None:
 def test_a_vehicle_that_drives_aslant_is_refused_until_the_user_chooses() -> None:
     """Along an axis that is 20° off, the pulse would be 6 % too small."""
     start = 15.0 * np.array([[np.cos(np.radians(20))], [np.sin(np.radians(20))], [0.0]]) * np.ones(9)
-    with pytest.raises(
-        DataError, match=r"travels along one axis, found nodes that set out at x 14\.1, y 5\.13, z 0 m/s"
-    ):
+    with pytest.raises(DataError, match=r"travels along one axis, found nodes that set out at x 14\.1, y 5"):
         checked_travel(start, (14.1, 14.1), np.abs(start).max(axis=1), 1.0, None, "run")
     assert checked_travel(start, (14.1, 14.1), np.abs(start).max(axis=1), 1.0, "x", "run")[1]
 
@@ -98,9 +96,7 @@ def test_a_vehicle_that_is_struck_at_rest_needs_its_speed(tmp_path: Path) -> Non
     with pytest.raises(DataError, match="fastest when they set out"):
         read_lsdyna(folder)
     (record,) = read_lsdyna(folder, "x")
-    with pytest.raises(
-        DataError, match=r"the impact speed of .*, found nodes at rest along x at the start; give the sp"
-    ):
+    with pytest.raises(DataError, match="the impact speed of .*, found nodes at rest along x at the start; give"):
         settle(record, WEIGHTS, role="cae")
     settled = settle(record, SPEED, role="cae")
     assert settled.pulse.accel_mps2.min() == pytest.approx(-PEAK_MPS2, rel=1e-3)
