@@ -111,7 +111,9 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         return
     extra = [] if reading.conditions is None else [reading.conditions]
     paths = tables_of(source) if fmt == TABLES else []
-    tables = read_tables([*paths, *extra], reading.columns, problems, together=reading.together and fmt == TABLES)
+    travel = reading.travel if fmt == TABLES else None
+    together = reading.together and fmt == TABLES
+    tables = read_tables([*paths, *extra], reading.columns, problems, together=together, travel=travel)
     if fmt == TABLES and not paths:
         raise DataError(Problem(str(source), f"tables ({FORMATS[TABLES].files})", "none", "check the path"))
     if fmt == TABLES and not tables.records and not problems:

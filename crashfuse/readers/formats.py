@@ -39,8 +39,8 @@ class Format:
     role : {"tests", "cae"}
         The most likely role of its records.
     axes : bool
-        Whether its files may hold motion along any axis. The reader then takes the direction of travel
-        (:data:`~crashfuse.readers.axes.Travel`) as a second argument; None: to be found.
+        Whether its files may hold motion along any axis. The reader, if there is one, then takes the direction of
+        travel (:data:`~crashfuse.readers.axes.Travel`) as a second argument; None: to be found.
     """
 
     label: str
@@ -82,7 +82,7 @@ FORMATS = {
     ),
     "radioss": Format("Radioss", "T01", r"[^.]+T\d\d", f"{_HERE}.radioss:read_radioss", one_a_file=True, role="cae"),
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
-    TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|xls[xm]?)"),
+    TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|xls[xm]?)", axes=True),
 }
 """The formats by their command-line names."""
 

@@ -44,7 +44,8 @@ _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positiv
 
 def reading_of(source: Source) -> Reading:
     """Ask how to read a source: direction of travel, what columns of tables mean, which table has the conditions."""
-    travel = _travel(source) if FORMATS[source.fmt].axes else None
+    columns_say = source.fmt == TABLES
+    travel = _travel(source) if FORMATS[source.fmt].axes and not columns_say else None
     return replace(_reading_of(source), travel=travel)
 
 
