@@ -149,6 +149,20 @@ def test_lsdyna_runs_become_cae_runs(visit: Visit, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_the_direction_of_travel_is_found_or_chosen(visit: Visit, tmp_path: Path) -> None:
+    """A model that drives along −y: the steps say so, a wrong direction is refused, the right one is kept."""
+    session = drop(visit(), run_zip=zipped({"r1/binout0000": Run(step_s=5e-4, axis="y", direction=-1).binout()}))
+    field(session, "Front share").set_value(56.0)
+    assert "Travel along -y, as the nodes set out." in session.run().words
+    field(session, "Direction of travel").set_value("y")
+    assert "Nothing of it can be read: 1 problem" in session.run().words
+    field(session, "Direction of travel").set_value("-y")
+    assert "Travel along -y, given by the user." in session.run().words
+    session = into(session, tmp_path / "c").press("Add as CAE run")
+    assert added(tmp_path / "c") == ["r1"]
+
+
+@pytest.mark.slow
 def test_a_workbook_is_a_table(visit: Visit, tmp_path: Path) -> None:
     """One sheet with pulses, one with conditions, joined by the id."""
     book = Workbook()
