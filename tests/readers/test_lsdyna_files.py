@@ -54,7 +54,7 @@ def test_continuations_without_metadata_are_read_whole(tmp_path: Path, torn: boo
         record = only(source)
         assert same(record, whole)
         assert record.channels[0].time_s[-1] == pytest.approx(150 * MS)
-        assert "3 of 3 files of binout hold nodes; joined." in record.steps
+        assert "Nodes from 3 of 3 files of binout, joined." in record.steps
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def read_binout(families: Sequence[Shards], most: int, travel: Travel | None) ->
     total = max(len(merged), *(part.of.ids.size for part in parts))
     count = sum(map(len, families))
     holding = len({part.where for part in parts})
-    notes = (f"{holding} of {count} files of binout hold nodes; joined.",) if count > 1 else ()
+    notes = (f"Nodes from {holding} of {count} files of binout, joined.",) if count > 1 else ()
     return Histories(title, nodes, total, start, fastest, notes=notes), glstat, matsum
 
 
