@@ -14,6 +14,7 @@ from crashfuse.importing.unpacking import lay_out_source
 from crashfuse.readers.axes import Travel
 from crashfuse.readers.formats import FORMATS, TABLES, all_formats, formats_of
 from crashfuse.readers.members import files_below
+from crashfuse.readers.radioss.runs import is_time_history_csv
 from crashfuse.readers.record import Record
 
 _MOST_FILES = 100_000  # examined in a folder
@@ -61,6 +62,8 @@ def format_of(source: Path) -> str:
     if not source.exists():
         raise DataError(Problem(str(source), "a file or folder to import", "nothing there", "check the path"))
     found = formats_of(_names(source))
+    if found == [TABLES] and any(map(is_time_history_csv, tables_of(source))):
+        return "radioss"
     if not found:
         raise DataError(Problem(source.name, all_formats(), "none of these", "choose another source"))
     if len(set(found) - {TABLES}) > 1:
@@ -106,8 +109,8 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     if reading.travel is not None and not FORMATS[fmt].axes:
         raise UsageError(f"{FORMATS[fmt].label} says itself which channels are along X; remove --travel.")
     if source.suffix.lower() == ".zip" and source.is_file() and _has_to_be_unpacked(source, fmt):
-        with TemporaryDirectory() as scratch:
-            yield from each_record(replace(reading, source=_unpacked(source, Path(scratch)), fmt=fmt), problems)
+        with TemporaryDirectory() as scratch:  # the tables in it tell of which format they are
+            yield from each_record(replace(reading, source=_unpacked(source, Path(scratch))), problems)
         return
     extra = [] if reading.conditions is None else [reading.conditions]
     paths = tables_of(source) if fmt == TABLES else []

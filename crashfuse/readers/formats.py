@@ -80,7 +80,13 @@ FORMATS = {
         role="cae",
         axes=True,
     ),
-    "radioss": Format("Radioss", "T01", r"[^.]+T\d\d", f"{_HERE}.radioss:read_radioss", one_a_file=True, role="cae"),
+    "radioss": Format(
+        "Radioss",
+        "T01 or its .csv",
+        r".*[^.]T\d\d[a-i]?|.+_\d{4}(_[a-i])?\.thy",
+        f"{_HERE}.radioss.runs:read_radioss",
+        role="cae",
+    ),
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
     TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|xls[xm]?)", axes=True),
 }
