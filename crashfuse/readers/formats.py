@@ -88,7 +88,7 @@ FORMATS = {
         role="cae",
     ),
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
-    TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|xls[xm]?)", axes=True),
+    TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|xls[xm]?)", axes=True),
 }
 """The formats by their command-line names."""
 
