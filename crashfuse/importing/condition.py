@@ -62,8 +62,7 @@ def _sound(record: Record, known: PartialCondition, standstill: bool, also_missi
     speed, front, rear = known.speed_mps, known.front_weight_kg, known.rear_weight_kg
     missing = list(also_missing)
     if front is None or rear is None:
-        expected, found = f"the weights on both axles of {record.id}", record.no_mass or "none"
-        missing.insert(0, Problem(record.source, expected, found, _GIVE_WEIGHTS))
+        missing.insert(0, Problem(record.source, f"the weights on both axles of {record.id}", "none", _GIVE_WEIGHTS))
     if speed is None:
         found, advice = record.no_speed or "none", "give the speed (--speed-kph or --speed-mph)"
         missing.insert(0, Problem(record.source, f"the impact speed of {record.id}", found, advice))

@@ -86,6 +86,7 @@ FORMATS = {
         r".*[^.]T\d\d[a-i]?|.+_\d{4}(_[a-i])?\.thy",
         f"{_HERE}.radioss.runs:read_radioss",
         role="cae",
+        axes=True,
     ),
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
     TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|xls[xm]?)", axes=True),

@@ -101,8 +101,6 @@ class Record:
         if the file does not say so and first contact has to be detected.
     no_speed : str, optional
         Why no speed could be read although the file has something like one ("nodes at 612 a second, …").
-    no_mass : str, optional
-        Likewise for the mass ("a model of 0.16 in its unit of mass, which is no vehicle …").
     unread : mapping of str to Problem, optional
         Channels that could be the pulse but are damaged, with the problem of each.
     quality : RunQuality
@@ -117,7 +115,6 @@ class Record:
     steps: tuple[str, ...] = ()
     own_time_zero: str = ""
     no_speed: str = ""
-    no_mass: str = ""
     unread: Mapping[str, Problem] = field(default_factory=dict)
     quality: RunQuality = field(default_factory=RunQuality)
 

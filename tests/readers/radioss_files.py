@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import G
 from tests.importing.crashes import SPEED_MPS, half_sine_g
 
@@ -36,6 +37,8 @@ class RadiossRun:
         Variables of an accelerometer beside the cell, in a skew of its own that looks backwards.
     layout : int
         Code of the form: 3040 (titles of 40 characters), 3050 or 4021 (of 100, and factors of the units).
+    pushed : bool
+        Seen from a frame that travels with it: at rest when it is struck.
     """
 
     curves: tuple[str, ...] = ("DX", "VX", "AX")
@@ -47,18 +50,21 @@ class RadiossRun:
     axis: str = "X"
     globals_: int = 22
     factors: tuple[float, float, float] = (1.0, 1e-3, 1e-3)
+    titles: tuple[str, str] = ("engine", "cell")
+    pushed: bool = False
 
     @property
-    def time_ms(self) -> "np.ndarray[Any, np.dtype[np.float64]]":
+    def time_ms(self) -> FloatArray:
         """States since the start of the crash."""
         first, last = round(self.begin_ms / self.step_ms), round(self.end_ms / self.step_ms)
-        return self.step_ms * np.arange(first, last)
+        return self.step_ms * np.arange(first, last, dtype=np.float64)
 
-    def motion(self) -> dict[str, "np.ndarray[Any, np.dtype[np.float64]]"]:
+    def motion(self) -> dict[str, FloatArray]:
         """Displacement, velocity and acceleration of the cell against its direction of travel."""
         whole = replace(self, begin_ms=0.0).time_ms
         accel = half_sine_g(whole * 1e-3) * G * 1e-3  # mm/ms²
         velocity = SPEED_MPS + _integral(accel, self.step_ms)
+        velocity = velocity - (SPEED_MPS if self.pushed else 0.0)
         found = {"A": -accel, "V": -velocity, "D": -_integral(velocity, self.step_ms)}
         return {kind: values[-self.time_ms.size :] for kind, values in found.items()}
 
@@ -68,11 +74,11 @@ class RadiossRun:
         if self.gauge:
             found.append((ACCELEROMETERS, "gauges", [(9, "rear seat")], self.gauge))
         if self.curves:
-            found.append((NODES, "mains", [(690, "engine"), (758, "cell")], self.curves))
+            found.append((NODES, "mains", [(690, self.titles[0]), (758, self.titles[1])], self.curves))
         found.append((WALLS, "wall", [(1, "w")], ("FNX", "FNY")))
         return found
 
-    def states(self) -> "np.ndarray[Any, np.dtype[np.float64]]":
+    def states(self) -> FloatArray:
         """All numbers: time, global histories, energy of a part, groups."""
         motion, zero = self.motion(), np.zeros(self.time_ms.size)
         share = np.arange(self.time_ms.size) / self.time_ms.size

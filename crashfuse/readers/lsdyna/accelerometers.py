@@ -25,13 +25,25 @@ _PLACES = (
 )
 
 
-def proposed_nodes(nodes: Sequence[History]) -> tuple[list[History], str]:
-    """The nodes to average, and the reason."""
+def titled_nodes(nodes: Sequence[History]) -> tuple[list[History], str] | None:
+    """The nodes whose titles say that they are where accelerometers are, and the reason; None if no title does."""
     for words, where in _PLACES:
-        named = [n for n in nodes if re.search(words, _words(n.title), re.I) and not _DUMMY.search(_words(n.title))]
+        named = [node for node in nodes if re.search(words, _words(node.title), re.I) and not is_dummys(node)]
         if named:
             named = _finest(named)
             return named, f"Nodes {where}: {_listed(named)}; {_average(named)}."
+    return None
+
+
+def is_dummys(node: History) -> bool:
+    """Whether the title of a node is that of a dummy's."""
+    return _DUMMY.search(_words(node.title)) is not None
+
+
+def proposed_nodes(nodes: Sequence[History]) -> tuple[list[History], str]:
+    """The nodes to average, and the reason."""
+    if titled := titled_nodes(nodes):
+        return titled
     nodes = _finest(nodes)
     travels = np.array([np.abs(integral(node.velocity, node.time)).max() for node in nodes])
     if len(nodes) == 1 or not np.isfinite(travels).any():

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.readers.radioss.time_history import GLOBAL, MOST_VALUES, TimeHistory, Watched
+from crashfuse.readers.radioss.time_history import ACCELEROMETER, GLOBAL, MOST_VALUES, TimeHistory, Watched
 from crashfuse.signals.pulse import FloatArray
 
 KIND = "a time history of Radioss (T01, IEEE binary)"
@@ -124,11 +124,11 @@ class _File:
                 if code in group.codes
             }
             curves += len(read) * group.elements
-            if curves > _MOST_CURVES or curves * len(time) > MOST_VALUES // 4:
+            if curves > _MOST_CURVES or curves * len(time) > MOST_VALUES:
                 raise self._damaged("more nodes than a run watches")
-            values = self._block(at).reshape(len(time), group.elements, len(group.codes)) if read else None
-            for place, (number, title) in enumerate(group.names if values is not None else ()):
-                name = f"accelerometer {number}" if group.kind == _ACCELEROMETERS else str(number)
+            values = self._block(at).reshape(len(time), group.elements, len(group.codes))
+            for place, (number, title) in enumerate(group.names):
+                name = f"{ACCELEROMETER}{number}" if group.kind == _ACCELEROMETERS else str(number)
                 titles.setdefault(name, title)
                 told = found.setdefault(name, {})
                 for curve, column in read.items():
@@ -147,8 +147,6 @@ class _File:
         states, left_over = divmod(len(content) - self._at, 4 * words)
         if not states:
             raise self._damaged("no state")
-        if states * sum(self._blocks) > MOST_VALUES:
-            raise self._damaged("more values than a run has")
         raw = np.frombuffer(content, ">i4", count=states * words, offset=self._at).reshape(states, words)
         place = 0
         for size in self._blocks:

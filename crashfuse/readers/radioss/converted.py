@@ -2,8 +2,9 @@
 
 Three things in it mislead. The labels of the global histories are those of one version of the solver, whatever was
 written: where their number is another, all labels after them stand over the wrong columns, so labels are counted from
-the right. Of the variables of a node it says only ``var 33``, unless the run wrote its titles (``/TH/TITLE``). And
-forces are impulses, unless it had those titles. Labels may hold stray control characters, and the last row may be cut.
+the right. Of the variables of a node it says only ``var 33``, unless the run wrote its titles (``/TH/TITLE``); they are
+told apart in :mod:`~crashfuse.readers.radioss.unnamed`. And forces are impulses, unless it had those titles. Labels may
+hold stray control characters, and the last row may be cut.
 """
 
 import csv
@@ -16,8 +17,7 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.readers.radioss.time_history import GLOBAL, MOST_VALUES, TimeHistory, Watched
-from crashfuse.readers.radioss.unnamed import named
+from crashfuse.readers.radioss.time_history import ACCELEROMETER, GLOBAL, MOST_VALUES, TimeHistory, Watched
 from crashfuse.signals.pulse import FloatArray
 
 KIND = "the CSV of a time history of Radioss (th_to_csv)"
@@ -25,9 +25,10 @@ KIND = "the CSV of a time history of Radioss (th_to_csv)"
 _BEGINS = re.compile(rb'\s*"?time"?\s*,\s*"?INTERNAL ENERGY"?\s*,\s*"?KINETIC ENERGY', re.IGNORECASE)
 _UNNAMED = re.compile(r"(.*\S)\s+var\s+(\d{1,9})")
 _NAMED = re.compile(r"(.*\S)\s+(\S+)")
+_STRAY = re.compile(r"[^ -~\xa1-\xff]+")
 _WIDTHS = (100, 80, 40)  # of titles
 _CURVES = re.compile(r"[DVA][XYZ]|W[XYZ]")
-_LONGEST_LABELS, _MOST_COLUMNS = 16 << 20, 100_000
+_LONGEST_LABELS, _LONGEST_LABEL, _MOST_COLUMNS = 16 << 20, 1000, 20_000
 _IMPORT = "import the time history itself (T01)"
 
 
@@ -73,70 +74,54 @@ def read_converted(content: bytes, where: str) -> TimeHistory:
     if count != first - 1:
         told = f"{first - 1} labels of global histories stand over {count} columns"
         notes.insert(0, f"{told}, so labels are counted from the right.")
-    history = TimeHistory("", time, model, (), notes=tuple(notes))
-    return _with_objects(history, table, columns)
+    watched, unread = _watched(table, columns)
+    return TimeHistory("", time, model, watched, unread, notes=tuple(notes))
 
 
-def _with_objects(history: TimeHistory, table: FloatArray, columns: list[_Column]) -> TimeHistory:
-    """The history with its nodes and accelerometers, and what could not be told apart."""
+def _watched(table: FloatArray, columns: list[_Column]) -> tuple[tuple[Watched, ...], tuple[str, ...]]:
+    """Nodes and accelerometers, and what else there is."""
     objects: dict[str, list[_Column]] = {}
     for column in columns:
         objects.setdefault(column.object, []).append(column)
     watched: dict[str, Watched] = {}
     unread: list[str] = []
-    guessed = False
     for label, own in objects.items():
         if (split := _split(label)) is None:
             continue  # a part or subset
         group, number, title = split
-        values = {column.variable: table[:, column.place] for column in own if column.variable is not None}
-        curves = {name: of for name, of in values.items() if _CURVES.fullmatch(name)}
-        if not values:
-            curves = named(history, table[:, [column.place for column in own]])
-            guessed |= bool(curves)
+        named = {column.variable: table[:, column.place] for column in own if column.variable is not None}
+        curves = {name: values for name, values in named.items() if _CURVES.fullmatch(name)}
+        if not named:
+            curves = {f"var {column.place}": table[:, column.place] for column in own}
         if not curves:
             unread.append(f"{group} {number}".strip())
             continue
-        gauge = not any(name.startswith(("D", "V")) for name in curves)
-        name = f"accelerometer {number}" if gauge else number
-        if name in watched:
-            curves = {**curves, **watched[name].curves}
-        watched[name] = Watched(name, title or group, history.time, curves)
-    notes = list(history.notes)
-    if guessed:
-        notes.append(
-            "The file does not name the variables of its nodes; they are told by the run's initial velocity (twice the "
-            "kinetic energy over the momentum) and by what is whose integral."
-        )
-    return TimeHistory(
-        history.title, history.time, history.model, tuple(watched.values()), tuple(unread), notes=tuple(notes)
-    )
+        name = number if any(curve[0] in "DVv" for curve in curves) else f"{ACCELEROMETER}{number}"
+        others = watched[name].curves if name in watched else {}
+        watched[name] = Watched(name, title or group, table[:, 0], {**curves, **others})
+    return tuple(watched.values()), tuple(unread)
 
 
 def _labels(content: bytes, where: str) -> tuple[list[str], int]:
     """The labels, without stray characters, and where the numbers begin; a label may hold a line break."""
     if _BEGINS.match(content[:200]) is None:
         raise DataError(Problem(where, KIND, "another kind of file", _IMPORT))
-    end, quoted = 0, False
-    while True:  # to the first line break outside quotes
-        end = content.find(b"\n", end, _LONGEST_LABELS)
-        if end < 0:
+    end, quotes, breaks = 0, 0, 0
+    while not end or quotes % 2:  # to the first line break outside quotes
+        begin, end, breaks = end, content.find(b"\n", end, _LONGEST_LABELS) + 1, breaks + 1
+        if not end or breaks > _MOST_COLUMNS:
             raise DataError(Problem(where, KIND, "no numbers", _IMPORT))
-        quoted = content.count(b'"', 0, end) % 2 == 1
-        end += 1
-        if not quoted:
-            break
-    text = content[:end].decode("latin-1")
-    text = "".join(c if c.isprintable() or c == "\n" else "" for c in text).replace("\n", "")
+        quotes += content.count(b'"', begin, end)
+    text = _STRAY.sub("", content[:end].decode("latin-1"))
     try:
         labels = next(csv.reader(io.StringIO(text)), [])
     except csv.Error as error:
         raise DataError(Problem(where, KIND, str(error), _IMPORT)) from error
     while labels and not labels[-1].strip():
         labels.pop()
-    if len(labels) > _MOST_COLUMNS:
-        raise DataError(Problem(where, f"at most {_MOST_COLUMNS:,} columns", f"{len(labels):,}", _IMPORT))
-    return [label.strip() for label in labels], end
+    if max(len(labels), content[end : end + _LONGEST_LABELS].partition(b"\n")[0].count(b",")) > _MOST_COLUMNS:
+        raise DataError(Problem(where, f"at most {_MOST_COLUMNS:,} columns", "more", _IMPORT))
+    return [label[:_LONGEST_LABEL].strip() for label in labels], end
 
 
 def _numbers(content: bytes, where: str) -> tuple[FloatArray, bool]:
@@ -145,7 +130,7 @@ def _numbers(content: bytes, where: str) -> tuple[FloatArray, bool]:
     whole = content[: content.rfind(b"\n") + 1] if cut else content
     first = whole.partition(b"\n")[0]
     width = first.rstrip(b"\r,").count(b",") + 1
-    if width * whole.count(b"\n") > MOST_VALUES // 4:
+    if width * whole.count(b"\n") > MOST_VALUES:
         raise DataError(Problem(where, "the values of a run", "more than any has", "convert fewer of them"))
     try:
         frame = pd.read_csv(io.BytesIO(whole), header=None, dtype=np.float64, engine="c", index_col=False)
@@ -175,12 +160,8 @@ def _column(label: str, place: int, where: str) -> _Column:
 def _split(label: str) -> tuple[str, str, str] | None:
     """Group, number and title of an object; None of a part or subset, which has no number."""
     for width in _WIDTHS:
-        if (
-            len(label) > width
-            and label[width] == " "
-            and (found := re.match(r"(\d{1,10})(?: |$)(.*)", label[width + 1 :]))
-        ):
-            return label[:width].strip(), found[1], found[2].strip()
+        if found := re.fullmatch(rf"(.{{{width}}}) (\d{{1,10}})(?: (.*))?", label):
+            return found[1].strip(), found[2], (found[3] or "").strip()
     if found := re.fullmatch(r"(.*?)\s+(\d{1,10})(?:\s+(.*))?", label):
         return found[1].strip(), found[2], (found[3] or "").strip()
     return None

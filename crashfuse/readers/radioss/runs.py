@@ -9,14 +9,15 @@ import numpy as np
 
 from crashfuse.errors import DataError, Problem, collecting
 from crashfuse.files.archive import DEFAULT_LIMITS, Budget, Limits, Member, refuse
+from crashfuse.readers.axes import Travel
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import opened_members
 from crashfuse.readers.radioss.binary import read_binary
 from crashfuse.readers.radioss.converted import is_converted, read_converted
 from crashfuse.readers.radioss.pulse_record import record_of
 from crashfuse.readers.radioss.time_history import TimeHistory, joined, together
+from crashfuse.readers.radioss.unnamed import with_names
 from crashfuse.readers.record import Record
-from crashfuse.readers.travel import Travel
 
 _KIND = "a time history of Radioss (T01), or the CSV of it"
 _NAME = re.compile(
@@ -106,7 +107,7 @@ def _read(files: Sequence[Member], budget: Budget) -> TimeHistory:
             advice = "add those that are missing, or import each run on its own"
             raise DataError(Problem(names[0], expected, " and ".join(names), advice))
         histories.append(joined([_parsed(file, budget) for _, file in parts], names))
-    return together(histories)
+    return with_names(together(histories))
 
 
 def _parsed(file: Member, budget: Budget) -> TimeHistory:

@@ -17,8 +17,11 @@ GLOBAL = (
 )  # fmt: skip
 """The global histories in the order of their codes, 1 first, as the solver's converter calls them."""
 
-MOST_VALUES = 80_000_000
-"""Limit of states times values read from a file."""
+MOST_VALUES = 20_000_000
+"""Limit of states times values kept of a file."""
+
+ACCELEROMETER = "accelerometer "
+"""What the names of accelerometers begin with; those of nodes are numbers."""
 
 _STEPS = 5.5  # of output: a longer gap between two parts of a run is one
 _LARGEST_SHARE = 1e-3  # of a momentum, below which a direction counts as none
@@ -37,13 +40,18 @@ class Watched:
     time : ndarray, shape (n,)
     curves : mapping of str to ndarray, shape (n,)
         By Radioss's names: displacement ``DX``, velocity ``VX``, acceleration ``AX``, and of an accelerometer the
-        integral ``WX`` of its acceleration; other axes likewise.
+        integral ``WX`` of its acceleration; other axes likewise. ``var 33`` where the file does not name them.
     """
 
     name: str
     title: str
     time: FloatArray
     curves: Mapping[str, FloatArray]
+
+    @property
+    def is_accelerometer(self) -> bool:
+        """Whether it measures in a skew of its own."""
+        return self.name.startswith(ACCELEROMETER)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -87,7 +95,7 @@ class TimeHistory:
 
     @property
     def initial_velocity(self) -> FloatArray | None:
-        """Velocity along X, Y, Z of all that moves at the first state, shape (3,); None if nothing does.
+        """Velocity along X, Y, Z of all that moves at the first state, shape (3,); None if that is not told.
 
         Twice the kinetic energy over the momentum: what is at rest, as a barrier is, counts in neither.
         """
@@ -96,6 +104,8 @@ class TimeHistory:
             return None
         kinetic, *momentum = (float(self.model[name][0]) for name in needed)
         size = float(np.linalg.norm(momentum))
+        if kinetic == 0:
+            return np.zeros(3)
         if not (np.isfinite([kinetic, size]).all() and size > 0 and kinetic > 0):
             return None
         velocity = 2 * kinetic * np.array(momentum) / size**2

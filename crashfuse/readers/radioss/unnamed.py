@@ -1,9 +1,11 @@
 """Which of the unnamed columns of a node is which: told by the run's initial velocity and by what is whose integral."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from crashfuse.readers.lsdyna.histories import integral
-from crashfuse.readers.radioss.time_history import TimeHistory
+from crashfuse.readers.radioss.time_history import ACCELEROMETER, TimeHistory, Watched
 from crashfuse.signals.pulse import FloatArray
 
 _SAME = 1e-3  # of the initial velocity
@@ -12,31 +14,44 @@ _NEAR = 0.75  # of the initial velocity: how far a part of a vehicle is from its
 _LEAST, _MOST = 0.8, 1.6  # of the initial velocity: ΔV of what stops
 
 
-def named(history: TimeHistory, columns: FloatArray) -> dict[str, FloatArray]:
-    """Name the velocity of a node, its displacement and acceleration, or the acceleration of an accelerometer.
+def with_names(history: TimeHistory) -> TimeHistory:
+    """Name the curves of the nodes and accelerometers that have no names; those that cannot be told go unread."""
+    watched, unread, guessed = [], list(history.unread), False
+    for one in history.watched:
+        if not any(name.startswith("var ") for name in one.curves):
+            watched.append(one)
+        elif curves := _named(history, one):
+            guessed = True
+            is_node = any(name.startswith("V") for name in curves)
+            watched.append(replace(one, name=one.name if is_node else f"{ACCELEROMETER}{one.name}", curves=curves))
+        else:
+            unread.append(f"{one.title} ({one.name})" if one.title else one.name)
+    told = (
+        "The file does not name the variables of its nodes; they are told by the run's initial velocity (twice the "
+        "kinetic energy over the momentum) and by what is whose integral.",
+    )
+    notes = (*history.notes, *(told if guessed else ()))
+    return replace(history, watched=tuple(watched), unread=tuple(unread), notes=notes)
 
-    Parameters
-    ----------
-    columns : ndarray, shape (n, k)
-        In the order of Radioss's codes: of a node displacement before velocity before acceleration.
 
-    Returns
-    -------
-    dict of str to ndarray
-        By Radioss's names (``VX``); empty if the columns cannot be told apart without doubt, or the run sets out at
-        rest or along no axis.
+def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
+    """The velocity of a node, its displacement and acceleration; or the acceleration of an accelerometer.
+
+    The columns are in the order of Radioss's codes: of a node displacement before velocity before acceleration. Empty
+    if they cannot be told apart without doubt, or the run sets out at rest or along no axis.
     """
     initial = history.initial_velocity
-    if initial is None or np.count_nonzero(initial) != 1 or "MASS" not in history.model:
+    if initial is None or np.count_nonzero(initial) != 1:
         return {}
     axis = int(np.abs(initial).argmax())
     speed, letter = float(initial[axis]), "XYZ"[axis]
     momentum = history.model[f"{letter}-MOMENTUM"]
-    if not np.isfinite(momentum).all() or not momentum[0] or not np.isfinite(columns).all():
+    time, columns = one.time, list(one.curves.values())
+    if not np.isfinite([*map(np.sum, columns), momentum.sum(), momentum[0]]).all() or not momentum[0]:
         return {}
-    vehicle = momentum / momentum[0] * speed  # velocity of the centre of gravity of what moves
-    time = history.time
-    alive = [column for column in columns.T if np.ptp(column) > 0]
+    # velocity of the centre of gravity of what moves
+    vehicle = np.interp(time, history.time, momentum / momentum[0] * speed)
+    alive = [column for column in columns if np.ptp(column) > 0]
     velocities = [
         place
         for place, column in enumerate(alive)
