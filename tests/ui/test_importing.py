@@ -18,6 +18,7 @@ from crashfuse.units import KPH, MPH
 from tests.importing.crash_files import german, isomme, library, zipped
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
 from tests.readers.lsdyna_files import Run
+from tests.readers.radioss_files import RadiossRun
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.readers.test_tdms import nhtsa_test
 
@@ -160,6 +161,19 @@ def test_the_direction_of_travel_is_found_or_chosen(visit: Visit, tmp_path: Path
     assert "Travel along -y, given by the user." in session.run().words
     session = into(session, tmp_path / "c").press("Add as CAE run")
     assert added(tmp_path / "c") == ["r1"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["T01", "T01.csv"])
+def test_a_radioss_run_becomes_a_cae_run(visit: Visit, tmp_path: Path, form: str) -> None:
+    """Its time history, or the CSV of it: only the weights are asked for, no columns."""
+    content = RadiossRun().csv() if form.endswith("csv") else RadiossRun().binary()
+    session = drop(visit(), **{f"hc1{form}".replace(".", "_"): content})
+    assert "Radioss" in session.words
+    assert field(session, "Take it as").value == "cae"
+    field(session, "Front share").set_value(56.0)
+    session = into(session.run(), tmp_path / "c").press("Add as CAE run")
+    assert added(tmp_path / "c") == ["hc1"]
 
 
 @pytest.mark.slow
