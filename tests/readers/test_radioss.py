@@ -10,6 +10,8 @@ import pytest
 
 from crashfuse.errors import DataError, Problem, collecting
 from crashfuse.importing import Choices, Reading, Settled, format_of, import_source, read_records, settle
+from crashfuse.readers.radioss.binary import read_binary
+from crashfuse.readers.radioss.converted import read_converted
 from crashfuse.readers.radioss.runs import read_radioss
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
@@ -360,6 +362,21 @@ def test_a_vehicle_of_openradioss_is_read_as_its_converter_reads_it(tmp_path: Pa
     assert record.quality.added_mass_share == pytest.approx(table["PERCENTAGE ADDED MASS"].max() / 100, rel=1e-6)
     (twin,) = import_source(FILES / "veh_pickup" / "hc1T01.csv", tmp_path, Choices(front_share=0.55), role="cae")
     np.testing.assert_allclose(twin.pulse.accel_mps2, settled.pulse.accel_mps2, rtol=0, atol=1e-6 * PEAK_MPS2)
+
+
+@needs_shared
+def test_an_accelerometer_of_openradioss_is_the_same_in_both_forms() -> None:
+    """Its converter labels three columns too many here; read are columns 13 to 15, as ``var 13`` to ``var 15`` say."""
+    rows = pd.read_csv(FILES / "ACCELEROT01.csv", header=None, skiprows=1).to_numpy()
+    read = read_binary((FILES / "ACCELEROT01").read_bytes(), "T01")
+    converted = read_converted((FILES / "ACCELEROT01.csv").read_bytes(), "T01.csv")
+    gauge = next(one for one in read.watched if one.is_accelerometer)
+    unnamed = next(one for one in converted.watched if "ACCEL" in one.title)
+    for column, curve in zip((13, 14, 15), gauge.curves.values(), strict=True):
+        np.testing.assert_allclose(curve, rows[:, column], rtol=1e-6)
+        np.testing.assert_array_equal(unnamed.curves[f"var {column}"], rows[:, column])
+    np.testing.assert_allclose(read.model["HOURGLASS ENERGY"], rows[:, 12], rtol=1e-6)
+    np.testing.assert_array_equal(converted.model["HOURGLASS ENERGY"], rows[:, 12])
 
 
 @needs_shared

@@ -18,8 +18,8 @@ from crashfuse.units import KPH, MPH
 from tests.importing.crash_files import german, isomme, library, zipped
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
 from tests.readers.lsdyna_files import Run
-from tests.readers.radioss_files import RadiossRun
 from tests.readers.nhtsa_files import nhtsa_files
+from tests.readers.radioss_files import RadiossRun
 from tests.readers.test_tdms import nhtsa_test
 
 if TYPE_CHECKING:
