@@ -83,7 +83,7 @@ FORMATS = {
     "radioss": Format(
         "Radioss",
         "T01 or its .csv",
-        r".*[^.]T\d\d[a-i]?|.+_\d{4}(_[a-i])?\.thy",
+        r"(?!.*(nodout|binout|glstat)).*[^.]T\d\d[a-i]?|.+_\d{4}(_[a-i])?\.thy",
         f"{_HERE}.radioss.runs:read_radioss",
         role="cae",
         axes=True,

@@ -10,9 +10,12 @@ import pytest
 
 from crashfuse.errors import DataError, Problem, collecting
 from crashfuse.importing import Choices, Reading, Settled, format_of, import_source, read_records, settle
+from crashfuse.readers.formats import formats_of
 from crashfuse.readers.radioss.binary import read_binary
 from crashfuse.readers.radioss.converted import read_converted
 from crashfuse.readers.radioss.runs import read_radioss
+from crashfuse.readers.radioss.time_history import TimeHistory, Watched
+from crashfuse.readers.radioss.unnamed import with_names
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
 from tests.conftest import SHARED, needs_shared
@@ -133,7 +136,7 @@ def test_a_vehicle_struck_at_rest_needs_its_direction_and_speed(tmp_path: Path) 
 
 def test_forces_are_told_as_impulses(tmp_path: Path) -> None:
     """They are not read, and it is said why."""
-    assert "Not read: rigid walls (Radioss writes impulses for forces)." in only(tmp_path, hc1T01=RUN.binary()).steps
+    assert "Not read: impulses of rigid walls." in only(tmp_path, hc1T01=RUN.binary()).steps
 
 
 @pytest.mark.parametrize("form", ["T01", "T01.csv"])
@@ -179,7 +182,9 @@ def test_a_file_that_cannot_be_read_is_told(tmp_path: Path, damage: Callable[[by
 
 def test_nodes_without_velocity_are_asked_for(tmp_path: Path) -> None:
     """Displacement alone is no pulse."""
-    assert "found of its nodes DX; ask the solver for VX" in refusal(tmp_path, hc1T01=RadiossRun(("DX",)).binary())
+    assert "along x, or accelerometers, found DX; ask the solver for VX" in refusal(
+        tmp_path, hc1T01=RadiossRun(("DX",)).binary()
+    )
 
 
 # --- a run in several files -------------------------------------------------------------------------------------------
@@ -283,7 +288,20 @@ def test_accelerometers_of_a_csv_are_told_by_their_change_of_velocity(tmp_path: 
 def test_an_impulse_is_never_taken_for_a_velocity(tmp_path: Path) -> None:
     """An unnamed impulse of the wall grows as the velocity falls, and is no node's."""
     said = refusal(tmp_path, hc1T01_csv=RadiossRun(()).csv())
-    assert "found w (1), whose variables it does not tell apart; import the time history itself (T01)" in said
+    assert "found unnamed columns of w (1); import the time history itself (T01)" in said
+
+
+def test_an_impulse_is_never_taken_for_an_acceleration() -> None:
+    """In mm, s and t the wall's impulse of a truck of 15 t integrates to about its speed; but it follows the momentum."""
+    time = RUN.time_ms * MS
+    velocity = RUN.motion()["V"] * 1e3
+    model = {f"{axis}-MOMENTUM": 15 * velocity * (axis == "X") for axis in "XYZ"}
+    model["KINETIC ENERGY"] = 15 * velocity**2 / 2
+    impulse, accel = 15 * (velocity - velocity[0]), RUN.motion()["A"] * 1e6
+    assert 0.8 < np.trapezoid(impulse, time) / SPEED_MPS / 1e3 < 1.6
+    for column, read in ((impulse, 0), (0.9 * impulse, 0), (accel, 1)):
+        wall = Watched("1", "wall", time, {"var 9": column})
+        assert len(with_names(TimeHistory("", time, model, (wall,))).watched) == read
 
 
 def test_labels_with_stray_characters_are_read(tmp_path: Path) -> None:
@@ -314,6 +332,7 @@ def test_tables_of_a_laboratory_stay_tables(tmp_path: Path) -> None:
     rows = b"".join(b"%.4f;%.3f\n" % (t, 20 * np.sin(np.pi * t / 0.07)) for t in np.arange(0, 0.07, 1e-4))
     path = write(tmp_path, {"MEASUREMENT01.csv": b"time [s];acceleration x [g]\n" + rows}) / "MEASUREMENT01.csv"
     assert format_of(path) == "csv"
+    assert formats_of([Path("nodout01"), Path("run.glstat01")]) == ["lsdyna"]
 
 
 @pytest.mark.slow

@@ -28,15 +28,15 @@ _PLACES = (
 def titled_nodes(nodes: Sequence[History]) -> tuple[list[History], str] | None:
     """The nodes whose titles say that they are where accelerometers are, and the reason; None if no title does."""
     for words, where in _PLACES:
-        named = [node for node in nodes if re.search(words, _words(node.title), re.I) and not is_dummys(node)]
+        named = [node for node in nodes if re.search(words, _words(node.title), re.I) and not on_a_dummy(node)]
         if named:
             named = _finest(named)
             return named, f"Nodes {where}: {_listed(named)}; {_average(named)}."
     return None
 
 
-def is_dummys(node: History) -> bool:
-    """Whether the title of a node is that of a dummy's."""
+def on_a_dummy(node: History) -> bool:
+    """Whether a node is one of a dummy, by its title."""
     return _DUMMY.search(_words(node.title)) is not None
 
 

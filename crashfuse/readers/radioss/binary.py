@@ -25,7 +25,7 @@ _CURVES: Mapping[int, Mapping[int, str]] = {
     _NODES: {1: "DX", 2: "DY", 3: "DZ", 4: "VX", 5: "VY", 6: "VZ", 7: "AX", 8: "AY", 9: "AZ"},
     _ACCELEROMETERS: {1: "AX", 2: "AY", 3: "AZ", 4: "WX", 5: "WY", 6: "WZ"},
 }  # names of the variables that are read, by the kind of a group and their codes
-_IMPULSES = {101: "interfaces", 102: "rigid walls", 103: "rigid bodies", 104: "sections", 105: "joints"}
+_FORCES = {101: "interfaces", 102: "rigid walls", 103: "rigid bodies", 104: "sections", 105: "joints"}
 _MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 20_000
 _DEFAULT = "write the time history in Radioss's default form (/TFILE, or /TFILE/4) or convert it to CSV (th_to_csv)"
 
@@ -101,7 +101,7 @@ class _File:
             time,
             self._model(),
             self._watched(time),
-            tuple(dict.fromkeys(_IMPULSES[group.kind] for group in self._groups if group.kind in _IMPULSES)),
+            tuple(dict.fromkeys(f"impulses of {_FORCES[one.kind]}" for one in self._groups if one.kind in _FORCES)),
             (factors[0], factors[1], factors[2]) if factors else None,
             notes,
         )

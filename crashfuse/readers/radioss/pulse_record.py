@@ -7,7 +7,7 @@ import numpy as np
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.axes import AXES, Travel
 from crashfuse.readers.energies import quality_sentence
-from crashfuse.readers.lsdyna.accelerometers import is_dummys, titled_nodes
+from crashfuse.readers.lsdyna.accelerometers import on_a_dummy, titled_nodes
 from crashfuse.readers.lsdyna.histories import History, channel_of, integral, is_aliased
 from crashfuse.readers.lsdyna.unit_system import of_a_vehicle, units_of
 from crashfuse.readers.radioss.time_history import ACCELEROMETER, TimeHistory, Watched
@@ -19,7 +19,7 @@ from crashfuse.units import MS
 _SAME = 0.01  # of the initial velocity, or of a mass
 _LEAST, _MOST = 0.8, 1.6  # of the initial velocity: ΔV of a vehicle that stops
 _SYSTEMS = {(1e-3, 1e-3): (MS, "mm/ms²"), (1e-3, 1.0): (1.0, "mm/s²"), (1.0, 1.0): (1.0, "m/s²")}
-_LONGEST_S, _SLOWEST_MPS, _FASTEST_MPS = 2.0, 1.0, 100.0
+_LONGEST_S, _FASTEST_MPS = 2.0, 100.0
 
 
 def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None) -> Record:
@@ -35,7 +35,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     initial = run.initial_velocity
     nodes = [node for one in run.watched if (node := _along(one, axis, initial)) is not None]
     if not nodes:
-        raise _nothing(run, source)
+        raise _nothing(run, axis, source)
     proposed, why = _proposed(nodes, initial)
     chosen = proposed or nodes
     per_second, unit, units_told = _units(run, chosen, source)
@@ -60,7 +60,7 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
     if mass is not None:
         steps.append(f"Mass {mass:.5g} kg, {mass_told}.")
     if run.unread:
-        steps.append(f"Not read: {_listed(run.unread)} (Radioss writes impulses for forces).")
+        steps.append(f"Not read: {_listed(run.unread)}.")
     quality = run.energies.quality
     steps.append(quality_sentence(quality, "global histories"))
     return Record(
@@ -124,7 +124,7 @@ def _proposed(nodes: Sequence[History], initial: FloatArray | None) -> tuple[lis
         return [], "No accelerometer's ΔV is that of a vehicle that stops; are its columns crossed?"
     if titled := titled_nodes(stopping):
         return titled
-    node = max([node for node in stopping if not is_dummys(node)] or stopping, key=_behind)
+    node = max([node for node in stopping if not on_a_dummy(node)] or stopping, key=_behind)
     name = node.name if node.name.startswith(ACCELEROMETER) else f"node {node.name}"
     told = f"{name[0].upper()}{name[1:]}{f' ({node.title})' if node.title else ''}"
     if len(nodes) == 1:
@@ -184,19 +184,15 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
-def _nothing(run: TimeHistory, source: str) -> DataError:
-    expected = "velocities or accelerations of nodes, or accelerometers"
+def _nothing(run: TimeHistory, axis: int, source: str) -> DataError:
+    """The error for a run of which nothing along the axis can be read."""
+    letter = AXES[axis].upper()
+    expected = f"velocities or accelerations of nodes along {AXES[axis]}, or accelerometers"
+    advice = f"ask the solver for V{letter} and A{letter} of the node (/TH/NODE)"
+    found = _listed(sorted({name for one in run.watched for name in one.curves}) or run.unread) or "none"
     if not run.watched and run.initial_velocity is not None and not run.initial_velocity.any():
         expected, found = "a model that sets out as a vehicle does", "one at rest when the run begins"
-        return DataError(
-            Problem(source, expected, found, "choose the run of a vehicle, or the time history itself (T01)")
-        )
-    if run.watched:
-        names = sorted({name for one in run.watched for name in one.curves})
-        found = f"of its nodes {_listed(names)}"
-    else:
-        found = f"{_listed(run.unread)}, whose variables it does not tell apart" if run.unread else "none"
-    advice = "ask the solver for VX and AX of the node (/TH/NODE)"
-    if not run.watched and run.unread:
+        advice = "choose the run of a vehicle, or the time history itself (T01)"
+    elif not run.watched and run.unread:
         advice = "import the time history itself (T01), or ask the solver for titles (/TH/TITLE) and convert it again"
     return DataError(Problem(source, expected, found, advice))

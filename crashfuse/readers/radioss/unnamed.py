@@ -11,6 +11,7 @@ from crashfuse.signals.pulse import FloatArray
 _SAME = 1e-3  # of the initial velocity
 _INTEGRAL, _ALIASED = 0.02, 0.05  # of the range of a displacement, of a velocity
 _NEAR = 0.75  # of the initial velocity: how far a part of a vehicle is from its centre of gravity
+_ALIKE = 0.9  # correlation of an impulse with the velocity
 _LEAST, _MOST = 0.8, 1.6  # of the initial velocity: ΔV of what stops
 
 
@@ -25,7 +26,7 @@ def with_names(history: TimeHistory) -> TimeHistory:
             is_node = any(name.startswith("V") for name in curves)
             watched.append(replace(one, name=one.name if is_node else f"{ACCELEROMETER}{one.name}", curves=curves))
         else:
-            unread.append(f"{one.title} ({one.name})" if one.title else one.name)
+            unread.append(f"unnamed columns of {one.title or 'node'} ({one.name})")
     told = (
         "The file does not name the variables of its nodes; they are told by the run's initial velocity (twice the "
         "kinetic energy over the momentum) and by what is whose integral.",
@@ -76,7 +77,12 @@ def _named(history: TimeHistory, one: Watched) -> dict[str, FloatArray]:
 
 
 def _stops(acceleration: FloatArray, vehicle: FloatArray, time: FloatArray) -> bool:
-    """Whether a column, in either sign, is the acceleration of something that moves with the vehicle."""
+    """Whether a column, in either sign, is the acceleration of something that moves with the vehicle.
+
+    The impulse of a force grows as the velocity falls, which no acceleration does.
+    """
+    if np.ptp(vehicle) > 0 and abs(np.corrcoef(acceleration, vehicle)[0, 1]) > _ALIKE:
+        return False
     speed = vehicle[0]
     change = integral(acceleration, time)
     change = -change if change[-1] * speed > 0 else change
