@@ -292,7 +292,7 @@ def test_an_impulse_is_never_taken_for_a_velocity(tmp_path: Path) -> None:
 
 
 def test_an_impulse_is_never_taken_for_an_acceleration() -> None:
-    """In mm, s and t the wall's impulse of a truck of 15 t integrates to about its speed; but it follows the momentum."""
+    """In mm, s and t the wall's impulse of a truck of 15 t integrates to about its speed; but it is the momentum's."""
     time = RUN.time_ms * MS
     velocity = RUN.motion()["V"] * 1e3
     model = {f"{axis}-MOMENTUM": 15 * velocity * (axis == "X") for axis in "XYZ"}
