@@ -39,6 +39,8 @@ class RadiossRun:
         Code of the form: 3040 (titles of 40 characters), 3050 or 4021 (of 100, and factors of the units).
     pushed : bool
         Seen from a frame that travels with it: at rest when it is struck.
+    more_nodes : int
+        Beside the two, without titles, and with the motion of the engine.
     """
 
     curves: tuple[str, ...] = ("DX", "VX", "AX")
@@ -52,6 +54,7 @@ class RadiossRun:
     factors: tuple[float, float, float] = (1.0, 1e-3, 1e-3)
     titles: tuple[str, str] = ("engine", "cell")
     pushed: bool = False
+    more_nodes: int = 0
 
     @property
     def time_ms(self) -> FloatArray:
@@ -74,7 +77,14 @@ class RadiossRun:
         if self.gauge:
             found.append((ACCELEROMETERS, "gauges", [(9, "rear seat")], self.gauge))
         if self.curves:
-            found.append((NODES, "mains", [(690, self.titles[0]), (758, self.titles[1])], self.curves))
+            found.append(
+                (
+                    NODES,
+                    "mains",
+                    [(690, self.titles[0]), (758, self.titles[1]), *((1000 + i, "") for i in range(self.more_nodes))],
+                    self.curves,
+                )
+            )
         found.append((WALLS, "wall", [(1, "w")], ("FNX", "FNY")))
         return found
 
@@ -105,7 +115,7 @@ class RadiossRun:
             return -motion["A"] if curve[0] == "A" else -(motion["V"] + SPEED_MPS)
         values = motion[curve[0]]
         unbraked = {"V": -SPEED_MPS, "D": -SPEED_MPS * self.time_ms, "A": 0.0}[curve[0]]
-        return unbraked + (1.2 if number == 690 else 1.0) * (values - unbraked)
+        return unbraked + (1.0 if number == 758 else 1.2) * (values - unbraked)
 
     def binary(self) -> bytes:
         """As ``hist1.F`` and ``hist2.F`` write it."""

@@ -26,7 +26,7 @@ _CURVES: Mapping[int, Mapping[int, str]] = {
     _ACCELEROMETERS: {1: "AX", 2: "AY", 3: "AZ", 4: "WX", 5: "WY", 6: "WZ"},
 }  # names of the variables that are read, by the kind of a group and their codes
 _FORCES = {101: "interfaces", 102: "rigid walls", 103: "rigid bodies", 104: "sections", 105: "joints"}
-_MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 20_000
+_MOST_RECORDS, _MOST_COUNT, _MOST_CURVES = 2_000_000, 1_000_000, 100_000
 _DEFAULT = "write the time history in Radioss's default form (/TFILE, or /TFILE/4) or convert it to CSV (th_to_csv)"
 
 
@@ -125,7 +125,8 @@ class _File:
             }
             curves += len(read) * group.elements
             if curves > _MOST_CURVES or curves * len(time) > MOST_VALUES:
-                raise self._damaged("more nodes than a run watches")
+                expected = f"at most {_MOST_CURVES:,} variables of nodes, and {MOST_VALUES:,} values of them"
+                raise DataError(Problem(self._where, expected, "more", "watch fewer nodes (/TH/NODE)"))
             values = self._block(at).reshape(len(time), group.elements, len(group.codes))
             for place, (number, title) in enumerate(group.names):
                 name = f"{ACCELEROMETER}{number}" if group.kind == _ACCELEROMETERS else str(number)

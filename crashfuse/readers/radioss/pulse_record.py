@@ -20,6 +20,7 @@ _SAME = 0.01  # of the initial velocity, or of a mass
 _LEAST, _MOST = 0.8, 1.6  # of the initial velocity: ΔV of a vehicle that stops
 _SYSTEMS = {(1e-3, 1e-3): (MS, "mm/ms²"), (1e-3, 1.0): (1.0, "mm/s²"), (1.0, 1.0): (1.0, "m/s²")}
 _LONGEST_S, _FASTEST_MPS = 2.0, 100.0
+_MOST_NODES = 200  # offered as channels
 
 
 def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None) -> Record:
@@ -61,13 +62,16 @@ def record_of(run: TimeHistory, run_id: str, source: str, travel: Travel | None)
         steps.append(f"Mass {mass:.5g} kg, {mass_told}.")
     if run.unread:
         steps.append(f"Not read: {_listed(run.unread)}.")
+    kept = sorted(nodes, key=lambda node: (node not in proposed, not node.title))[:_MOST_NODES]
+    if len(kept) < len(nodes):
+        steps.append(f"{len(kept)} of {len(nodes)} nodes are kept, those with a title first.")
     quality = run.energies.quality
     steps.append(quality_sentence(quality, "global histories"))
     return Record(
         run_id,
         source,
         PartialCondition(speed, mass),
-        tuple(channel_of(node, per_second, unit) for node in nodes),
+        tuple(channel_of(node, per_second, unit) for node in kept),
         tuple(node.name for node in proposed),
         tuple(steps),
         no_speed=no_speed,

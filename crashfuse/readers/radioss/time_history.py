@@ -17,7 +17,7 @@ GLOBAL = (
 )  # fmt: skip
 """The global histories in the order of their codes, 1 first, as the solver's converter calls them."""
 
-MOST_VALUES = 20_000_000
+MOST_VALUES = 40_000_000
 """Limit of states times values kept of a file."""
 
 ACCELEROMETER = "accelerometer "
