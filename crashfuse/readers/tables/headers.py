@@ -30,7 +30,7 @@ _NOT_AS_TESTED = re.compile(
 )
 _INCLUDING = re.compile(r"\b(incl|inkl|including|with|mit)\b.*")
 _OTHER_AXIS = re.compile(
-    r".*(^|[ ])(a ?)?[yz]$|acc ?[yz].*|.*\bres(ultant)?\b.*|.*resultier.*|.* [yz] .*|"
+    r".*(^|[ ])(a ?)?[yz]$|acc ?[yz].*|.*\bres(ultant)?\b.*|.*resultier.*|(.* )?[yz] .*|"
     r".*\b((quer|hoch)(beschl\w*|richtung)?|lateral|vertical|vertikal)\b.*"
 )
 _ISO_CODE = re.compile(r"[0-9a-z?]{10}([0-9a-z?]{2})ac([xyzr?])[0-9a-z?]", re.IGNORECASE)  # as 10VEHC000000ACXD
