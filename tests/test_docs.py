@@ -210,6 +210,13 @@ def test_the_help_of_every_command_is_on_its_page() -> None:
     assert re.findall(r"<!-- help (\S+) -->", page) == list(commands)
 
 
+def test_no_page_holds_the_marks_of_a_merge() -> None:
+    """A conflict left in a page is shown as text, and nothing else notices."""
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    marked = re.compile(r"^(<<<<<<< |>>>>>>> )", re.MULTILINE)
+    assert not [page for page in pages if marked.search(page.read_text(encoding="utf-8"))]
+
+
 def test_every_page_is_in_the_navigation() -> None:
     """What is not listed is not found."""
     listed = re.findall(r"^ +- (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), flags=re.MULTILINE)

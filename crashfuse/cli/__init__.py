@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 from crashfuse.cli.arguments import parser
 from crashfuse.errors import CrashfuseError, DataError, UsageError, printable
+from crashfuse.readers.axes import TRAVELS
 
 __all__ = ["main", "parser"]
 
@@ -20,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a name with characters that the terminal lacks
-    argv = sys.argv[1:] if argv is None else argv
+    argv = _with_directions(sys.argv[1:] if argv is None else argv)
     arguments = parser().parse_args(argv)
     if any(argument == "" or (argument.startswith("--") and argument.endswith("=")) for argument in argv):
         _say("crashfuse: one of the arguments is empty; was a variable not set?")
@@ -51,6 +52,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         return INTERRUPTED
     return DONE
+
+
+def _with_directions(argv: Sequence[str]) -> list[str]:
+    """The arguments with ``--travel -x`` as one, which argparse would take for two options."""
+    joined: list[str] = []
+    for argument in argv:
+        if joined[-1:] == ["--travel"] and argument in TRAVELS:
+            joined[-1] = f"--travel={argument}"
+        else:
+            joined.append(argument)
+    return joined
 
 
 def _about_the_system(error: OSError) -> str:

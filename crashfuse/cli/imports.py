@@ -4,6 +4,7 @@ import argparse
 import math
 from pathlib import Path
 
+from crashfuse.readers.axes import TRAVELS
 from crashfuse.readers.formats import FORMATS
 
 _UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
@@ -40,6 +41,7 @@ def import_(arguments: argparse.Namespace) -> None:
         record_id=arguments.id,
         columns=[ColumnChoice.parsed(text) for text in arguments.column],
         conditions=arguments.conditions,
+        travel=arguments.travel,
     )
     for one in added:
         print(f"{one.id}: {one.condition}")
@@ -67,6 +69,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--deceleration-sign", choices=("negative", "positive"), help="in the source (default: detected)"
     )
+    parser.add_argument("--travel", choices=TRAVELS, help="direction of travel in the source's axes (default: found)")
     parser.add_argument("--time-zero-ms", type=_number, metavar="T", help="first contact, in the source's own time")
     parser.add_argument("--channel-filter-class", type=_filter_class, metavar="CFC", help='60, 180 or so, or "none"')
     speed = parser.add_mutually_exclusive_group()

@@ -17,6 +17,7 @@ from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Reading, each_record
 from crashfuse.importing.unpacking import is_archive
+from crashfuse.readers.axes import Travel
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
 
@@ -33,6 +34,7 @@ def import_source(
     record_id: str | None = None,
     columns: Sequence[ColumnChoice] = (),
     conditions: Path | None = None,
+    travel: Travel | None = None,
 ) -> tuple[Settled, ...]:
     """Add everything in a source to a campaign, or start a new one with it: all of it or, on any problem, nothing.
 
@@ -49,7 +51,7 @@ def import_source(
         A key of :data:`crashfuse.readers.formats.FORMATS`; by default detected from the file names in the source.
     record_id : str, optional
         Id for the one record in the source; columns of a table are then channels of one record.
-    columns, conditions
+    columns, conditions, travel
         See :class:`crashfuse.importing.sources.Reading`.
 
     Returns
@@ -69,7 +71,7 @@ def import_source(
         raise UsageError(f"The campaign filters every record with CFC {own:g}; remove --channel-filter-class.")
     together = record_id is not None or bool(choices.channels)
     problems: list[Problem] = []
-    records = each_record(Reading(source, fmt, tuple(columns), together, conditions, record_id), problems)
+    records = each_record(Reading(source, fmt, tuple(columns), together, conditions, record_id, travel), problems)
     settled: tuple[Settled, ...] = ()
     try:
         settled = settle_each(records, problems, choices, role=role, raw=own is not None)

@@ -55,7 +55,8 @@ def unit_and_sign(
         fits = f"check the unit: {fitting[0]} would fit (--unit)" if fitting else ""
         advice = fits or unlike_speed(record, "speed, unit, channels and time zero")
         expected = f"a change of velocity near the impact speed of {speed_text(speed_mps)}"
-        raise DataError(Problem(record.source, expected, f"a change of {speed_text(change)} in {label}", advice))
+        found = f"a change of {speed_text(change)} in {label}, in {(time_s[-1] - time_s[0]) / MS:.4g} ms"
+        raise DataError(Problem(record.source, expected, found, advice))
     found = "negative" if gain <= 0 or not moving else "positive"
     sign = choices.deceleration_sign or found
     if moving and sign != found:

@@ -7,6 +7,7 @@ from typing import get_args
 
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.errors import DataError, Problem, UsageError, collecting
+from crashfuse.readers.axes import Travel
 from crashfuse.readers.record import PartialCondition, Record, quoted
 from crashfuse.readers.tables.headers import likelihood
 from crashfuse.readers.tables.mapping import ColumnRole, propose
@@ -69,9 +70,11 @@ class TableSet:
         """All records, in the order of the tables."""
         return [record for records in self.of_table.values() for record in records]
 
-    def add(self, sheet: Sheet, path: Path, columns: Sequence[ColumnChoice], *, together: bool) -> None:
+    def add(
+        self, sheet: Sheet, path: Path, columns: Sequence[ColumnChoice], *, together: bool, travel: Travel | None = None
+    ) -> None:
         """Add one more table."""
-        mapping = propose(sheet)
+        mapping = propose(sheet, travel)
         for choice in columns:
             if choice.column in sheet.columns:
                 mapping = mapping.overruled(choice.column, choice.role, choice.unit)
@@ -126,7 +129,12 @@ class TableSet:
 
 
 def read_tables(
-    paths: Sequence[Path], columns: Sequence[ColumnChoice], problems: list[Problem], *, together: bool
+    paths: Sequence[Path],
+    columns: Sequence[ColumnChoice],
+    problems: list[Problem],
+    *,
+    together: bool,
+    travel: Travel | None = None,
 ) -> TableSet:
     """Read tables, each according to its columns; append the problems of each to ``problems``.
 
@@ -136,6 +144,8 @@ def read_tables(
         Override the proposal in every table that has such a column.
     together : bool
         Treat the columns of one table as channels of one record.
+    travel : str, optional
+        The direction of travel; by default found.
 
     Raises
     ------
@@ -151,7 +161,7 @@ def read_tables(
         with collecting(faults):
             for sheet in read_sheets(path):
                 there.update(sheet.columns)
-                tables.add(sheet, path, columns, together=together)
+                tables.add(sheet, path, columns, together=together, travel=travel)
     if tables.unread:
         raise DataError([*faults, *tables.unread])
     absent = [choice.column for choice in columns if choice.column not in there]

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import Role
-from crashfuse.campaign_folder.plausibility import CREEP_MPS, MOVING, STOPS
-from crashfuse.campaign_folder.recorded_pulse import SHORTEST_S, SLOWEST_S
+from crashfuse.campaign_folder.plausibility import CREEP_MPS, STOPS
+from crashfuse.campaign_folder.recorded_pulse import SLOWEST_S
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.importing.choices import Choices
@@ -26,12 +26,12 @@ from crashfuse.importing.detection import (
     unit_and_sign,
     unlike_speed,
 )
+from crashfuse.importing.duration import end_told, refuse_short
 from crashfuse.importing.sampling import even, on_one_clock
 from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel, quoted
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.filters import cfc_filter
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
-from crashfuse.units import MS
+from crashfuse.signals.pulse import DT_S, FloatArray, Pulse, kinematics
 
 _LONGEST_S = 0.2
 _DISSENT = 0.2  # of the larger ΔV of two
@@ -119,6 +119,7 @@ def _settled(
     """Settle the pulse of a record whose condition is known."""
     channels = _channels(record, choices, condition.speed_mps, steps)
     time_s, values = _average(record, channels, choices, steps)
+    refuse_short(record, time_s, values, choices.unit or channels[0].unit, condition.speed_mps, role)
     unit, sign = unit_and_sign(record, channels, time_s, values, condition.speed_mps, choices, role, steps)
     accel = values * ACCELERATION_UNITS[unit] * (1 if sign == "negative" else -1)
     zero_s = time_zero(record, time_s, accel, choices, role, steps)
@@ -217,33 +218,16 @@ def _cut(time_s: FloatArray, accel: FloatArray, *, raw: bool, filtered: bool) ->
 
 def _check(record: Record, pulse: Pulse, condition: Condition, role: Role, steps: list[str]) -> None:
     """Reject what a campaign would reject: a record too short, sampled too slowly, or still moving at its end."""
-    end = float(pulse.time_s[-1])
     if pulse.dt_s > SLOWEST_S:
         found = f"{1 / pulse.dt_s:.0f} Hz"
         raise DataError(Problem(record.source, "at least 1000 samples a second", found, "export at a higher rate"))
-    if end < SHORTEST_S - pulse.dt_s:
-        expected, found = "a record of at least 60 ms from contact (100 ms is best)", f"{end / MS:.4g} ms"
-        raise DataError(Problem(record.source, expected, found, "export the whole record, or check time zero"))
     after = (pulse.time_s >= 0) & (pulse.time_s <= _LONGEST_S)
     motion = kinematics(pulse.accel_mps2[after], condition.speed_mps, pulse.dt_s)
-    at_end = float(motion.velocity_mps[min(after.sum() - 1, round(GRID_S[-1] / pulse.dt_s))])
+    told = end_told(record, float(pulse.time_s[-1]), motion, role)
     low, high = STOPS[role]
     taken = (condition.speed_mps - motion.velocity_mps.min()) / max(condition.speed_mps, 1e-9)
     if condition.speed_mps > CREEP_MPS and not low <= taken <= high:
         expected = f"a change of velocity near the impact speed of {speed_text(condition.speed_mps)} from contact on"
         found, advice = f"{100 * taken:.0f} % of it", unlike_speed(record, "time zero, unit and channels")
         raise DataError(Problem(record.source, expected, found, advice))
-    if end < GRID_S[-1] - pulse.dt_s:
-        if at_end > MOVING * condition.speed_mps:
-            found = f"{speed_text(at_end)} at its end, {end / MS:.4g} ms"
-            expected = "a record that lasts until the vehicle has stopped, or 100 ms"
-            raise DataError(Problem(record.source, expected, found, "export a longer record"))
-        steps.append(f"The record ends {end / MS:.4g} ms after contact.")
-    whole_mm = motion.displacement_m.max() / MS
-    if motion.t0_s <= GRID_S[-1]:
-        steps.append(f"Zero velocity (TTZV) at {motion.t0_s / MS:.1f} ms, after {whole_mm:.0f} mm.")
-        return
-    last_s = min(end, float(GRID_S[-1]))
-    by_then_mm = motion.displacement_m[min(after.sum() - 1, round(last_s / pulse.dt_s))] / MS
-    within = f"within {last_s / MS:.0f} ms; it has moved {by_then_mm:.0f} mm by then"
-    steps.append(f"{'Careful: the' if role == 'tests' else 'The'} vehicle does not stop {within}.")
+    steps += told

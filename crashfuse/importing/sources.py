@@ -12,8 +12,10 @@ from crashfuse.files.archive import DEFAULT_LIMITS, refuse, too_much, zip_member
 from crashfuse.files.tarball import is_tar, tar_members
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral, read_tables
 from crashfuse.importing.unpacking import is_archive, lay_out_source
+from crashfuse.readers.axes import Travel
 from crashfuse.readers.formats import FORMATS, TABLES, all_formats, formats_of
 from crashfuse.readers.members import files_below
+from crashfuse.readers.radioss.runs import is_time_history_csv
 from crashfuse.readers.record import Record
 
 _MOST_FILES = 100_000  # examined in a folder
@@ -37,6 +39,8 @@ class Reading:
         A table with the conditions of the records by id; it may have foreign headers, too.
     record_id : str, optional
         Id for the one record in the source, also in the table of conditions.
+    travel : str, optional
+        The direction of travel in the file's own axes; by default found from the motion.
     """
 
     source: Path
@@ -45,6 +49,7 @@ class Reading:
     together: bool = False
     conditions: Path | None = None
     record_id: str | None = None
+    travel: Travel | None = None
 
 
 def format_of(source: Path) -> str:
@@ -58,6 +63,8 @@ def format_of(source: Path) -> str:
     if not source.exists():
         raise DataError(Problem(str(source), "a file or folder to import", "nothing there", "check the path"))
     found = formats_of(_names(source))
+    if found == [TABLES] and any(map(is_time_history_csv, tables_of(source))):
+        return "radioss"
     if not found:
         raise DataError(Problem(source.name, all_formats(), "none of these", "choose another source"))
     if len(set(found) - {TABLES}) > 1:
@@ -100,13 +107,17 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         raise UsageError(f"There is no format {fmt!r}; there are {', '.join(FORMATS)}.")
     if fmt != TABLES and reading.columns and reading.conditions is None:
         raise UsageError("Only tables have columns to map.")
+    if reading.travel is not None and not FORMATS[fmt].axes:
+        raise UsageError(f"{FORMATS[fmt].label} says itself which channels are along X; remove --travel.")
     if is_archive(source.name) and source.is_file() and _has_to_be_unpacked(source, fmt):
-        with TemporaryDirectory() as scratch:
-            yield from each_record(replace(reading, source=_unpacked(source, Path(scratch)), fmt=fmt), problems)
+        with TemporaryDirectory() as scratch:  # the tables in it tell of which format they are
+            yield from each_record(replace(reading, source=_unpacked(source, Path(scratch))), problems)
         return
     extra = [] if reading.conditions is None else [reading.conditions]
     paths = tables_of(source) if fmt == TABLES else []
-    tables = read_tables([*paths, *extra], reading.columns, problems, together=reading.together and fmt == TABLES)
+    travel = reading.travel if fmt == TABLES else None
+    together = reading.together and fmt == TABLES
+    tables = read_tables([*paths, *extra], reading.columns, problems, together=together, travel=travel)
     if fmt == TABLES and not paths:
         raise DataError(Problem(str(source), f"tables ({FORMATS[TABLES].files})", "none", "check the path"))
     if fmt == TABLES and not tables.records and not problems:
@@ -114,7 +125,7 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         expected = "a column of time and one of acceleration"
         raise DataError(Problem(source.name, expected, found, "map the columns (--column COLUMN=ROLE:UNIT)"))
     whole, ids = not problems, list[str]()
-    for record in tables.records if fmt == TABLES else _of_homes(source, fmt, problems):
+    for record in tables.records if fmt == TABLES else _of_homes(source, fmt, reading.travel, problems):
         if reading.record_id is not None:
             if ids:
                 raise UsageError(f"One id is not enough: {source.name} holds several records.")
@@ -155,12 +166,12 @@ def _unpacked(source: Path, into: Path) -> Path:
     return lay_out_source([(source.name, source.read_bytes())], into)
 
 
-def _of_homes(source: Path, fmt: str, problems: list[Problem]) -> Iterator[Record]:
+def _of_homes(source: Path, fmt: str, travel: Travel | None, problems: list[Problem]) -> Iterator[Record]:
     """Yield the records of a format, with one path per test if its reader takes only one."""
     tests = _files(source, FORMATS[fmt].has) if FORMATS[fmt].one_a_file else []
     for home in tests if len(tests) > 1 else [source]:
         with collecting(problems):
-            yield from FORMATS[fmt].read(home)
+            yield from FORMATS[fmt].read(home, travel)
 
 
 def _files(folder: Path, wanted: Callable[[Path], bool]) -> list[Path]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from crashfuse.campaign_folder.condition_tables import Role
+    from crashfuse.readers.axes import Travel
     from crashfuse.readers.record import Record
 
 
@@ -37,6 +38,9 @@ class Format:
         Whether each of these files is one test and the reader takes only one.
     role : {"tests", "cae"}
         The most likely role of its records.
+    axes : bool
+        Whether its files may hold motion along any axis. The reader, if there is one, then takes the direction of
+        travel (:data:`~crashfuse.readers.axes.Travel`) as a second argument; None: to be found.
     """
 
     label: str
@@ -45,15 +49,18 @@ class Format:
     reader: str = ""
     one_a_file: bool = False
     role: "Role" = "tests"
+    axes: bool = False
 
     def has(self, path: PurePath) -> bool:
         """Whether the name of a file is of this format."""
         return re.fullmatch(self.names, path.name, re.IGNORECASE | re.DOTALL) is not None
 
-    def read(self, path: Path) -> "tuple[Record, ...]":
+    def read(self, path: Path, travel: "Travel | None" = None) -> "tuple[Record, ...]":
         """Read the records in a file, folder or zip; raise a DataError if it is unusable."""
         module, _, function = self.reader.partition(":")
-        records: tuple[Record, ...] = getattr(importlib.import_module(module), function)(path)
+        records: tuple[Record, ...] = getattr(importlib.import_module(module), function)(
+            path, *([travel] if self.axes else [])
+        )
         return records
 
 
@@ -68,13 +75,21 @@ FORMATS = {
     "lsdyna": Format(
         "LS-DYNA",
         "binout, nodout",
-        r"binout[^.]*|nodout[^.]*(\.(txt|asc))?",
+        r"(.+\.)?(binout[^.]*|nodout[^.]*(\.(txt|asc))?)",
         f"{_HERE}.lsdyna.runs:read_lsdyna",
         role="cae",
+        axes=True,
     ),
-    "radioss": Format("Radioss", "T01", r"[^.]+T\d\d", f"{_HERE}.radioss:read_radioss", one_a_file=True, role="cae"),
+    "radioss": Format(
+        "Radioss",
+        "T01 or its .csv",
+        r"(?!.*(nodout|binout|glstat)).*[^.]T\d\d[a-i]?|.+_\d{4}(_[a-i])?\.thy",
+        f"{_HERE}.radioss.runs:read_radioss",
+        role="cae",
+        axes=True,
+    ),
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
-    TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|xls[xm]?)"),
+    TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|xls[xm]?)", axes=True),
 }
 """The formats by their command-line names."""
 

@@ -1,6 +1,7 @@
 """From record to pulse: what is found is true, what a user says overrules it, and every step is told."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ from crashfuse.importing import Choices, Settled, settle
 from crashfuse.readers.record import PartialCondition, RecordedChannel
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import Kinematics
-from crashfuse.units import MS, G
+from crashfuse.units import KPH, MS, G
 from tests.importing.crashes import (
     CONDITION,
     CRUSH_M,
+    DURATION_S,
     PEAK_MPS2,
     SPEED_MPS,
     STOP_S,
@@ -269,12 +271,11 @@ def test_a_vehicle_that_does_not_stop_is_pointed_out() -> None:
     after = np.linspace(0, 0.1, 100_001)
     speed = SPEED_MPS + np.concatenate([[0], np.cumsum(0.9 * G * half_sine_g(after)[1:] * 1e-6)])
     moved_mm = float(np.trapezoid(speed, after)) * 1e3
-    assert (
-        settled.steps[-1]
-        == f"Careful: the vehicle does not stop within 100 ms; it has moved {moved_mm:.0f} mm by then."
+    assert settled.steps[-1] == (
+        f"Careful: the vehicle does not stop within 100 ms; it has moved {moved_mm:.0f} mm by then and has 0.6 km/h "
+        "(0.3 mph) left at 200 ms."
     )
-    run = settle(record(channel(scale=0.9)), role="cae")
-    assert run.steps[-1].startswith("The vehicle does not stop within 100 ms")
+    assert settle(record(channel(scale=0.9)), role="cae").steps[-1] == settled.steps[-1]
 
 
 def test_nodes_at_rest_need_not_agree() -> None:
@@ -331,6 +332,30 @@ def test_a_record_that_no_campaign_would_take_is_refused(end_s: float, rate_hz: 
     """Too short, still moving at its end, or too slow: said before anything is written."""
     with pytest.raises(DataError, match=message):
         settle(record(channel(end_s=end_s, rate_hz=rate_hz)), role="cae")
+
+
+@pytest.mark.parametrize("role", ["tests", "cae"])
+def test_a_record_that_ends_before_its_crash_says_when_and_how_fast(role: Literal["tests", "cae"]) -> None:
+    """Of the half sine, what is left of the speed is known in closed form; none of these is taken."""
+    for end_ms in (30, 55, 60):
+        angle = np.pi * end_ms * MS / DURATION_S
+        closed = SPEED_MPS - PEAK_MPS2 * DURATION_S / np.pi * (1 - np.cos(angle))
+        with pytest.raises(DataError) as caught:
+            settle(record(channel(start_s=0.0, end_s=end_ms * MS)), role=role)
+        (problem,) = caught.value.problems
+        assert f"{end_ms} ms" in problem.found
+        assert f"{closed / KPH:.1f} km/h" in problem.found
+        assert problem.advice.startswith("let the run go on to 100 ms" if role == "cae" else "export the whole record")
+
+
+def test_a_record_that_ends_after_the_stop_is_taken_with_a_warning() -> None:
+    """Thrown back at 5.0 km/h, pushed with 6.7 g, both in closed form: what is taken for the rest is told."""
+    (told,) = [step for step in settle(record(channel(end_s=0.075)), role="cae").steps if "record ends" in step]
+    assert told == (
+        "Careful: the record ends 75 ms after contact with -5.0 km/h (-3.1 mph) left at its end and -6.7 g; it goes on "
+        "with no acceleration, which nobody measured. Better let the run go on to 100 ms, and copy all of its files."
+    )
+    assert not [step for step in settle(record(channel(end_s=0.1)), role="cae").steps if "record ends" in step]
 
 
 def test_a_condition_is_completed_by_the_user() -> None:

@@ -104,6 +104,8 @@ class Run:
     end_s: float = 0.15
     step_s: float = 1e-4
     noise_g: float = 0.0
+    axis: str = "x"
+    database: str = "nodout"
 
     @property
     def time_s(self) -> FloatArray:
@@ -135,14 +137,16 @@ class Run:
         metadata: dict[str, Values] = {"title": chars("Nova full frontal"), "ids": np.array(chosen, "i8")}
         if legend is not None:
             metadata |= {"legend": legend, "legend_ids": np.array(named, "i8")}
-        folders: dict[str, dict[str, Values]] = {"/nodout/metadata": metadata}
+        folders: dict[str, dict[str, Values]] = {f"/{self.database}/metadata": metadata}
+        still = np.zeros(len(chosen), "f4")
         for state in range(self.time_s.size)[states]:
-            folders[f"/nodout/d{state + 1:06d}"] = {
+            folders[f"/{self.database}/d{state + 1:06d}"] = {
                 "time": np.array([columns[0][0][state]], "f4"),
                 "cycle": np.array([10 * state], "i4"),
-                "x_displacement": np.zeros(len(chosen), "f4"),
-                "x_velocity": np.array([velocity[state] for _, velocity, _ in columns], "f4"),
-                "x_acceleration": np.array([accel[state] for *_, accel in columns], "f4"),
+                "x_displacement": still,
+                **{f"{axis}_{what}": still for axis in "xyz" for what in ("velocity", "acceleration")},
+                f"{self.axis}_velocity": np.array([velocity[state] for _, velocity, _ in columns], "f4"),
+                f"{self.axis}_acceleration": np.array([accel[state] for *_, accel in columns], "f4"),
             }
         energy = 0.5 * MASS_KG * mass * (SPEED_MPS * length / time) ** 2
         folders["/glstat/d000001"] = {"time": np.zeros(1, "f4"), "kinetic_energy": np.array([energy], "f4")}
@@ -171,7 +175,10 @@ class Run:
             words = "x-disp     y-disp      z-disp      x-vel       y-vel       z-vel      x-accl      y-accl      "
             lines += [stamp, f" nodal point  {words}z-accl      x-coor      y-coor      z-coor"]
             for number, (_, velocity, accel) in columns.items():
-                values = [0.0, 0.0, -1.0, velocity[state], 0, 0, accel[state], -1.0, -2.0, 100.0, -200.0, 3.0]
+                moving = np.eye(3)["xyz".index(self.axis)]
+                shaking = np.array([-3.0, -1.0, -2.0]) * (moving == 0)
+                along = [*velocity[state] * moving, *accel[state] * moving + shaking]
+                values = [0.0, 0.0, -1.0, *along, 100.0, -200.0, 3.0]
                 lines.append(_row(number, values, exponent))
             turns = "x-rot      y-rot       z-rot       x-rot vel   y-rot vel   z-rot vel   x-rot acc   y-rot acc   "
             lines += [stamp, f" nodal point  {turns}z-rot acc"]

@@ -24,7 +24,7 @@ from tests.importing.crash_files import german, isomme, write, zipped
 from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
 from tests.readers.lsdyna_files import Run, lsda
 from tests.readers.nhtsa_files import nhtsa_files
-from tests.readers.radioss_files import time_history
+from tests.readers.radioss_files import RadiossRun
 from tests.readers.test_tdms import by_hand, nhtsa_test
 from tests.readers.test_tdms_laboratory import iihs_test
 
@@ -36,7 +36,7 @@ GOOD: dict[str, Files] = {
     "nhtsa": {name: content for name, content in nhtsa_files().items() if name[-3:] in ("EV5", "093", "094")},
     "isomme": isomme("M1"),
     "lsdyna": {"binout0000": SHORT.binout()},
-    "radioss": {"hc1T01": time_history(step_ms=0.5)},
+    "radioss": {"hc1T01": RadiossRun(step_ms=0.5).binary()},
     "tdms": {"v1.tdms": nhtsa_test()},
     "csv": {"T1.csv": TABLE},
 }

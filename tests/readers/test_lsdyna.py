@@ -126,7 +126,7 @@ def test_shards_and_restarts_merge_into_the_run(tmp_path: Path) -> None:
         merged = only(source)
         assert merged.id == "shards"
         assert merged.proposed == whole.proposed
-        assert "4 shards of binout merged." in merged.steps
+        assert "Nodes from 3 of 4 files of binout, joined." in merged.steps
         by_name = {channel.name: channel for channel in merged.channels}
         for channel in whole.channels:
             assert np.array_equal(by_name[channel.name].time_s, channel.time_s)

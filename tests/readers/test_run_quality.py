@@ -81,6 +81,14 @@ def test_shards_and_restarts_are_one_history(tmp_path: Path) -> None:
     assert found.energy_change == pytest.approx(-0.04)
 
 
+def test_a_run_killed_while_it_wrote_its_energies_is_judged_by_the_states_before(tmp_path: Path) -> None:
+    """The last state has its work but not yet its total energy."""
+    whole = TOLD.glstat()
+    cut = whole[: whole.rindex(b" total energy...")]
+    found = only(saved(tmp_path / "run7", binout0000=binout(), glstat=cut)).quality
+    assert found.energy_change == pytest.approx(-0.04)
+
+
 def test_a_run_without_energies_says_so(tmp_path: Path) -> None:
     """Nothing is recorded, and nothing is made up."""
     record = only(saved(tmp_path / "run7", binout0000=binout()))

@@ -20,6 +20,7 @@ from tests.importing.crash_files import german, isomme, library, zipped
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
 from tests.readers.lsdyna_files import Run
 from tests.readers.nhtsa_files import nhtsa_files
+from tests.readers.radioss_files import RadiossRun
 from tests.readers.test_tdms import nhtsa_test
 
 if TYPE_CHECKING:
@@ -152,6 +153,33 @@ def test_lsdyna_runs_become_cae_runs(visit: Visit, tmp_path: Path) -> None:
     field(session, "Front share").set_value(56.0)
     session = into(session.run(), tmp_path / "c").press("Add 3 CAE runs")
     assert added(tmp_path / "c") == ["r0", "r1", "r2"]
+
+
+@pytest.mark.slow
+def test_the_direction_of_travel_is_found_or_chosen(visit: Visit, tmp_path: Path) -> None:
+    """A model that drives along −y: the steps say so, a wrong direction is refused, the right one is kept."""
+    session = drop(visit(), run_zip=zipped({"r1/binout0000": Run(step_s=5e-4, axis="y", direction=-1).binout()}))
+    field(session, "Front share").set_value(56.0)
+    assert "Travel along -y, as the nodes set out." in session.run().words
+    field(session, "Direction of travel").set_value("y")
+    assert "Nothing of it can be read: 1 problem" in session.run().words
+    field(session, "Direction of travel").set_value("-y")
+    assert "Travel along -y, given by the user." in session.run().words
+    session = into(session, tmp_path / "c").press("Add as CAE run")
+    assert added(tmp_path / "c") == ["r1"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["T01", "T01.csv"])
+def test_a_radioss_run_becomes_a_cae_run(visit: Visit, tmp_path: Path, form: str) -> None:
+    """Its time history, or the CSV of it: only the weights are asked for, no columns."""
+    content = RadiossRun().csv() if form.endswith("csv") else RadiossRun().binary()
+    session = drop(visit(), **{f"hc1{form}".replace(".", "_"): content})
+    assert "Radioss" in session.words
+    assert field(session, "Take it as").value == "cae"
+    field(session, "Front share").set_value(56.0)
+    session = into(session.run(), tmp_path / "c").press("Add as CAE run")
+    assert added(tmp_path / "c") == ["hc1"]
 
 
 @pytest.mark.slow

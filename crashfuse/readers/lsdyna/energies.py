@@ -83,7 +83,8 @@ def matsum_text(chunks: Iterable[bytes], where: str) -> States:
 def quality_of(glstat: States, matsum: States) -> RunQuality:
     """The quality of a run; what ``glstat`` lacks is taken from ``matsum``."""
     added = _column(glstat, "percent_increase")
-    total, work = _column(glstat, "total_energy"), _column(glstat, "external_work")
+    both = {time: state for time, state in glstat.items() if {"total_energy", "external_work"} <= state.keys()}
+    total, work = _column(both, "total_energy"), _column(both, "external_work")  # a killed run's last state lacks some
     whole = Energies(total, work, *_strain(glstat), None if added is None else added / 100)
     return completed(whole.quality, Energies(None, None, *_strain(matsum)).quality)
 

@@ -1,7 +1,7 @@
 """Nodal histories of an LS-DYNA run, whichever file they come from."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ _ALIASED = 0.05  # of the velocity
 
 @dataclass(frozen=True, eq=False, slots=True)
 class History:
-    """One node or rigid body along the global x axis, in the units of the run.
+    """One node or rigid body along the axis of travel, in the units of the run.
 
     Parameters
     ----------
@@ -46,6 +46,10 @@ class Histories:
     ----------
     total : int
         Number of nodes in the files.
+    start : ndarray, shape (3, n_nodes)
+        Velocities of all nodes along x, y and z at the first state.
+    fastest : ndarray, shape (3,)
+        Largest speed of any node along each axis; of the start alone where nodes set out with a speed.
     kinetic_energy : float, optional
         Kinetic energy of the whole model at its first state (``glstat``), in the units of the run.
     notes : tuple of str
@@ -57,9 +61,17 @@ class Histories:
     title: str
     nodes: tuple[History, ...]
     total: int
+    start: FloatArray = field(default_factory=lambda: np.zeros((3, 1)))
+    fastest: FloatArray = field(default_factory=lambda: np.zeros(3))
     kinetic_energy: float | None = None
     notes: tuple[str, ...] = ()
     quality: RunQuality = field(default_factory=RunQuality)
+
+    def beside(self, others: "Histories") -> "Histories":
+        """These nodes and others of the same run; a node that is among both is taken from the others."""
+        known = {node.name for node in others.nodes}
+        nodes = (*others.nodes, *(node for node in self.nodes if node.name not in known))
+        return replace(others, nodes=nodes, total=max(len(nodes), self.total, others.total))
 
 
 def kept_of(names: Sequence[str], titles: Mapping[str, str], most: int) -> set[str]:

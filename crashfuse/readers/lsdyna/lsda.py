@@ -7,8 +7,8 @@ Library, file format, 1.1).
 """
 
 import struct
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from array import array
+from collections.abc import Callable, Iterator, Mapping
 from typing import IO, Any
 
 import numpy as np
@@ -20,35 +20,29 @@ _CD, _DATA, _VARIABLE, _BEGIN_TABLE, _END_TABLE, _TABLE_OFFSET = 2, 3, 4, 5, 6, 
 _TYPES = dict(enumerate(("i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"), start=1))
 _INTEGERS = {1: "B", 2: "H", 4: "I", 8: "Q"}
 _HEADER_BYTES = 8
-_MOST_RECORDS = 3_000_000  # symbol table records per file: 5000 states with 600 variables
-_MOST_WANTED = 300_000
+_MOST_WANTED, _MOST_FOLDERS = 2_000_000, 300_000
 _MOST_BYTES = 64 << 20  # per variable
 _LONGEST_RECORD = 4096  # bytes, for a path or a name
+_BLOCK = 1 << 20  # bytes of a symbol table in memory
 
-
-@dataclass(frozen=True, slots=True)
-class _Variable:
-    """Location of a variable: the type and count of its numbers, and the offset of its record."""
-
-    kind: int
-    count: int
-    offset: int
+Folder = tuple[str, ...]
+"""A folder's path: ``("nodout", "d000001")``."""
 
 
 class LsdaFile:
     """An LSDA file with its symbol tables read and its data read on demand; a DataError if damaged or not LSDA.
+
+    However many symbols a file lists, only the wanted ones are kept: a long list costs time, not memory.
 
     Parameters
     ----------
     stream : binary file
         Seekable; must stay open.
     wanted : callable
-        Maps a folder's path (``("nodout", "d000001")``) to the wanted names in it; the rest is skipped.
+        Maps a folder's path to the wanted names in it; the rest is skipped.
     """
 
-    def __init__(
-        self, stream: IO[bytes], where: str, wanted: Callable[[tuple[str, ...]], frozenset[str] | None]
-    ) -> None:
+    def __init__(self, stream: IO[bytes], where: str, wanted: Callable[[Folder], frozenset[str] | None]) -> None:
         self._stream, self._where = stream, where
         self._size = stream.seek(0, 2)
         stream.seek(0)
@@ -61,75 +55,100 @@ class LsdaFile:
         self._offset = struct.Struct(f"{self._order}{offset}")
         self._symbol = struct.Struct(f"{self._order}{kind}{offset}{length}")
         self._kind = struct.Struct(f"{self._order}{kind}B")
-        self._folders: dict[tuple[str, ...], dict[str, _Variable]] = {}
-        self._listed = 0
+        self._folders: dict[Folder, dict[str, int]] = {}
+        self._listed = array("Q")  # type, count and offset of each variable
         self._read_tables(header[0], wanted)
 
     @property
-    def folders(self) -> Mapping[tuple[str, ...], Mapping[str, object]]:
+    def folders(self) -> Mapping[Folder, Mapping[str, int]]:
         """Names of the wanted variables that exist, by folder path."""
         return self._folders
 
-    def read(self, folder: tuple[str, ...], name: str) -> npt.NDArray[Any] | None:
+    def read(self, folder: Folder, name: str) -> npt.NDArray[Any] | None:
         """Return the numbers of a variable; None if there is none with that name."""
-        variable = self._folders.get(folder, {}).get(name)
-        if variable is None:
+        place = self._folders.get(folder, {}).get(name)
+        if place is None:
             return None
-        numbers = np.dtype(f"{self._order}{_TYPES[variable.kind]}")
+        kind, count, offset = self._listed[place : place + 3]
+        numbers = np.dtype(f"{self._order}{_TYPES[kind]}")
         label = name.encode("latin-1")
         ahead = self._record.size + self._kind.size + len(label)
-        if variable.count * numbers.itemsize > _MOST_BYTES:
+        if count * numbers.itemsize > _MOST_BYTES:
             raise self._damaged(f"no data of {name} where they should be")
-        self._go(variable.offset)
-        content = self._exactly(ahead + variable.count * numbers.itemsize)
+        self._go(offset)
+        content = self._exactly(ahead + count * numbers.itemsize)
         command = self._record.unpack_from(content)[1]
-        kind, _ = self._kind.unpack_from(content, self._record.size)
-        if (command, kind) != (_DATA, variable.kind) or content[ahead - len(label) : ahead] != label:
+        found, _ = self._kind.unpack_from(content, self._record.size)
+        if (command, found) != (_DATA, kind) or content[ahead - len(label) : ahead] != label:
             raise self._damaged(f"no data of {name} where they should be")
         return np.frombuffer(content, numbers, offset=ahead)
 
-    def _read_tables(self, at: int, wanted: Callable[[tuple[str, ...]], frozenset[str] | None]) -> None:
+    def _read_tables(self, at: int, wanted: Callable[[Folder], frozenset[str] | None]) -> None:
         self._go(at)
         if self._record.unpack(self._exactly(self._record.size))[1] != _TABLE_OFFSET:
             raise self._damaged("another kind of file")
-        folder: tuple[str, ...] = ()
+        folder: Folder = ()
         names = wanted(folder)
+        offset = self._offset.unpack(self._exactly(self._offset.size))[0]
         seen: set[int] = set()
-        records = 0
-        while offset := self._offset.unpack(self._exactly(self._offset.size))[0]:
+        left = self._size  # tables do not overlap, so all of them together are no longer than the file
+        while offset:
             if offset in seen:
                 raise self._damaged("symbol tables in a circle")
             seen.add(offset)
-            self._go(offset)
-            command = self._record.unpack(self._exactly(self._record.size))[1]
-            if command != _BEGIN_TABLE:
-                raise self._damaged("no symbol table where it should be")
-            while command != _END_TABLE:
-                records += 1
-                length, command = self._record.unpack(self._exactly(self._record.size))
-                content = length - self._record.size
-                if command == _END_TABLE:
-                    break
-                if command not in (_CD, _VARIABLE) or not 0 <= content <= _LONGEST_RECORD or records > _MOST_RECORDS:
-                    raise self._damaged("a symbol table that makes no sense")
-                body = self._exactly(content)
+            for command, body in self._table(offset):
+                left -= self._record.size + len(body)
                 if command == _CD:
                     folder = _changed(folder, body.decode("latin-1"))
                     names = wanted(folder)
-                elif names:
-                    self._list(folder, names, body)
+                elif command == _VARIABLE:
+                    if names:
+                        self._list(folder, names, body)
+                elif command == _END_TABLE and len(body) == self._offset.size:
+                    offset = self._offset.unpack(body)[0]
+                if left < 0:
+                    raise self._damaged("symbol tables that overlap")
 
-    def _list(self, folder: tuple[str, ...], names: frozenset[str], body: bytes) -> None:
+    def _table(self, offset: int) -> Iterator[tuple[int, bytes]]:
+        """Yield the commands of a symbol table with what they say, the last one with the offset of the next table."""
+        self._go(offset)
+        length, command = self._record.unpack(self._exactly(self._record.size))
+        if command != _BEGIN_TABLE:
+            raise self._damaged("no symbol table where it should be")
+        ahead, at = self._record.size, 0
+        block = self._stream.read(min(length, _BLOCK))
+        while command != _END_TABLE:
+            block, at = self._with_more(block, at, ahead)
+            length, command = self._record.unpack_from(block, at)
+            length = ahead + self._offset.size if command == _END_TABLE else length
+            if command not in (_CD, _VARIABLE, _END_TABLE) or not ahead <= length <= ahead + _LONGEST_RECORD:
+                raise self._damaged("a symbol table that makes no sense")
+            block, at = self._with_more(block, at, length)
+            yield command, block[at + ahead : at + length]
+            at += length
+
+    def _with_more(self, block: bytes, at: int, count: int) -> tuple[bytes, int]:
+        """The block, and the place in it, with at least so many bytes from there on."""
+        if at + count <= len(block):
+            return block, at
+        block = block[at:] + self._stream.read(_BLOCK if at else _LONGEST_RECORD)
+        if count > len(block):
+            raise self._damaged("one that was cut short")
+        return block, 0
+
+    def _list(self, folder: Folder, names: frozenset[str], body: bytes) -> None:
         at = len(body) - self._symbol.size
         name = body[: max(at, 0)].decode("latin-1")
         if name not in names:
             return
         kind, offset, count = self._symbol.unpack_from(body, at)
-        self._listed += 1
-        if self._listed > _MOST_WANTED:
-            raise self._damaged(f"more than {_MOST_WANTED} variables of a kind")
-        if kind in _TYPES:
-            self._folders.setdefault(folder, {})[name] = _Variable(kind, count, offset)
+        if kind not in _TYPES:
+            return
+        self._folders.setdefault(folder, {})[name] = len(self._listed)
+        self._listed.extend((kind, count, offset))
+        if len(self._listed) > 3 * _MOST_WANTED or len(self._folders) > _MOST_FOLDERS:
+            expected = f"at most {_MOST_FOLDERS:,} states with {_MOST_WANTED:,} variables of nodes and energies"
+            raise DataError(Problem(self._where, expected, "more", "write fewer states (DT in *DATABASE_NODOUT)"))
 
     def _go(self, offset: int) -> None:
         if offset > self._size:
@@ -146,7 +165,7 @@ class LsdaFile:
         return DataError(Problem(self._where, "a sound binout file of LS-DYNA", found, "copy it again from the run"))
 
 
-def _changed(folder: tuple[str, ...], path: str) -> tuple[str, ...]:
+def _changed(folder: Folder, path: str) -> Folder:
     """The folder reached by an absolute or relative path."""
     parts = [] if path.startswith("/") else list(folder)
     for part in path.split("/"):

@@ -34,7 +34,7 @@ _NOT_AS_TESTED = re.compile(
 )
 _INCLUDING = re.compile(r"\b(incl|inkl|including|with|mit)\b.*")
 _OTHER_AXIS = re.compile(
-    r".*(^|[ ])(a ?)?[yz]$|acc ?[yz].*|.*\bres(ultant)?\b.*|.*resultier.*|.* [yz] .*|"
+    r".*(^|[ ])(a ?)?[yz]$|acc ?[yz].*|.*\bres(ultant)?\b.*|.*resultier.*|(.* )?[yz] .*|"
     r".*\b((quer|hoch)(beschl\w*|richtung)?|transvers\w*|(a|acc|accel)?(lat|vert)(eral\w*|i[ck]al\w*)?(a|acc|accel)?)\b.*"
 )
 _DUMMY = re.compile(

@@ -11,6 +11,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from crashfuse.errors import UsageError, printable
+from crashfuse.readers.axes import Travel
+from crashfuse.readers.tables.directions import axis_by_motion, turned
 from crashfuse.readers.tables.headers import ColumnRole, ColumnUse, filter_order, place_of, use_of, why_no_acceleration
 from crashfuse.readers.tables.sheet import SAMPLE, Sheet
 from crashfuse.readers.unit_spelling import UNITS, unit_named
@@ -34,9 +36,10 @@ _FEWEST = 20  # rows needed to take a time beside conditions for that of pulses
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """The roles of all columns of a sheet, in order."""
+    """The roles of all columns of a sheet, in order, and what has to be told of the direction of travel."""
 
     uses: tuple[ColumnUse, ...]
+    travel: str = ""
 
     def of(self, role: ColumnRole) -> tuple[ColumnUse, ...]:
         """The columns with this role."""
@@ -74,17 +77,41 @@ class Mapping:
             kept = use.unit if quantity is not None and use.unit in UNITS[quantity] else None
             return ColumnUse(column, role, named or kept, "chosen by the user")
 
-        return Mapping(tuple(map(changed, self.uses)))
+        return replace(self, uses=tuple(map(changed, self.uses)))
 
 
-def propose(sheet: Sheet) -> Mapping:
+def propose(sheet: Sheet, travel: Travel | None = None) -> Mapping:
     """Propose the role of each column from its header, its unit, and the other columns of the sheet.
 
     An unrecognised column is ignored in a table with a time, and a factor in a table of conditions. If several columns
-    could be one quantity, all of them are proposed, and rejected on reading.
+    could be one quantity, all of them are proposed, and rejected on reading. The direction of travel, if it is not
+    given, is along x unless the change of velocity along another axis says otherwise.
     """
+    if travel is not None:
+        return replace(_along(sheet, travel[-1]), travel=f"Travel along {travel}, given by the user.")
+    plain = _along(sheet, "x")
+    if plain.kind == "conditions":
+        return plain
+    of_x = {use.column for use in plain.of("acceleration")}
+    by_axis = {"x": plain} | {
+        axis: _along(sheet, axis) for axis in "yz" if any(turned(name, axis) != name for name in sheet.columns)
+    }
+    columns = {
+        axis: tuple(use.column for use in found.of("acceleration") if axis == "x" or use.column not in of_x)
+        for axis, found in by_axis.items()
+        if found.kind == "pulses"
+    }
+    axis, told = axis_by_motion({axis: own for axis, own in columns.items() if own}, sheet.parsed)
+    return replace(by_axis[axis], travel=told)
+
+
+def _along(sheet: Sheet, axis: str) -> Mapping:
+    """The roles of the columns if travel is along an axis."""
     sample = replace(sheet, cells=sheet.cells.head(SAMPLE))
-    uses = [use_of(column, unit) for column, unit in zip(sheet.columns, sheet.units, strict=True)]
+    uses = [
+        replace(use_of(turned(column, axis), unit), column=column)
+        for column, unit in zip(sheet.columns, sheet.units, strict=True)
+    ]
     times = _clocks(sample, uses)
     if not times:
         return Mapping(tuple(_of_conditions(uses)))

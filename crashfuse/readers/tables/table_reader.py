@@ -53,7 +53,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
 
     def record(name: str, uses: tuple[ColumnUse, ...], rows: Rows) -> Record:
         channels = tuple(channel(use, rows) for use in uses)
-        steps = (*sheet.steps, *(_told(use) for use in (*times, *ids, *uses)), *told)
+        steps = (*sheet.steps, *(_told(use) for use in (*times, *ids, *uses)), *filter(None, [mapping.travel]), *told)
         return Record(_as_id(name), sheet.name, PartialCondition(), channels, tuple(c.name for c in channels), steps)
 
     rows = np.flatnonzero(np.isfinite(time))

@@ -1,6 +1,7 @@
 """Fields of an import: detected values are shown in grey, values filled in take precedence."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import streamlit as st
@@ -11,7 +12,8 @@ from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import Choices, ColumnChoice, Reading, Settled, settle
 from crashfuse.importing.sources import tables_of
 from crashfuse.importing.table_forms import TableForm
-from crashfuse.readers.formats import TABLES
+from crashfuse.readers.axes import TRAVELS, Travel
+from crashfuse.readers.formats import FORMATS, TABLES
 from crashfuse.readers.record import ACCELERATION_UNITS, Record
 from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole
 from crashfuse.readers.unit_spelling import UNITS
@@ -41,7 +43,13 @@ _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positiv
 
 
 def reading_of(source: Source) -> Reading:
-    """Ask how to read a source: for tables the meaning of the columns, otherwise which table has the conditions."""
+    """Ask how to read a source: direction of travel, what columns of tables mean, which table has the conditions."""
+    columns_say = source.fmt == TABLES
+    travel = _travel(source) if FORMATS[source.fmt].axes and not columns_say else None
+    return replace(_reading_of(source), travel=travel)
+
+
+def _reading_of(source: Source) -> Reading:
     forms = forms_of(source)
     if source.fmt == TABLES:
         columns = tuple(choice for form in forms[:_MOST_FORMS] for choice in _columns(form, source.key))
@@ -81,6 +89,20 @@ def reading_of(source: Source) -> Reading:
             columns = _columns(form, source.key)
     conditions: Path | None = tables.get(name) if name else None
     return Reading(source.path, source.fmt, columns, conditions=conditions)
+
+
+def _travel(source: Source) -> Travel | None:
+    travel: Travel | None = st.selectbox(
+        "Direction of travel",
+        TRAVELS,
+        index=None,
+        placeholder="to be found",
+        format_func=lambda travel: travel.replace("-", "−").upper(),
+        key=f"{source.key} travel",
+        persist_state="session",
+        help="Along which axis of the files the vehicle drives. Found from the motion at the start, if you leave it.",
+    )
+    return travel
 
 
 def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
