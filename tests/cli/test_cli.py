@@ -26,7 +26,11 @@ from crashfuse.units import MS
 from crashfuse.version import __version__
 from tests.conftest import make_campaign, write_campaign
 
-METRICS = ["peak", "peak_time", "delta_v", "t0", "max_crush", "mean", "sm25", "olc", "vpi"]
+METRICS = [
+    *("peak", "peak_time", "delta_v", "t0", "max_crush", "mean", "sm25", "olc", "vpi"),
+    *("esw", "g1", "g2", "step_time", "centroid_time", "loading_ratio"),
+    *("static_crush", "rebound_velocity", "restitution"),
+]
 
 
 def at_condition(speed_mph: float, front_weight_lb: float, rear_weight_lb: float) -> list[str]:

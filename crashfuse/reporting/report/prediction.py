@@ -43,7 +43,7 @@ def prediction_report(campaign: Campaign, estimates: Sequence[Estimate], config:
         nearest=nearest_sentences(campaign, condition),
         motion=motion(None, predictions, condition.speed_mps),
         over_displacement=over_displacement(None, predictions, condition.speed_mps),
-        about=details(estimates),
+        about=details(campaign, estimates),
         bias=bias(campaign),
     )
 
