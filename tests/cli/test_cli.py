@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -362,6 +363,35 @@ def test_rate_prints_the_rating_as_a_table_and_as_json(
     ratings = json.loads(capsys.readouterr().out)
     assert [rating["window_ms"] for rating in ratings] == [20.0, 40.0, 60.0]
     assert all(rating["overall"] == 1.0 and rating["grade"] == "Excellent" for rating in ratings)
+
+
+def test_rate_prints_the_pairs_of_a_table_as_csv_and_fails_if_one_is_missing(
+    campaign_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each pair over each window, with standard, rate and filter class beside it; the others with a note."""
+    tests = campaign_folder / "tests"
+    (tests / "pairs.csv").write_text("reference,comparison\nT1.csv,T2.csv\nT1.csv,T3.csv\n")
+    assert cli.main(["rate", "--pairs", str(tests / "pairs.csv"), "--windows-ms", "40", "60", "--csv"]) == cli.DONE
+    table = pd.read_csv(StringIO(capsys.readouterr().out))
+    assert table[["comparison", "window_ms"]].to_numpy().tolist() == [
+        *(["T2.csv", 40.0], ["T2.csv", 60.0]),
+        *(["T3.csv", 40.0], ["T3.csv", 60.0]),
+    ]
+    assert set(table["basis"]) == {"ISO/TS 18571:2024, 10 kHz, filtered as supplied"}
+    (tests / "pairs.csv").write_text("reference,comparison\nT1.csv,T2.csv\nT1.csv,T9.csv\n")
+    assert cli.main(["rate", "--pairs", str(tests / "pairs.csv"), "--windows-ms", "60"]) == cli.WRONG_DATA
+    out, err = capsys.readouterr()
+    assert "0–60 ms" in out
+    assert "Not rated: T9.csv: " in out
+    assert "1 rated, 1 not; each says why." in err
+
+
+def test_rate_takes_two_files_or_a_table(campaign_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Anything else is wrong usage, said in a sentence."""
+    pulse = str(campaign_folder / "tests" / "T1.csv")
+    for arguments in ([pulse], [pulse, pulse, "--pairs", pulse], [pulse, pulse, "--each-channel", "--unit", "g"]):
+        assert cli.main(["rate", *arguments]) == cli.WRONG_USAGE
+        assert capsys.readouterr().err.startswith("crashfuse: ")
 
 
 def test_rate_says_which_file_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

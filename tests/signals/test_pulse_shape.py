@@ -91,7 +91,7 @@ def test_a_half_sine_has_the_steps_that_a_general_minimiser_finds() -> None:
     smaller, larger = (1 - at) / best, at / (1 - best)
     first = found.time_s < DURATION_S / 2  # its mirror image is as near
     expected = (best, smaller, larger) if first else (1 - best, larger, smaller)
-    assert found.time_s / DURATION_S == pytest.approx(expected[0], abs=2e-3)
+    assert found.time_s / DURATION_S == pytest.approx(expected[0], abs=4e-3)
     assert found.g1_mps2 * DURATION_S / SPEED_MPS == pytest.approx(expected[1], rel=5e-3)
     assert found.g2_mps2 * DURATION_S / SPEED_MPS == pytest.approx(expected[2], rel=5e-3)
 
@@ -112,7 +112,7 @@ def test_symmetric_pulses_are_loaded_evenly() -> None:
     """Half sine and haversine that end at the stop: ratio 1, the centroid in the middle, ESW = v0/T."""
     for pulse in (half_sine(1.000003), haversine(1.000003)):
         motion = moved(pulse)
-        assert pulse_shape.loading_ratio(motion) == pytest.approx(1, abs=2e-3)
+        assert pulse_shape.loading_ratio(motion) == pytest.approx(1, abs=4e-3)
         assert pulse_shape.centroid_time(motion) == pytest.approx(DURATION_S / 2, rel=1e-3)
         assert pulse_shape.equivalent_square_wave(motion) == pytest.approx(SPEED_MPS / DURATION_S, rel=1e-3)
 
