@@ -25,6 +25,8 @@ _USUAL_SCALE = 0.88  # t with 8 degrees of freedom and this scale has about the 
 _USUAL_SCALES = {
     **{"peak": 0.9, "peak_time": 1.4, "delta_v": 0.8, "t0": 1.0, "max_crush": 0.7},
     **{"mean": 1.0, "sm25": 1.1, "olc": 0.8, "vpi": 0.9},
+    **{"esw": 0.7, "centroid_time": 0.7},  # functions of the crush
+    **{"g1": 1.0, "g2": 1.0, "step_time": 1.0, "loading_ratio": 1.1},
 }
 _WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95

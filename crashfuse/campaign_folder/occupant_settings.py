@@ -33,8 +33,9 @@ def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> Occupa
             own[name] = float(value)
         else:
             expected = f"a number from {low} to {high}"
-            shown = printable(repr(value), 60) if isinstance(value, str | float | bool) else "another value"
-            problems.append(Problem(_WHERE, expected, shown, "correct the value", f"occupant.{name}"))
+            told = isinstance(value, str | float | bool) or (isinstance(value, int) and abs(value) < 1 << 64)
+            found = printable(repr(value), 60) if told else "another value"
+            problems.append(Problem(_WHERE, expected, found, "correct the value", f"occupant.{name}"))
     return OccupantModel(**own)
 
 

@@ -8,6 +8,7 @@ record, the result is infinite on the side where it would lie, or NaN if that is
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from crashfuse.signals.occupant import value_at
 from crashfuse.signals.pulse import FloatArray, Kinematics
@@ -15,7 +16,7 @@ from crashfuse.units import G
 
 _BROKEN_OFF_MPS2 = 1.0 * G  # a pulse that falls from more than this to exact zeros was cut and padded
 _INSTANT_S = 1e-9
-_BEYOND_S = 2e-3  # a record has to go on for so long after the largest rebound velocity
+_QUIET_MPS2, _QUIET_S = 0.5 * G, 2e-3  # when nothing throws the vehicle back any more
 
 
 class TwoStep(NamedTuple):
@@ -96,8 +97,8 @@ def loading_ratio(motion: Kinematics) -> FloatArray:
 
     References
     ----------
-    The terms: T. P. Hutchinson, Full frontal car crash tests: empirical evidence about shape of deceleration pulses,
-    2021, whose own measure, the crush over v0·T/2, is twice the centroid time over T.
+    The terms: Full Frontal Car Crash Tests: Empirical Evidence About Shape of Deceleration Pulses (2021), whose own
+    measure, the crush over v0·T/2, is twice the centroid time over T.
     """
     half = value_at(motion.velocity_mps, motion.t0_s / 2 / motion.dt_s)
     lost = motion.velocity_mps[..., 0] - half
@@ -105,14 +106,15 @@ def loading_ratio(motion: Kinematics) -> FloatArray:
 
 
 def rebound_velocity(motion: Kinematics) -> FloatArray:
-    """The largest velocity away from the barrier; infinite if the record ends, or was cut off, before it.
+    """Velocity away from the barrier when the vehicle leaves it; infinite if the record ends before.
 
-    From then on nothing accelerates the vehicle backwards any more: it has left the barrier. The record has to go on
-    for 2 ms after it. A pulse that falls from more than 1 g to exact zeros was cut there and padded.
+    It leaves when nothing throws it back any more: after T, when the deceleration stays below 0.5 g for 2 ms. Later
+    oscillations of the cell may take its velocity a little further, which is no rebound of the structure. A pulse that
+    falls from more than 1 g to exact zeros was cut there and padded; the zeros are no record.
     """
-    left, _ = _separation(motion)
-    stopped = np.isfinite(motion.t0_s)
-    return np.where(left, -motion.velocity_mps.min(axis=-1), np.where(stopped, np.inf, np.nan))
+    left, at = _separation(motion)
+    rebound = -np.take_along_axis(motion.velocity_mps, at[..., None], axis=-1)[..., 0]
+    return np.where(left, rebound, np.where(np.isfinite(motion.t0_s), np.inf, np.nan))
 
 
 def restitution(motion: Kinematics) -> FloatArray:
@@ -121,7 +123,7 @@ def restitution(motion: Kinematics) -> FloatArray:
 
 
 def static_crush(motion: Kinematics) -> FloatArray:
-    """Displacement at the time of the largest rebound velocity: the crush that remains when the vehicle has left.
+    """Displacement when the vehicle leaves the barrier: the crush that remains.
 
     Minus infinity if the record ends before, as the vehicle still moves back then.
 
@@ -134,13 +136,18 @@ def static_crush(motion: Kinematics) -> FloatArray:
     return np.where(left, crush, np.where(np.isfinite(motion.t0_s), -np.inf, np.nan))
 
 
-def _separation(motion: Kinematics) -> tuple[FloatArray, FloatArray]:
-    """Whether the vehicle leaves the barrier within the record, and the sample of its largest rebound velocity."""
-    at = motion.velocity_mps.argmin(axis=-1)
-    size = motion.velocity_mps.shape[-1]
-    last = size - 1 - (motion.accel_mps2[..., ::-1] != 0).argmax(axis=-1)
-    before = np.take_along_axis(motion.accel_mps2, last[..., None], axis=-1)[..., 0]
-    cut_off = (last < size - 1) & (np.abs(before) > _BROKEN_OFF_MPS2)
-    end = np.where(cut_off, last, size - 1)
-    left = np.isfinite(motion.t0_s) & (at <= end - _BEYOND_S / motion.dt_s)
-    return left, at
+def _separation(motion: Kinematics) -> tuple[FloatArray, npt.NDArray[np.int_]]:
+    """Whether the vehicle leaves the barrier within the record, and the sample at which it does."""
+    accel, size = motion.accel_mps2, motion.accel_mps2.shape[-1]
+    length = max(round(_QUIET_S / motion.dt_s), 1)
+    if size <= length:
+        return np.zeros(accel.shape[:-1], dtype=bool), np.zeros(accel.shape[:-1], dtype=np.int_)
+    last = size - 1 - (accel[..., ::-1] != 0).argmax(axis=-1)
+    before = np.take_along_axis(accel, last[..., None], axis=-1)[..., 0]
+    end = np.where((last < size - 1) & (np.abs(before) > _BROKEN_OFF_MPS2), last, size - 1)
+    loud = np.cumsum(accel < -_QUIET_MPS2, axis=-1)
+    quiet = loud[..., length:] == loud[..., :-length]  # from the next sample on
+    sample = np.arange(1, quiet.shape[-1] + 1)
+    stopped = sample * motion.dt_s >= np.where(np.isnan(motion.t0_s), np.inf, motion.t0_s)[..., None]
+    free = quiet & stopped & (sample + length - 1 <= end[..., None])
+    return free.any(axis=-1), sample[free.argmax(axis=-1)]

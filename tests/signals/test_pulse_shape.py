@@ -110,7 +110,7 @@ def test_no_other_step_is_nearer(seed: int) -> None:
 
 def test_symmetric_pulses_are_loaded_evenly() -> None:
     """Half sine and haversine that end at the stop: ratio 1, the centroid in the middle, ESW = v0/T."""
-    for pulse in (half_sine(1.000003), haversine(1.000003)):
+    for pulse in (half_sine(1.000003), haversine(1 + 1e-10)):
         motion = moved(pulse)
         assert pulse_shape.loading_ratio(motion) == pytest.approx(1, abs=4e-3)
         assert pulse_shape.centroid_time(motion) == pytest.approx(DURATION_S / 2, rel=1e-3)
@@ -122,16 +122,17 @@ def test_symmetric_pulses_are_loaded_evenly() -> None:
 def test_rebound_of_a_smooth_pulse_has_its_closed_form(pulse: type, restitution: float) -> None:
     """A pulse symmetric about T/2 that takes (1 + e) v0 away leaves at −e v0, after s(T) = v0 T (1 − e)/2."""
     motion = moved(pulse(1 + restitution))
-    assert pulse_shape.restitution(motion) == pytest.approx(restitution, abs=1e-5)
-    assert pulse_shape.rebound_velocity(motion) == pytest.approx(restitution * SPEED_MPS, abs=1e-4)
+    assert pulse_shape.restitution(motion) == pytest.approx(restitution, abs=5e-4)
+    assert pulse_shape.rebound_velocity(motion) == pytest.approx(restitution * SPEED_MPS, abs=5e-3)
+    rest = 3e-3 * restitution * SPEED_MPS  # 0.5 g are reached up to 3 ms before the end
     crush = SPEED_MPS * DURATION_S * (1 - restitution) / 2
-    assert pulse_shape.static_crush(motion) == pytest.approx(crush, rel=1e-3)
+    assert crush <= pulse_shape.static_crush(motion) <= crush + rest
 
 
 def test_rebound_that_the_record_cuts_off_is_not_determined() -> None:
-    """Cut anywhere between the stop and 2 ms after the end of the pulse: larger rebound, smaller static crush."""
+    """Cut between the stop and 2 ms after the deceleration has ended: larger rebound, smaller static crush."""
     accel = half_sine(1.15)
-    for end_s in (0.07, 0.075, 0.0795, 0.0815):
+    for end_s in (0.07, 0.075, 0.0795, 0.081):
         motion = moved(accel[: round(end_s / DT_S)])
         assert np.isfinite(motion.t0_s)
         assert pulse_shape.rebound_velocity(motion) == np.inf
@@ -167,14 +168,17 @@ def test_many_pulses_have_the_shapes_of_each() -> None:
 
 
 @needs_shared
-def test_real_car_leaves_the_barrier_after_its_largest_rebound_velocity() -> None:
-    """NHTSA 10146 over 200 ms: 748 mm of crush, a restitution usual at 57 km/h; cut to 100 ms it is not determined."""
+def test_rebound_of_a_real_car_does_not_depend_on_the_length_of_the_record() -> None:
+    """NHTSA 10146, all four sensors: the same in 100 as in 200 ms, although the cell goes on oscillating."""
     table = np.genfromtxt(
         SHARED / "real" / "nhtsa_10146_camry2018" / "tidy_10kHz_raw_and_cfc60.csv", delimiter=",", names=True
     )
-    time_s = table["t_s"]
-    accel = table["floor_L_rear_xmember_X_primary_cfc60_g"][(time_s >= 0) & (time_s < 0.2)] * G
-    motion = moved(accel, 57.09 / 3.6, 1e-4)
-    assert 0.1 < pulse_shape.restitution(motion) < 0.2
-    assert 0.85 < pulse_shape.static_crush(motion) / motion.displacement_m.max() < 1
-    assert 0.3 < pulse_shape.loading_ratio(motion) < 0.8  # back-loaded, as most cars are
+    for side in "LR":
+        for rank in ("primary", "redundant"):
+            recorded = table[f"floor_{side}_rear_xmember_X_{rank}_cfc60_g"][table["t_s"] >= 0] * G
+            short, whole = (moved(recorded[:n], 57.09 / 3.6, 1e-4) for n in (1000, 2000))
+            for name in ("restitution", "static_crush", "rebound_velocity"):
+                assert getattr(pulse_shape, name)(short) == getattr(pulse_shape, name)(whole)
+            assert 0.15 < pulse_shape.restitution(whole) < 0.175
+            assert 0.68 < pulse_shape.static_crush(whole) < 0.72
+            assert 0.3 < pulse_shape.loading_ratio(whole) < 0.8  # back-loaded, as most cars are
