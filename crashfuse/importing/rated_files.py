@@ -164,11 +164,11 @@ def _of_pair(
     read: Callable[[Path, tuple[str, ...], float | Literal["none"] | None, str | None], Curve],
 ) -> list[dict[str, object]]:
     """The rows of two files."""
-    others = choices.comparison_channels or choices.channels
-    curves = [
-        read(path, channels, choices.channel_filter_class, choices.unit)
-        for path, channels in ((reference, choices.channels), (comparison, others))
-    ]
+    shared = choices.channel_filter_class, choices.unit
+    curves = (
+        read(reference, choices.channels, *shared),
+        read(comparison, choices.comparison_channels or choices.channels, *shared),
+    )
     return [{"reference": str(reference), "comparison": str(comparison), **row} for row in rated(*curves, windows_ms)]
 
 
@@ -238,7 +238,7 @@ def _speed(record: Record, choices: Choices) -> float:
         return record.condition.speed_mps
     channel = record.chosen(choices.channels)[0]
     unit = choices.unit or channel.unit
-    if unit not in ACCELERATION_UNITS:
+    if unit is None or unit not in ACCELERATION_UNITS:
         expected, advice = f"the unit of the acceleration of {record.id}", "give it (--unit)"
         raise DataError(Problem(record.source, expected, unit or "none", advice))
     gain = delta_v(*even(channel, record.source)[:2]) * ACCELERATION_UNITS[unit]

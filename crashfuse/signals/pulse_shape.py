@@ -102,7 +102,7 @@ def loading_ratio(motion: Kinematics) -> FloatArray:
     """
     half = value_at(motion.velocity_mps, motion.t0_s / 2 / motion.dt_s)
     lost = motion.velocity_mps[..., 0] - half
-    return np.divide(lost, half, out=np.full(np.shape(half), np.nan), where=half > 0)
+    return np.asarray(np.divide(lost, half, out=np.full(np.shape(half), np.nan), where=half > 0))
 
 
 def rebound_velocity(motion: Kinematics) -> FloatArray:
