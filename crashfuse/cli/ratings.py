@@ -95,7 +95,7 @@ def _print(table: "pd.DataFrame") -> None:
     if len(shown):
         print(shown.to_string(index=False))
     for row in others.to_dict("records"):
-        print(f"Not rated: {' against '.join(filter(None, (row[name] for name in varying)))}: {row['note']}")
+        print(": ".join(["Not rated", *filter(None, (row[name] for name in varying)), row["note"]]))
 
 
 def _plain(value: object) -> object:

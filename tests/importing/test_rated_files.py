@@ -37,14 +37,14 @@ def files(tmp_path: Path) -> Path:
 
 def overall(table: pd.DataFrame) -> list[float]:
     """The overall ratings."""
-    return table["overall"].tolist()
+    return [float(value) for value in table["overall"]]
 
 
 def test_own_tables_are_rated_as_they_stand(campaign_on_disk: Path) -> None:
     """The same numbers as of the pulses, over the windows asked for; nothing is filtered, and that is said."""
-    paths = [campaign_on_disk / "tests" / f"{name}.csv" for name in ("T1", "T2")]
-    table = rate_files(*paths, [30, 50])
-    expected = rate_windows(*map(read_pulse, paths), [30, 50])
+    one, other = (campaign_on_disk / "tests" / f"{name}.csv" for name in ("T1", "T2"))
+    table = rate_files(one, other, [30, 50])
+    expected = rate_windows(read_pulse(one), read_pulse(other), [30, 50])
     assert tuple(table.columns) == COLUMNS
     assert table["window_ms"].tolist() == [30, 50]
     assert overall(table) == [rating.overall for rating in expected.values()]
@@ -61,8 +61,10 @@ def test_own_tables_are_filtered_if_asked_for(tmp_path: Path) -> None:
         table.to_csv(tmp_path / f"{name}.csv", index=False)
     files = tmp_path / "clean.csv", tmp_path / "noisy.csv"
     filtered = rate_files(*files, [60], choices=RatingChoices(channel_filter_class=60.0))
-    pulses = [Pulse(time_s, cfc_filter(table["acceleration_g"] * G, cfc=60, dt_s=1e-4)) for table in (clean, noisy)]
-    assert overall(filtered) == pytest.approx([rate_windows(*pulses, [60])[60].overall], abs=1e-4)
+    one, other = (
+        Pulse(time_s, cfc_filter(table["acceleration_g"].to_numpy() * G, cfc=60, dt_s=1e-4)) for table in (clean, noisy)
+    )
+    assert overall(filtered) == pytest.approx([rate_windows(one, other, [60])[60].overall], abs=1e-4)
     assert filtered["basis"].item().endswith("CFC 60")
     assert overall(filtered)[0] > overall(rate_files(*files, [60]))[0] + 0.1
 

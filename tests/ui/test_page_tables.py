@@ -21,10 +21,12 @@ def test_accelerations_follow_the_unit_and_other_metrics_do_not(campaign: Campai
     draws = np.multiply.outer(np.linspace(0.9, 1.1, 101), accel)
     found = pulse_metrics(accel, campaign.tests[0].condition.speed_mps, draws_mps2=draws)
     peak, ratio = (next(m for m in found if m.name == name) for name in ("peak", "loading_ratio"))
-    for unit, factor in (("g", 1.0), ("m/s²", G)):
+    units: tuple[tuple[Unit, float], ...] = (("g", 1.0), ("m/s²", G))
+    for unit, factor in units:
         main, more = (table.data.set_index("Pulse metric")["Test"] for table in show(campaign, found, unit))
         assert list(main.index)[:2] == [f"Peak deceleration ({unit})", "Time of peak (ms)"]
-        assert main.iloc[0] == Metric("peak", *(n * factor for n in (peak.value, peak.lower, peak.upper)), unit).text
+        value, lower, upper = ((n or 0.0) * factor for n in (peak.value, peak.lower, peak.upper))
+        assert main.iloc[0] == Metric("peak", value, lower, upper, unit).text
         assert f"OLC, occupant load criterion, filtered as supplied ({unit})" in main.index
         assert more["Front-to-back loading ratio"] == ratio.text
         assert f"Two-step pulse, G1 ({unit})" in more.index
