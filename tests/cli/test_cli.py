@@ -68,11 +68,12 @@ def test_a_study_writes_the_five_files_and_nothing_else(study_folder: Path) -> N
 
 @pytest.mark.slow
 def test_scores_have_a_row_for_each_test_approach_and_window(study_folder: Path) -> None:
-    """The columns are the contract's, the overall rating is the weighted sum of its parts."""
+    """The contract's columns, then what the rating rests on; the overall one is the weighted sum of its parts."""
     scores = pd.read_csv(study_folder / "scores.csv")
     assert list(scores) == [
-        *("held_out", "approach", "window_ms", "overall", "corridor", "phase", "magnitude", "slope", "grade")
+        *("held_out", "approach", "window_ms", "overall", "corridor", "phase", "magnitude", "slope", "grade", "basis")
     ]
+    assert set(scores["basis"]) == {"ISO/TS 18571:2024, 10 kHz, filtered as supplied"}
     assert len(scores) == 2 * len(APPROACHES) * 3
     assert tuple(scores["approach"].unique()) == APPROACHES
     parts = 0.4 * scores["corridor"] + 0.2 * (scores["phase"] + scores["magnitude"] + scores["slope"])
@@ -95,7 +96,8 @@ def test_pulses_are_on_the_study_grid_with_a_band_where_there_is_one(study_folde
 def test_metrics_hold_the_measured_test_beside_the_predictions(study_folder: Path) -> None:
     """Positive numbers, each with its unit; the measured ΔV is the impact speed and a tenth, as the pulse was made."""
     metrics = pd.read_csv(study_folder / "metrics.csv")
-    assert list(metrics) == ["held_out", "approach", "metric", "value", "lower", "upper", "unit"]
+    assert list(metrics) == ["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis"]
+    assert set(metrics["basis"]) == {"filtered as supplied"}
     assert set(metrics["approach"]) == {"test", *APPROACHES}
     assert list(metrics["metric"].unique()) == METRICS
     measured = metrics.query("held_out == 'T2' and approach == 'test' and metric == 'delta_v'").iloc[0]
@@ -708,7 +710,7 @@ def test_a_learning_curve_writes_its_table_its_report_and_its_record(
     assert {path.name for path in out.iterdir()} == set(RESULT_FILES["learning curve"])
     table = pd.read_csv(out / "learning_curve.csv")
     columns = ["n_tests", "chosen", "choice", "held_out", "approach", "window_ms", "overall", "inside", "half_width_g"]
-    assert list(table) == columns
+    assert list(table) == [*columns, "basis"]
     assert set(table["choice"]) == {"even", "random"}
     assert table.loc[table["approach"] == "cae", ["inside", "half_width_g"]].isna().all(axis=None)
     assert table.loc[table["approach"] != "cae", "inside"].between(0, 1).all()
