@@ -96,8 +96,15 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
         choices.front_share,
         steps,
         standstill=role == "cae",
-        also_missing=_missing(record, choices),
+        also_missing=missing_choices(record, choices),
     )
+    return settled_at(record, choices, condition, role, steps, raw=raw)
+
+
+def settled_at(
+    record: Record, choices: Choices, condition: Condition, role: Role, steps: list[str], *, raw: bool
+) -> Settled:
+    """Settle the pulse of a record whose condition is known; otherwise as :func:`settle`."""
     channels = _channels(record, choices, condition.speed_mps, steps)
     time_s, values = _average(record, channels, choices, steps)
     refuse_short(record, time_s, values, choices.unit or channels[0].unit, condition.speed_mps, role)
@@ -119,7 +126,7 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
     return Settled(record.id, record.source, condition, pulse, names, unit, sign, zero_s, cfc, tuple(steps), quality)
 
 
-def _missing(record: Record, choices: Choices) -> list[Problem]:
+def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     """Missing choices about the channels: which ones, and their unit if there is no speed to infer it from."""
     chosen = record.chosen(choices.channels)
     missing = []
