@@ -62,7 +62,6 @@ HARMLESS = ("_BAND_BYTES", "_RUNS_A_BATCH", "_GLANCE_S", "_LINE", "np.errstate",
 EQUIVALENT = {
     "possible.sum(axis=1) > 1  ->  possible.sum(axis=1) >= 1": "a single candidate is computed again, and chosen again",
     "difference > 0  ->  difference < 0": "a reference that varies has a slope somewhere: a guard that is never needed",
-    "STIFFNESS_NPM / MASS_KG  ->  STIFFNESS_NPM * MASS_KG": "of 1 kg",
     "1  ->  2  in  return np.full(velocity.shape[:-1], np.nan)": "one NaN for all draws: their interval is unknown too",
     "1  ->  2  in  n_times = int(np.ceil(": "a time more than is read off",
     "np.ceil  ->  np.floor  in  n_times = int(np.ceil(": "a time less, of standing still: below a micrometre",

@@ -4,6 +4,10 @@ from .condition import Condition as Condition
 from .errors import CrashfuseError as CrashfuseError
 from .errors import DataError as DataError
 from .errors import UsageError as UsageError
+from .importing.rated_channels import rate_channels as rate_channels
+from .importing.rated_files import RatingChoices as RatingChoices
+from .importing.rated_files import rate_files as rate_files
+from .importing.rated_files import rate_pairs as rate_pairs
 from .reporting.report import prediction_report as prediction_report
 from .reporting.report import study_report as study_report
 from .reporting.results import write_certification as write_certification

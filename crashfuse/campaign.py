@@ -12,7 +12,10 @@ import numpy.typing as npt
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.run_quality import QualityLimits, RunQuality
+from crashfuse.signals.metrics import Metric, pulse_metrics
+from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.rating import rating_basis
 from crashfuse.units import LB, MPH
 
 _SAME_CONDITION = 1e-4  # relative: rounding in a table, far below weighing accuracy
@@ -117,6 +120,10 @@ class Campaign:
         CFC that records were filtered with on reading (SAE J211-1); None if they were not filtered.
     quality_limits : QualityLimits, optional
         Limits that the CAE runs are judged by; None if the campaign sets none.
+    occupant : OccupantModel
+        Distances of the OLC, slack and spring of the VPI.
+    tests_filtered_with : float, optional
+        CFC that every test was filtered with on import; None if the campaign does not say, or they differ.
     """
 
     name: str
@@ -126,15 +133,33 @@ class Campaign:
     warnings: tuple[str, ...] = ()
     channel_filter_class: float | None = None
     quality_limits: QualityLimits | None = None
+    occupant: OccupantModel = USUAL_OCCUPANT
+    tests_filtered_with: float | None = None
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of the CAE runs and the tests: equal content gives the same fingerprint from any files."""
+        """SHA-256 of the CAE runs and the tests: equal content gives the same fingerprint from any files.
+
+        An occupant model of the campaign's own counts as content, as metrics and their errors depend on it.
+        """
         digest = hashlib.sha256(self.cae.fingerprint.encode())
+        if self.occupant != USUAL_OCCUPANT:
+            digest.update(f"{self.occupant!r}\n".encode())
         for test in self.tests:
             digest.update(f"{test.id}|{test.condition!r}\n".encode())
             digest.update(test.pulse.accel_mps2.tobytes())
         return digest.hexdigest()
+
+    @property
+    def filter_class(self) -> str:
+        """The channel filter class of the tests, such as ``CFC 60``, to stand beside ratings and metrics."""
+        cfc = self.channel_filter_class or self.tests_filtered_with
+        return "filtered as supplied" if cfc is None else f"CFC {cfc:g}"
+
+    @property
+    def rating_basis(self) -> str:
+        """What every rating rests on beside its window, such as ``ISO/TS 18571:2024, 10 kHz, CFC 60``."""
+        return rating_basis(self.filter_class)
 
     @property
     def test_ids(self) -> tuple[str, ...]:
@@ -161,6 +186,12 @@ class Campaign:
         return {
             name: tuple(sorted(value for of, value in pairs if of == name)) for name in sorted({of for of, _ in pairs})
         }
+
+    def metrics_of(self, test: CrashTest) -> tuple[Metric, ...]:
+        """Metrics of a test's measured pulse."""
+        return pulse_metrics(
+            test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s, occupant=self.occupant
+        )
 
     def without(self, test_ids: Sequence[str]) -> "Campaign":
         """The campaign with these tests held out: the only data available for predicting them."""

@@ -62,7 +62,7 @@ show_exceptions(certification)
 explanations.show_settings(config)
 with st.container(horizontal=True):
     download_table("certification.csv", lambda: certification_table(certification))
-    download_table("track_record.csv", lambda: track_record_table(certification.record))
+    download_table("track_record.csv", lambda: track_record_table(certification))
     download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode())
     download_table("matrix.csv", lambda: matrix_table(certification.matrix))
     download_report(lambda: certification_report(certification))

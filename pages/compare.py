@@ -8,7 +8,6 @@ from crashfuse.reporting import glossary
 from crashfuse.reporting.plots.pulses import add_corridors, motion, residuals
 from crashfuse.reporting.report import study_report
 from crashfuse.reporting.result_tables import pulses_table, scores_table, study_metrics
-from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.study.recommendation import recommend_for
 from crashfuse.ui import explanations, frame, page_tables
 from crashfuse.ui.compare import displacement, networks
@@ -53,7 +52,7 @@ window_ms = view.display.window_ms
 raw = fold.ratings[BASELINE][window_ms].overall if BASELINE in fold.ratings else None
 beside = "" if raw is None else ", and its change from the raw CAE model"
 explanations.show_settings(config, left_out=True)
-st.markdown(f"ISO/TS 18571 rating over {page_tables.window_label(window_ms)}{beside}")
+st.markdown(f"Rating over {page_tables.window_label(window_ms)} ({campaign.rating_basis}){beside}")
 cards = st.container(horizontal=True, gap="small")
 for name, by_window in fold.ratings.items():
     rating = by_window[window_ms]
@@ -104,12 +103,14 @@ if shown == "Residuals":
 networks.show(view, fold, key)
 displacement.show(view, config, predictions, key)
 
-st.subheader("Rating by approach and window")
+st.subheader("Rating by approach and window", help=f"By {campaign.rating_basis}.")
 st.table(page_tables.ratings(fold.ratings, window_ms, repeats), border="horizontal")
 
-measured = pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
-columns = [("Test", measured), *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates)]
-explanations.show_metrics(columns, view.display.unit)
+columns = [
+    ("Test", campaign.metrics_of(test)),
+    *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),
+]
+explanations.show_metrics(columns, view)
 
 explanations.show_notes(fold.estimates, said)
 explanations.show_fits(fold.estimates)

@@ -83,7 +83,9 @@ def show_conditions(view: frame.View) -> None:
         campaign.fingerprint,
         view.held_out.id,
     )
-    st.markdown("**The tests, and how the CAE model rates against each before any correction** (ISO/TS 18571)")
+    st.markdown(
+        f"**The tests, and how the CAE model rates against each before any correction** ({campaign.rating_basis})"
+    )
     st.table(page_tables.conditions(campaign), border="horizontal")
 
 

@@ -57,7 +57,7 @@ def draw() -> go.Figure:
 
 alt = f"Prediction by every approach at {condition}: {shown.lower()}"
 show_cached_figure(draw, alt, shown, request.key, condition, view.display)
-explanations.show_metrics([(LABELS[each.approach], each.metrics) for each in estimates], view.display.unit)
+explanations.show_metrics([(LABELS[each.approach], each.metrics) for each in estimates], view)
 
 
 def pulses() -> pd.DataFrame:
@@ -67,7 +67,9 @@ def pulses() -> pd.DataFrame:
 
 with st.container(horizontal=True):
     download_table("pulses.csv", pulses)
-    download_table("metrics.csv", lambda: metrics_table(("", each.approach, each.metrics) for each in estimates))
+    download_table(
+        "metrics.csv", lambda: metrics_table((("", each.approach, each.metrics) for each in estimates), campaign)
+    )
     download_bytes("pulses.parquet", lambda: parquet_bytes(pulses()))
     download_bytes("isomme.zip", lambda: zipped(isomme_prediction(campaign, estimates)))
     download_report(lambda: prediction_report(campaign, estimates, config))

@@ -85,7 +85,7 @@ for tab, tab_name, own in zip(st.tabs(names), names, (study, study.speed_groups)
     if own is not None:
         with tab:
             show_ratings(own, tab_name)
-st.caption("ISO/TS 18571: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
+st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
 for test in campaign.tests:
     for note in campaign.cae.extrapolation(test.condition):
         st.caption(f":material/warning: {plain(test.id)}: {note}")

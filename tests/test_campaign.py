@@ -8,6 +8,7 @@ import pytest
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
+from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import Pulse
 from crashfuse.units import LB, MPH
 
@@ -90,6 +91,25 @@ def test_one_changed_sample_changes_the_fingerprint(campaign: Campaign) -> None:
 def test_name_and_notice_do_not_change_the_fingerprint(campaign: Campaign) -> None:
     """The fingerprint names the data."""
     assert replace(campaign, name="other", notice="x").fingerprint == campaign.fingerprint
+
+
+def test_an_occupant_model_of_its_own_changes_the_fingerprint(campaign: Campaign) -> None:
+    """Metrics and their errors depend on it, and what is kept of them; the usual one changes nothing."""
+    assert replace(campaign, occupant=OccupantModel()).fingerprint == campaign.fingerprint
+    own = replace(campaign, occupant=OccupantModel(olc_restraint_mm=200.0))
+    assert own.fingerprint != campaign.fingerprint
+    test = campaign.tests[-1]
+    usual, other = ({m.name: m.value for m in each.metrics_of(test)} for each in (campaign, own))
+    assert (other["olc"] or 0) > (usual["olc"] or 0) > 0
+    assert [name for name in usual if usual[name] != other[name]] == ["olc"]
+
+
+def test_filter_class_beside_ratings_is_that_of_the_campaign_or_of_the_import(campaign: Campaign) -> None:
+    """In this order; without either, what was supplied."""
+    assert campaign.rating_basis == "ISO/TS 18571:2024, 10 kHz, filtered as supplied"
+    imported = replace(campaign, tests_filtered_with=180.0)
+    assert imported.rating_basis == "ISO/TS 18571:2024, 10 kHz, CFC 180"
+    assert replace(imported, channel_filter_class=60.0).filter_class == "CFC 60"
 
 
 def test_many_tests_are_thinned_out_evenly_over_speed(campaign: Campaign) -> None:

@@ -14,6 +14,7 @@ from scipy.special import ndtri, stdtr, stdtrit
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.signals.metrics import METRIC_LABELS, Metric, metric_values, pulse_metrics
+from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import FloatArray
 
 _TAIL = 0.1  # draws beyond the central 80 % do not count: in a mixture they may all be those of one component
@@ -24,6 +25,8 @@ _USUAL_SCALE = 0.88  # t with 8 degrees of freedom and this scale has about the 
 _USUAL_SCALES = {
     **{"peak": 0.9, "peak_time": 1.4, "delta_v": 0.8, "t0": 1.0, "max_crush": 0.7},
     **{"mean": 1.0, "sm25": 1.1, "olc": 0.8, "vpi": 0.9},
+    **{"esw": 0.7, "centroid_time": 0.7},  # functions of the crush
+    **{"g1": 1.0, "g2": 1.0, "step_time": 1.0, "loading_ratio": 1.1},
 }
 _WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95
@@ -113,15 +116,16 @@ def metric_errors(left_out: Mapping[str, Prediction], campaign: Campaign) -> Err
         return {name: np.empty(0) for name in METRIC_LABELS}
     tests = [campaign.test(test_id) for test_id in left_out]
     speeds = np.array([test.condition.speed_mps for test in tests])
-    measured = metric_values(np.array([test.pulse.accel_mps2 for test in tests]), speeds)
-    drawn = _drawn_together(list(left_out.values()))
+    accel = np.array([test.pulse.accel_mps2 for test in tests])
+    measured = metric_values(accel, speeds, occupant=campaign.occupant)
+    drawn = _drawn_together(list(left_out.values()), campaign.occupant)
     return {
         name: np.array([standardised_error(own[name], value) for own, value in zip(drawn, values, strict=True)])
         for name, values in measured.items()
     }
 
 
-def _drawn_together(predictions: Sequence[Prediction]) -> list[dict[str, FloatArray]]:
+def _drawn_together(predictions: Sequence[Prediction], occupant: OccupantModel) -> list[dict[str, FloatArray]]:
     """:func:`drawn_metrics` of each prediction, computed for many draws at once, in a third of the time."""
     found: list[dict[str, FloatArray]] = []
     rest = [_drawn(prediction) for prediction in predictions]
@@ -131,33 +135,37 @@ def _drawn_together(predictions: Sequence[Prediction]) -> list[dict[str, FloatAr
         some, rest = rest[:n], rest[n:]
         own = [prediction.condition.speed_mps for prediction in predictions[len(found) : len(found) + n]]
         speeds = np.repeat(own, [len(draws) for draws in some])
-        values = metric_values(np.concatenate(some, dtype=np.float64), speeds)
+        values = metric_values(np.concatenate(some, dtype=np.float64), speeds, occupant=occupant)
         split = {name: np.split(each, ends[: n - 1]) for name, each in values.items()}
         found += [{name: each[i] for name, each in split.items()} for i in range(n)]
     return found
 
 
-def drawn_metrics(prediction: Prediction) -> dict[str, FloatArray]:
+def drawn_metrics(prediction: Prediction, occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, FloatArray]:
     """Metrics of a prediction's draws, or of the pulse itself if there are none; each of shape (n_draws,)."""
-    return metric_values(_drawn(prediction), prediction.condition.speed_mps)
+    return metric_values(_drawn(prediction), prediction.condition.speed_mps, occupant=occupant)
 
 
 def _drawn(prediction: Prediction) -> FloatArray:
     return prediction.accel_mps2[None] if prediction.draws_mps2 is None else prediction.draws_mps2
 
 
-def metric_distributions(prediction: Prediction, errors: Errors) -> dict[str, Distribution | None]:
+def metric_distributions(
+    prediction: Prediction, errors: Errors, occupant: OccupantModel = USUAL_OCCUPANT
+) -> dict[str, Distribution | None]:
     """Calibrated distributions of all metrics for a single test; None where :meth:`Distribution.of` has none."""
-    drawn = drawn_metrics(prediction)
+    drawn = drawn_metrics(prediction, occupant)
     return {name: Distribution.of(drawn[name], errors.get(name, np.empty(0)), name) for name in drawn}
 
 
-def calibrated_metrics(prediction: Prediction, errors: Errors) -> tuple[Metric, ...]:
+def calibrated_metrics(
+    prediction: Prediction, errors: Errors, occupant: OccupantModel = USUAL_OCCUPANT
+) -> tuple[Metric, ...]:
     """Metrics of a predicted pulse, with the calibrated 95 % interval for a single test if it has draws."""
-    metrics = pulse_metrics(prediction.accel_mps2, prediction.condition.speed_mps)
+    metrics = pulse_metrics(prediction.accel_mps2, prediction.condition.speed_mps, occupant=occupant)
     if prediction.draws_mps2 is None:
         return metrics
-    found = metric_distributions(prediction, errors)
+    found = metric_distributions(prediction, errors, occupant)
     intervals = {name: (None, None) if own is None else own.interval() for name, own in found.items()}
     return tuple(Metric(m.name, m.value, *intervals[m.name], m.unit) for m in metrics)
 

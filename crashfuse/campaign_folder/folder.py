@@ -89,8 +89,14 @@ def load_campaign(folder: str | Path) -> Campaign:
         for test_id, condition, accel in tests
     )
     cfc = settings.channel_filter_class or settings.filtered_with
-    limits = settings.quality.limits
-    return Campaign(settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, limits)
+    return Campaign(
+        settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, settings.quality.limits,
+        settings.occupant, _common({settings.tests_imported_with.get(test.id) for test in crash_tests}),
+    )  # fmt: skip
+
+
+def _common(classes: set[float | None]) -> float | None:
+    return classes.pop() if len(classes) == 1 else None
 
 
 def _check_counts(

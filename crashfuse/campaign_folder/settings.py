@@ -1,13 +1,16 @@
 """Settings of a campaign: ``campaign.toml``."""
 
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from crashfuse.campaign_folder.occupant_settings import occupant_settings
 from crashfuse.campaign_folder.quality_columns import QualitySettings, quality_settings
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.csv_text import text_from
+from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 
 _LARGEST = 4 << 20  # characters: some thousands of imported pulses, a paragraph on each
 _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
@@ -15,13 +18,18 @@ _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """A campaign's description, its limits on CAE runs, and the CFCs its records are to be, or were, filtered with."""
+    """A campaign's description, its limits on CAE runs, and the CFCs its records are to be, or were, filtered with.
+
+    ``tests_imported_with`` holds the CFC of each imported test by its id.
+    """
 
     name: str
     notice: str = ""
     channel_filter_class: float | None = None
     filtered_with: float | None = None
     quality: QualitySettings = field(default_factory=QualitySettings)
+    occupant: OccupantModel = USUAL_OCCUPANT
+    tests_imported_with: Mapping[str, float] = field(default_factory=dict)
 
 
 def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> Settings:
@@ -47,14 +55,14 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
     if cfc is not None and already is not None:
         expected, advice = "one of the two", "leave out channel_filter_class, or pulses are filtered twice"
         problems.append(Problem(path.name, expected, "channel_filter_class and filtered_with", advice))
-    values.pop("imported", None)  # provenance of pulses, written by crashfuse import
-    quality = quality_settings(values, problems)
+    imported = _imported_with(values.pop("imported", None))
+    quality, occupant = quality_settings(values, problems), occupant_settings(values, problems)
     name = _text(values, "name", unnamed.name, _LONGEST_NAME, problems)
     notice = _text(values, "notice", "", _LONGEST_NOTICE, problems)
     if values:
         unknown = printable(", ".join(values), 200)
         warnings.append(f"{path.name}: {unknown} is not a setting that crashfuse knows; it is left alone.")
-    return Settings(name, notice, cfc, already, quality)
+    return Settings(name, notice, cfc, already, quality, occupant, imported)
 
 
 def own_filter_class(folder: Path) -> float | None:
@@ -64,6 +72,17 @@ def own_filter_class(folder: Path) -> float | None:
     if problems:
         raise DataError(problems)
     return settings.channel_filter_class
+
+
+def _imported_with(entries: object) -> dict[str, float]:
+    """The CFCs that ``crashfuse import`` filtered tests with, by id, from the provenance that it wrote."""
+    found: dict[str, float] = {}
+    for entry in entries if isinstance(entries, list) else []:
+        told = entry if isinstance(entry, dict) else {}
+        run_id, cfc = told.get("id"), told.get("channel_filter_class")
+        if told.get("as") == "tests" and isinstance(run_id, str) and isinstance(cfc, int | float):
+            found[run_id] = float(cfc)
+    return found
 
 
 def _text(values: dict[str, Any], key: str, default: str, most: int, problems: list[Problem]) -> str:

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import id_trouble
+from crashfuse.campaign_folder.occupant_settings import occupant_lines
 from crashfuse.campaign_folder.quality_columns import QualitySettings
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
@@ -57,6 +58,7 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
         settings += [f"notice = {toml_text(campaign.notice)}"] if campaign.notice else []
         cfc = campaign.channel_filter_class
         settings += [f"filtered_with = {cfc:g}"] if cfc is not None else []
+        settings += occupant_lines(campaign.occupant)
         settings += QualitySettings(campaign.quality_limits, bool(campaign.cae.left_out)).lines()
         (home / "campaign.toml").write_text("\n".join(settings) + "\n", encoding="utf-8", newline="")
 

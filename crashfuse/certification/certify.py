@@ -169,7 +169,7 @@ def _record(
         own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
         for verdict in judge(own, test.condition, criteria, domain.exceeded_by(test.condition)):
             criterion = verdict.criterion
-            measured = own.measured(criterion, test)
+            measured = own.measured(criterion, test, campaign.occupant)
             baseline = cae.distributions[quantity(criterion)] if criterion.window_ms is None else None
             raw = None if baseline is None else baseline.probability(criterion.at_least, criterion.at_most)
             if measured is not None:

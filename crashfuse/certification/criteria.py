@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
+from crashfuse.signals.rating import STANDARD
 
 RATING = "rating"
 CONFIDENCE = 0.95
@@ -36,7 +37,7 @@ class Criterion:
     @property
     def label(self) -> str:
         """The metric in words."""
-        rating = "" if self.window_ms is None else f"ISO/TS 18571 rating over 0–{self.window_ms:g} ms"
+        rating = "" if self.window_ms is None else f"{STANDARD} rating over 0–{self.window_ms:g} ms"
         return METRIC_LABELS.get(self.metric, rating)
 
     @property
@@ -49,7 +50,7 @@ class Criterion:
         """A value of the metric as displayed, with its unit."""
         if value is None:
             return "–"
-        return f"{value:.2f}" if self.metric == RATING else f"{value:.4g} {self.unit}"
+        return f"{value:.4g} {self.unit}" if self.unit else f"{value:.2f}"
 
     def is_met_by(self, value: float) -> bool:
         """Whether a value lies within the limits."""

@@ -103,7 +103,7 @@ class _Check:
             return None
         unit = METRIC_UNITS.get(metric, "")
         if item.get("unit", unit) != unit:
-            expected = f"limits of {metric} in {unit}" if unit else f"no unit for the {RATING}"
+            expected = f"limits of {metric} in {unit}" if unit else f"no unit for {'the ' * (metric == RATING)}{metric}"
             self.wrong(expected, item["unit"], f"convert the limits to {unit}" if unit else "remove the unit")
         name = item.get("name", metric)
         if not isinstance(name, str) or not name.strip() or len(name) > 100 or printable(name) != name:
@@ -123,8 +123,9 @@ class _Check:
         if limit is None:
             return None
         if not _is_number(limit) or not 0 <= limit <= highest:
-            scale = f"in {METRIC_UNITS[metric]}" if metric != RATING else "up to 1"
-            self.wrong(f"a number of 0 or more for {key}, {scale}", limit, "correct the limit")
+            unit = METRIC_UNITS.get(metric, "")
+            scale = f", in {unit}" if unit else ", up to 1" * (metric == RATING)
+            self.wrong(f"a number of 0 or more for {key}{scale}", limit, "correct the limit")
             return None
         return float(limit)
 

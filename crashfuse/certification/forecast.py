@@ -16,6 +16,7 @@ from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.signals.metrics import metric_values
+from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.estimate import Fit
@@ -51,11 +52,12 @@ class Forecast:
     values: dict[str, float | None]
     distributions: dict[str, Distribution | None]
 
-    def measured(self, criterion: Criterion, test: CrashTest) -> float | None:
+    def measured(self, criterion: Criterion, test: CrashTest, occupant: OccupantModel) -> float | None:
         """What a test here shows: its metric, or the rating of this prediction against it; None if it is too short."""
         if criterion.window_ms is not None:
             return _overall(test.pulse, self.accel_mps2, criterion.window_ms)
-        values = metric_values(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
+        accel, speed = test.pulse.accel_mps2, test.condition.speed_mps
+        values = metric_values(accel, speed, dt_s=test.pulse.dt_s, occupant=occupant)
         value = float(values[criterion.metric])
         return value if np.isfinite(value) else None
 
@@ -120,9 +122,10 @@ class Forecaster:
     def at(self, condition: Condition) -> Forecast:
         """The forecast at a condition."""
         prediction = self.fit.estimate(condition).prediction
-        values = metric_values(prediction.accel_mps2, condition.speed_mps)
+        occupant = self.fit.occupant
+        values = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
         known = {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
-        found = metric_distributions(prediction, self.fit.metric_errors)
+        found = metric_distributions(prediction, self.fit.metric_errors, occupant)
         for window in self.rated:
             rating = found[_rating(window)] = self._rating_at(prediction, window)
             known[_rating(window)] = None if rating is None else rating.centre

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from crashfuse.cli import certification, data, imports, learning, models, studies
+from crashfuse.cli import certification, data, imports, learning, models, ratings, studies
 from crashfuse.version import __version__
 
 T = TypeVar("T")
@@ -127,11 +127,7 @@ def parser() -> argparse.ArgumentParser:
     next_test.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     next_test.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
 
-    rate = command("rate", data.rate, "rate one pulse against another by ISO/TS 18571", None)
-    rate.add_argument("reference", type=Path, metavar="REFERENCE.csv", help="time_ms or _s, acceleration_g or _mps2")
-    rate.add_argument("comparison", type=Path, metavar="COMPARISON.csv")
-    rate.add_argument("--windows-ms", nargs="+", type=float, metavar="W", help="over 0 to W ms (default: 20 40 60)")
-    rate.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    ratings.add_options(commands.add_parser("rate", help="rate pulses against each other by ISO/TS 18571"))
     return root
 
 

@@ -1,8 +1,6 @@
-"""Commands on data: start the dashboard, write the sample, check a campaign, rate two pulses."""
+"""Commands on data: start the dashboard, write the sample, check a campaign."""
 
 import argparse
-import json
-from dataclasses import asdict
 
 from crashfuse.errors import UsageError
 
@@ -47,19 +45,3 @@ def check(arguments: argparse.Namespace) -> None:
     print(f"Fingerprint {campaign.fingerprint}")
     used = verdict.failing and not verdict.left_out
     print("Nothing is wrong with the files; see the CAE runs that fail." if used else "Nothing is wrong.")
-
-
-def rate(arguments: argparse.Namespace) -> None:
-    """Rate one pulse against another."""
-    from crashfuse.campaign_folder.sample_tables import read_pulse
-    from crashfuse.signals.rating import rate_windows
-
-    reference, comparison = read_pulse(arguments.reference), read_pulse(arguments.comparison)
-    ratings = rate_windows(reference, comparison, arguments.windows_ms or (20.0, 40.0, 60.0))
-    if arguments.json:
-        print(json.dumps([{"window_ms": window, **asdict(rating)} for window, rating in ratings.items()], indent=2))
-        return
-    print("ISO/TS 18571   overall  corridor   phase  magnitude   slope  grade")
-    for window, r in ratings.items():
-        scores = f"{r.overall:>9.3f}{r.corridor:>10.3f}{r.phase:>8.3f}{r.magnitude:>11.3f}{r.slope:>8.3f}"
-        print(f"{f'0–{window:g} ms':<13}{scores}  {r.grade}")

@@ -7,7 +7,7 @@ from pathlib import Path
 from crashfuse.readers.axes import TRAVELS
 from crashfuse.readers.formats import FORMATS
 
-_UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
+UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
 _WEIGHTS = {"mass": "of the whole vehicle", "front-weight": "on the front axle", "rear-weight": "on the rear axle"}
 
 
@@ -25,7 +25,7 @@ def import_(arguments: argparse.Namespace) -> None:
     )
     choices = Choices(
         channels=tuple(arguments.channel),
-        unit=_UNITS.get(arguments.unit, arguments.unit),
+        unit=UNITS.get(arguments.unit, arguments.unit),
         deceleration_sign=arguments.deceleration_sign,
         time_zero_s=None if arguments.time_zero_ms is None else arguments.time_zero_ms * MS,
         channel_filter_class=arguments.channel_filter_class,
@@ -65,13 +65,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--column", nargs="+", default=(), metavar="COLUMN=ROLE[:UNIT]", help="what a table's columns are: Zeit=time:ms"
     )
     parser.add_argument("--conditions", type=Path, metavar="TABLE", help="a table with the conditions by id")
-    parser.add_argument("--unit", choices=("g", *_UNITS), help="of the acceleration (default: detected)")
+    parser.add_argument("--unit", choices=("g", *UNITS), help="of the acceleration (default: detected)")
     parser.add_argument(
         "--deceleration-sign", choices=("negative", "positive"), help="in the source (default: detected)"
     )
     parser.add_argument("--travel", choices=TRAVELS, help="direction of travel in the source's axes (default: found)")
     parser.add_argument("--time-zero-ms", type=_number, metavar="T", help="first contact, in the source's own time")
-    parser.add_argument("--channel-filter-class", type=_filter_class, metavar="CFC", help='60, 180 or so, or "none"')
+    parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help='60, 180 or so, or "none"')
     speed = parser.add_mutually_exclusive_group()
     for unit in ("mph", "kph"):
         speed.add_argument(f"--speed-{unit}", type=_number, metavar="V", help=f"impact speed in {unit}")
@@ -90,7 +90,8 @@ def _number(text: str) -> float:
     return number
 
 
-def _filter_class(text: str) -> float | str:
+def filter_class(text: str) -> float | str:
+    """Parse a channel filter class, or "none"."""
     return text if text == "none" else float(text)
 
 

@@ -39,6 +39,7 @@ def predict(arguments: argparse.Namespace) -> None:
     """Predict the pulse at a new condition."""
     from crashfuse.campaign_folder.folder import load_campaign
     from crashfuse.reporting.results import write_prediction
+    from crashfuse.signals.metrics import MAIN_METRICS
     from crashfuse.study.estimate import estimates_at
     from crashfuse.study.nearest import nearest_sentences
     from crashfuse.study.recommendation import recommend_for
@@ -51,7 +52,8 @@ def predict(arguments: argparse.Namespace) -> None:
     estimates = estimates_at(fits, condition)
     with replacing(arguments.out, "prediction"):
         metrics = write_prediction(campaign, estimates, fits[0].config, arguments.out)
-    print(metrics.drop(columns="held_out").to_string(index=False, na_rep="", float_format="{:.4g}".format))
+    shown = metrics[metrics["metric"].isin(MAIN_METRICS)].drop(columns=["held_out", "basis"])
+    print(shown.to_string(index=False, na_rep="", float_format="{:.4g}".format))
     advice = recommend_for(estimates, campaign, condition).sentences
     notes = (note for estimate in estimates for note in estimate.prediction.notes)
     for sentence in dict.fromkeys((*advice, *nearest_sentences(campaign, condition), *notes, campaign.notice)):

@@ -132,7 +132,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
         study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
     with replacing(run.out, "study"), writing(run.out) as folder:
         write_study(study, folder)
-    print("Mean ISO/TS 18571 rating over the held-out tests, " + _LEFT_OUT[plan.configs[0].leave_out])
+    print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
     _print_means(scores_table(study))
     if study.speed_groups is not None:
         print(f"The same, {_LEFT_OUT['speed group']}")

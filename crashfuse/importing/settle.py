@@ -93,7 +93,7 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
     steps = list(record.steps)
     if record.other_setup and role == "tests":
         steps.append(f"Careful: not a full-frontal barrier crash, by its own account: {record.other_setup}.")
-    missing = _missing(record, choices)
+    missing = missing_choices(record, choices)
     try:
         condition = complete_condition(
             record,
@@ -108,15 +108,15 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
         problems = list(error.problems)
         if speed is not None and not missing:  # nobody should look for weights of a pulse that will be refused
             with collecting(problems):
-                _settled(record, choices, Condition(speed, 1.0, 1.0), role, [], raw=raw)
+                settled_at(record, choices, Condition(speed, 1.0, 1.0), role, [], raw=raw)
         raise DataError(problems) from None
-    return _settled(record, choices, condition, role, steps, raw=raw)
+    return settled_at(record, choices, condition, role, steps, raw=raw)
 
 
-def _settled(
+def settled_at(
     record: Record, choices: Choices, condition: Condition, role: Role, steps: list[str], *, raw: bool
 ) -> Settled:
-    """Settle the pulse of a record whose condition is known."""
+    """Settle the pulse of a record whose condition is known; otherwise as :func:`settle`."""
     channels = _channels(record, choices, condition.speed_mps, steps)
     time_s, values = _average(record, channels, choices, steps)
     refuse_short(record, time_s, values, choices.unit or channels[0].unit, condition.speed_mps, role)
@@ -138,7 +138,7 @@ def _settled(
     return Settled(record.id, record.source, condition, pulse, names, unit, sign, zero_s, cfc, tuple(steps), quality)
 
 
-def _missing(record: Record, choices: Choices) -> list[Problem]:
+def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     """Missing choices about the channels: which ones, and their unit if there is no speed to infer it from."""
     chosen = record.chosen(choices.channels)
     missing = []

@@ -62,17 +62,24 @@ def checked_travel(
         if moves and found != travel:
             expected = f"nodes that set out along {travel}, as given"
             raise DataError(Problem(source, expected, f"along {found}", f"check the direction (--travel {found})"))
+        if _aslant(start, axis):
+            return f"Careful: travel along {travel}, given by the user, but nodes set out at {at_start} at most.", moves
         return f"Travel along {travel}, given by the user.", moves
     if not moves:
         expected = "nodes that travel like a vehicle's, fastest when they set out"
         advice = "choose the run of a vehicle; if it is struck at rest, give axis and speed (--travel, --speed-kph)"
         raise DataError(Problem(source, expected, f"{at_start} at the start, at most {at_most}", advice))
-    middle = np.median(np.abs(start), axis=1)
-    if (middle > _OBLIQUE * middle[axis]).sum() > 1 and middle[axis] > 0:
+    if _aslant(start, axis):
         expected = "a vehicle that travels along one axis"
         advice = "write the nodes in axes of the vehicle, or give the axis to be read (--travel)"
-        raise DataError(Problem(source, expected, f"nodes that set out at {_by_axis(middle, per_mps)}", advice))
+        raise DataError(Problem(source, expected, f"nodes that set out at {at_start}", advice))
     return f"Travel along {found}, as the nodes set out.", moves
+
+
+def _aslant(start: FloatArray, axis: int) -> bool:
+    """Whether half of the nodes set out along another axis, too; of a wheel's, not all do."""
+    middle = np.median(np.abs(start), axis=1)
+    return bool(middle[axis] > 0 and (middle > _OBLIQUE * middle[axis]).sum() > 1)
 
 
 def _known(start: FloatArray) -> FloatArray:

@@ -4,18 +4,20 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS
 from crashfuse.condition import Condition
+from crashfuse.signals.metrics import metric_bases
 from crashfuse.units import LB, MPH
 
 
 def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion."""
-    factors = _factors(certification.matrix)
+    factors, basis = _factors(certification.matrix), _bases(certification.campaign)
     return pd.DataFrame(
         {
             **_condition(cell, verdict.condition, factors),
@@ -31,9 +33,15 @@ def certification_table(certification: Certification) -> pd.DataFrame:
             "probability": verdict.probability,
             "verdict": verdict.word,
             "reason": verdict.reason,
+            "basis": basis[verdict.criterion.metric],
         }
         for cell, verdict in certification.cells
     )
+
+
+def _bases(campaign: Campaign) -> dict[str, str]:
+    """What each metric, and the rating, rests on."""
+    return {**metric_bases(campaign.filter_class, campaign.occupant), RATING: campaign.rating_basis}
 
 
 def matrix_table(matrix: Matrix) -> pd.DataFrame:
@@ -59,14 +67,18 @@ def _condition(condition_id: str, condition: Condition, factors: Sequence[str]) 
 _TRIAL_COLUMNS = ("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met")
 
 
-def track_record_table(record: TrackRecord) -> pd.DataFrame:
+def track_record_table(certification: Certification) -> pd.DataFrame:
     """All verdicts on left-out tests, one row a test, what was left out with it, and criterion."""
+    basis = _bases(certification.campaign)
     rows = [
-        (t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower, v.upper)
-        for t in record.trials
+        (
+            t.held_out, t.left_out, v.criterion.name, v.probability, v.word, t.measured, t.met, v.value, v.lower,
+            v.upper, basis[v.criterion.metric],
+        )
+        for t in certification.record.trials
         for v in [t.verdict]
-    ]
-    return pd.DataFrame(rows, columns=[*_TRIAL_COLUMNS, "value", "lower", "upper"])
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=[*_TRIAL_COLUMNS, "value", "lower", "upper", "basis"])
 
 
 def verdict_counts(certification: Certification) -> dict[str, int]:

@@ -28,6 +28,8 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
         "notice": campaign.notice,
         "fingerprint": campaign.fingerprint,
         "channel_filter_class": campaign.channel_filter_class,
+        "rating": campaign.rating_basis,
+        "occupant": asdict(campaign.occupant),
         "cae_runs": len(campaign.cae),
         "tests": list(campaign.test_ids),
         "warnings": list(campaign.warnings),

@@ -8,7 +8,8 @@ import pandas as pd
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import CLASSES, LABELS
-from crashfuse.signals.metrics import Metric, pulse_metrics
+from crashfuse.campaign import Campaign
+from crashfuse.signals.metrics import Metric, metric_bases
 from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
@@ -18,9 +19,10 @@ from crashfuse.units import MS, G
 
 
 def scores_table(study: Study) -> pd.DataFrame:
-    """One row per held-out test, approach and window: overall rating, its four parts, its grade."""
+    """One row per held-out test, approach and window: overall rating, its four parts, its grade, what it rests on."""
+    basis = study.campaign.rating_basis
     return pd.DataFrame(
-        {"held_out": fold.held_out, "approach": approach, "window_ms": window, **asdict(rating)}
+        {"held_out": fold.held_out, "approach": approach, "window_ms": window, **asdict(rating), "basis": basis}
         for fold in study.folds
         for approach, ratings in fold.ratings.items()
         for window, rating in ratings.items()
@@ -41,7 +43,7 @@ def studies_table(studies: Iterable[tuple[str, Study]]) -> pd.DataFrame:
                 rows = table.agg(tests="size", mean="mean", least="min").reset_index()
                 about = {"campaign": name, "preset": config.preset, "seed": config.seed, "left_out": config.leave_out}
                 about["held_out"] = " ".join(fold.held_out for fold in one.folds)
-                parts.append(rows.assign(**about)[[*about, *rows.columns]])
+                parts.append(rows.assign(**about)[[*about, *rows.columns]].assign(basis=one.campaign.rating_basis))
     return pd.concat(parts, ignore_index=True)
 
 
@@ -55,15 +57,16 @@ def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
     )
 
 
-def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]]) -> pd.DataFrame:
+def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]], campaign: Campaign) -> pd.DataFrame:
     """Pulse metrics, one per row, from (held-out test, approach or ``test``, metrics)."""
+    bases = metric_bases(campaign.filter_class, campaign.occupant)
     return pd.DataFrame(
         [
-            (held_out, approach, m.name, m.value, m.lower, m.upper, m.unit)
+            (held_out, approach, m.name, m.value, m.lower, m.upper, m.unit, bases[m.name])
             for held_out, approach, own in rows
             for m in own
         ],
-        columns=["held_out", "approach", "metric", "value", "lower", "upper", "unit"],
+        columns=["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis"],
     )
 
 
@@ -71,11 +74,9 @@ def study_metrics(study: Study) -> pd.DataFrame:
     """Pulse metrics of every held-out test as measured (``test``) and as predicted."""
     rows: list[tuple[str, str, Sequence[Metric]]] = []
     for fold in study.folds:
-        test = study.campaign.test(fold.held_out)
-        measured = pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
-        rows.append((fold.held_out, "test", measured))
+        rows.append((fold.held_out, "test", study.campaign.metrics_of(study.campaign.test(fold.held_out))))
         rows.extend((fold.held_out, estimate.approach, estimate.metrics) for estimate in fold.estimates)
-    return metrics_table(rows)
+    return metrics_table(rows, study.campaign)
 
 
 def gains_table(curve: LearningCurve, cost: Cost | None = None) -> pd.DataFrame:

@@ -101,7 +101,7 @@ def write_prediction(
         If the folder cannot be written.
     """
     _write(_PREDICTION, folder, campaign, estimates, config)
-    return _metrics(estimates)
+    return _metrics(campaign, estimates)
 
 
 def write_sweep(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, folder: Path) -> None:
@@ -236,8 +236,8 @@ def _pulses(estimates: Sequence[Estimate]) -> pd.DataFrame:
     return pulses_table(("", estimate) for estimate in estimates)
 
 
-def _metrics(estimates: Sequence[Estimate]) -> pd.DataFrame:
-    return metrics_table(("", estimate.approach, estimate.metrics) for estimate in estimates)
+def _metrics(campaign: Campaign, estimates: Sequence[Estimate]) -> pd.DataFrame:
+    return metrics_table((("", estimate.approach, estimate.metrics) for estimate in estimates), campaign)
 
 
 def _csv(table: pd.DataFrame) -> bytes:
@@ -259,14 +259,14 @@ _STUDY: Mapping[str, Callable[[Study], Content]] = {
 _PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig], Content]] = {
     "pulses.csv": lambda _, estimates, __: _csv(_pulses(estimates)),
     "pulses.parquet": lambda _, estimates, __: parquet_bytes(_pulses(estimates)),
-    "metrics.csv": lambda _, estimates, __: _csv(_metrics(estimates)),
+    "metrics.csv": lambda campaign, estimates, _: _csv(_metrics(campaign, estimates)),
     "report.html": lambda *result: prediction_report(*result).encode(),
     "isomme/": lambda campaign, estimates, _: isomme_prediction(campaign, estimates),
     "prediction.json": lambda *result: _json(_prediction_record(*result)),
 }
 _SWEEP: Mapping[str, Callable[[Campaign, Sequence[Sweep], StudyConfig], Content]] = {
     "report.html": lambda *result: sweep_report(*result).encode(),
-    "sweep.csv": lambda campaign, sweeps, _: _csv(sweep_table(sweeps, campaign.tests)),
+    "sweep.csv": lambda campaign, sweeps, _: _csv(sweep_table(sweeps, campaign)),
 }
 _NEXT_TESTS: Mapping[str, Callable[[Campaign, ConditionRange, Sequence[NextTest], StudyConfig], Content]] = {
     "report.html": lambda *result: next_test_report(*result).encode(),
@@ -274,12 +274,12 @@ _NEXT_TESTS: Mapping[str, Callable[[Campaign, ConditionRange, Sequence[NextTest]
 }
 _CERTIFICATION: Mapping[str, Callable[[Certification], Content]] = {
     "certification.csv": lambda certification: _csv(certification_table(certification)),
-    "track_record.csv": lambda certification: _csv(track_record_table(certification.record)),
+    "track_record.csv": lambda certification: _csv(track_record_table(certification)),
     "report.html": lambda certification: certification_report(certification).encode(),
     "certification.json": lambda certification: _json(certification_record(certification)),
 }
 _LEARNING_CURVE: Mapping[str, Callable[[LearningCurve, Cost | None], Content]] = {
-    "learning_curve.csv": lambda curve, _: _csv(curve.table),
+    "learning_curve.csv": lambda curve, _: _csv(curve.table.assign(basis=curve.campaign.rating_basis)),
     "report.html": lambda *result: learning_curve_report(*result).encode(),
     "learning_curve.json": lambda *result: _json(_learning_curve_record(*result)),
 }

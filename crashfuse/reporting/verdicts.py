@@ -34,7 +34,7 @@ class Verdicts:
     @property
     def track_record(self) -> pd.DataFrame:
         """One row a left-out test and criterion, as ``track_record.csv``."""
-        return track_record_table(self.certification.record)
+        return track_record_table(self.certification)
 
     def plot(self) -> go.Figure:
         """The verdicts as a table in colours, conditions by criteria."""

@@ -4,15 +4,15 @@ Each metric is a small function of a :class:`~crashfuse.signals.pulse.Kinematics
 """
 
 import math
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from crashfuse.signals.occupant import occupant_load_criterion, vehicle_pulse_index
+from crashfuse.signals import pulse_shape
+from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel, occupant_load_criterion, vehicle_pulse_index
 from crashfuse.signals.pulse import DT_S, FloatArray, Kinematics, kinematics
 from crashfuse.units import KPH, MS, G
 
@@ -27,7 +27,7 @@ class Metric:
     Parameters
     ----------
     value : float or None
-        None if the record is too short for the metric; :func:`missing_metrics` states the reason.
+        None if the record is too short for the metric; :mod:`~crashfuse.signals.missing_metrics` states the reason.
     lower, upper : float or None
         Central 95 % interval; None without draws, or if too many of them are too short to determine that end.
     """
@@ -40,12 +40,13 @@ class Metric:
 
     @property
     def text(self) -> str:
-        """Value and interval as displayed: ``25.3 [24.1, 26.0]``."""
-        value = "–" if self.value is None else f"{self.value:.1f}"
+        """Value and interval as displayed: ``25.3 [24.1, 26.0]``; ratios have two digits."""
+        digits = 1 if self.unit else 2
+        value = "–" if self.value is None else f"{self.value:.{digits}f}"
         if self.lower is None and self.upper is None:
             return value
-        lower = "open" if self.lower is None else f"{self.lower:.1f}"
-        upper = "beyond the record" if self.upper is None else f"{self.upper:.1f}"
+        lower = "open" if self.lower is None else f"{self.lower:.{digits}f}"
+        upper = "beyond the record" if self.upper is None else f"{self.upper:.{digits}f}"
         return f"{value} [{lower}, {upper}]"
 
 
@@ -92,28 +93,39 @@ def _sm25(motion: Kinematics) -> FloatArray:
     return np.asarray((velocity[..., : after.shape[-1]] - after).max(axis=-1) / _WINDOW_S)
 
 
-def _olc(motion: Kinematics) -> FloatArray:
+def _olc(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
     """Occupant load criterion; counts as smaller if it takes longer than the record."""
-    olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s)
+    olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant)
     return np.where(np.isnan(olc), -np.inf, olc)
 
 
-def _vpi(motion: Kinematics) -> FloatArray:
+def _vpi(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
     """Vehicle pulse index; NaN, neither smaller nor larger, if its peak is yet to come."""
-    return vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, motion.dt_s)
+    return vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant)
 
 
 class _Reading(NamedTuple):
-    """How a metric is computed and displayed; ``needs`` is what must happen within the record."""
+    """How a metric is computed and displayed.
+
+    ``needs`` is what must happen within the record. Of ``minor`` metrics pages and reports show the table on demand;
+    ``occupant`` names what the metric takes from the occupant model, which its function then takes as well.
+    """
 
     label: str
-    function: Callable[[Kinematics], FloatArray]
+    function: Callable[..., FloatArray]
     unit: str
     in_si: float
     needs: str = ""
+    minor: bool = False
+    occupant: str = ""
+
+    def of(self, motion: Kinematics, occupant: OccupantModel) -> FloatArray:
+        """The metric of each pulse, in its unit."""
+        values = self.function(motion, occupant) if self.occupant else self.function(motion)
+        return np.asarray(values / self.in_si)
 
 
-_STOP = "zero velocity"
+_STOP, _LEFT = "zero velocity", "the vehicle has left the barrier"
 _READINGS: Mapping[str, _Reading] = {
     "peak": _Reading("Peak deceleration", _peak, "g", G),
     "peak_time": _Reading("Time of peak", _peak_time, "ms", MS),
@@ -122,16 +134,66 @@ _READINGS: Mapping[str, _Reading] = {
     "max_crush": _Reading("Maximum dynamic crush", _max_crush, "mm", 1e-3, _STOP),
     "mean": _Reading("Mean deceleration until TTZV", _mean, "g", G, _STOP),
     "sm25": _Reading("SM25, largest mean over 25 ms", _sm25, "g", G, "25 ms are over"),
-    "olc": _Reading("OLC, occupant load criterion", _olc, "g", G, "the occupant has moved 300 mm within the vehicle"),
-    "vpi": _Reading("VPI, vehicle pulse index", _vpi, "g", G, "the occupant's deceleration has peaked"),
-}
+    "olc": _Reading(
+        "OLC, occupant load criterion", _olc, "g", G, "the OLC's free flight and restraint are over",
+        occupant="olc_words",
+    ),
+    "vpi": _Reading(
+        "VPI, vehicle pulse index", _vpi, "g", G, "the occupant's deceleration has peaked", occupant="vpi_words"
+    ),
+    "esw": _Reading("Equivalent square wave", pulse_shape.equivalent_square_wave, "g", G, _STOP, minor=True),
+    "g1": _Reading("Two-step pulse, G1", pulse_shape.first_step, "g", G, _STOP, minor=True),
+    "g2": _Reading("Two-step pulse, G2", pulse_shape.second_step, "g", G, _STOP, minor=True),
+    "step_time": _Reading(
+        "Two-step pulse, time of the step", pulse_shape.step_time, "ms", MS, _STOP,
+        minor=True,
+    ),
+    "centroid_time": _Reading("Centroid time of the pulse", pulse_shape.centroid_time, "ms", MS, _STOP, minor=True),
+    "loading_ratio": _Reading("Front-to-back loading ratio", pulse_shape.loading_ratio, "", 1.0, _STOP, minor=True),
+    "static_crush": _Reading("Static crush", pulse_shape.static_crush, "mm", 1e-3, _LEFT, minor=True),
+    "rebound_velocity": _Reading("Rebound velocity", pulse_shape.rebound_velocity, "km/h", KPH, _LEFT, minor=True),
+    "restitution": _Reading("Coefficient of restitution", pulse_shape.restitution, "", 1.0, _LEFT, minor=True),
+}  # fmt: skip
 
 METRIC_LABELS = {name: reading.label for name, reading in _READINGS.items()}
 """Labels of the metrics in tables."""
 
+METRIC_UNITS = {name: reading.unit for name, reading in _READINGS.items()}
+"""Units of the metrics in tables; empty for ratios."""
+
+METRIC_NEEDS = {name: reading.needs for name, reading in _READINGS.items()}
+"""What must happen within a record before it has the metric; empty if every record has it."""
+
+MAIN_METRICS = tuple(name for name, reading in _READINGS.items() if not reading.minor)
+"""The metrics that tables show first; the others are shown on demand, and are in every file."""
+
+
+def metric_headings(filter_class: str = "", occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, str]:
+    """Labels of the metrics with their units, as table rows and axes.
+
+    Beside an occupant metric stand its settings, if they are not the usual ones, and the filter class, if given.
+    """
+    bases = metric_bases(filter_class, occupant)
+
+    def heading(name: str, reading: _Reading) -> str:
+        beside = f", {bases[name]}" if reading.occupant and bases[name] else ""
+        return f"{reading.label}{beside}" + (f" ({reading.unit})" if reading.unit else "")
+
+    return {name: heading(name, reading) for name, reading in _READINGS.items()}
+
+
+def metric_bases(filter_class: str, occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, str]:
+    """What each metric rests on: the filter class, and settings of the occupant model that are not the usual ones."""
+    settings = {name: getattr(occupant, own.occupant) if own.occupant else "" for name, own in _READINGS.items()}
+    return {name: ", ".join(filter(None, (own, filter_class))) for name, own in settings.items()}
+
 
 def metric_values(
-    accel_mps2: FloatArray, speed_mps: FloatArray | float, *, dt_s: float = DT_S
+    accel_mps2: FloatArray,
+    speed_mps: FloatArray | float,
+    *,
+    dt_s: float = DT_S,
+    occupant: OccupantModel = USUAL_OCCUPANT,
 ) -> dict[str, FloatArray]:
     """All metrics of pulses, shape (..., n), in the units of :func:`pulse_metrics`; each of shape (...).
 
@@ -140,15 +202,16 @@ def metric_values(
     If the record ends too early: infinite (t0, max_crush), minus infinity (mean, olc), or NaN, which is either (vpi).
     """
     motion = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
-    return {name: reading.function(motion) / reading.in_si for name, reading in _READINGS.items()}
-
-
-METRIC_UNITS = {name: reading.unit for name, reading in _READINGS.items()}
-"""Units of the metrics in tables."""
+    return {name: reading.of(motion, occupant) for name, reading in _READINGS.items()}
 
 
 def pulse_metrics(
-    accel_mps2: FloatArray, speed_mps: float, *, dt_s: float = DT_S, draws_mps2: FloatArray | None = None
+    accel_mps2: FloatArray,
+    speed_mps: float,
+    *,
+    dt_s: float = DT_S,
+    draws_mps2: FloatArray | None = None,
+    occupant: OccupantModel = USUAL_OCCUPANT,
 ) -> tuple[Metric, ...]:
     """Metrics of a pulse; with draws, the central 95 % interval of each.
 
@@ -162,18 +225,23 @@ def pulse_metrics(
         Time step in s.
     draws_mps2 : ndarray, shape (n_draws, n), optional
         Equally likely whole pulses.
+    occupant : OccupantModel
+        Distances of the OLC, slack and spring of the VPI.
 
     Returns
     -------
     tuple of Metric
-        peak (g), peak_time (ms), delta_v (km/h), t0 (ms), max_crush (mm), mean (g), sm25 (g), olc (g), vpi (g).
+        peak (g), peak_time (ms), delta_v (km/h), t0 (ms), max_crush (mm), mean (g), sm25 (g), olc (g), vpi (g), esw
+        (g), g1 (g), g2 (g), step_time (ms), centroid_time (ms), loading_ratio, static_crush (mm), rebound_velocity
+        (km/h), restitution.
 
     Notes
     -----
     peak is the largest deceleration, delta_v the largest change of velocity, rebound included; t0 the time of zero
     velocity, max_crush the largest displacement, mean v0/t0; sm25 the largest mean over any 25 ms within the record,
     (v(t) − v(t + 25 ms))/25 ms; olc the occupant load criterion (65 mm of free flight, 235 mm of restraint) and vpi the
-    vehicle pulse index (ISO/TR 12353-3), with formulas in :mod:`crashfuse.signals.occupant`.
+    vehicle pulse index (ISO/TR 12353-3), with formulas in :mod:`crashfuse.signals.occupant`. The others describe the
+    shape of the pulse and the rebound, with formulas and sources in :mod:`crashfuse.signals.pulse_shape`.
 
     The value is that of the pulse itself, so it can be checked against its curve. The interval is that of the draws.
     The pulse, a mean curve, is smoother than any draw, so its peak may lie below the interval.
@@ -184,39 +252,10 @@ def pulse_metrics(
     One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
     more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """
-    values = metric_values(accel_mps2, speed_mps, dt_s=dt_s)
-    drawn = None if draws_mps2 is None else metric_values(draws_mps2, speed_mps, dt_s=dt_s)
+    values = metric_values(accel_mps2, speed_mps, dt_s=dt_s, occupant=occupant)
+    drawn = None if draws_mps2 is None else metric_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant)
     intervals = {name: (None, None) if drawn is None else _interval(drawn[name]) for name in values}
     return tuple(Metric(n, _finite(value), *intervals[n], METRIC_UNITS[n]) for n, value in values.items())
-
-
-def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
-    """Sentences on which metrics and interval ends of a pulse are missing, one per reason; empty if none is."""
-    drawn = any(metric.lower is not None for metric in metrics)
-    values, ends = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
-    for metric in metrics:
-        reading = _READINGS[metric.name]
-        if metric.value is None:
-            values[reading.needs].append(reading.label)
-        missing = [name for name, end in (("lower", metric.lower), ("upper", metric.upper)) if drawn and end is None]
-        if missing:
-            ends[reading.needs].append(f"{reading.label} ({' and '.join(missing)} end)")
-    return (
-        *(f"The record ends before {needs}, so there is no: {'; '.join(who)}." for needs, who in values.items()),
-        *(
-            f"More than one draw in forty ends before {needs}, which leaves open: {'; '.join(who)}."
-            for needs, who in ends.items()
-        ),
-    )
-
-
-def missing_sentences(metrics: Iterable[tuple[str, Sequence[Metric]]]) -> list[str]:
-    """Sentences of :func:`missing_metrics` for named pulses, each once with the names that it applies to."""
-    said: dict[str, list[str]] = {}
-    for name, own in metrics:
-        for sentence in missing_metrics(own):
-            said.setdefault(sentence, []).append(name)
-    return [f"{', '.join(names)}: {sentence}" for sentence, names in said.items()]
 
 
 def _interval(values: FloatArray) -> tuple[float | None, float | None]:

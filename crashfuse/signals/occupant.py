@@ -4,21 +4,50 @@ Both see the vehicle from contact on. The occupant keeps the impact speed v0 unt
 motion relative to the vehicle is the difference of the two displacements.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from crashfuse.signals.pulse import FloatArray
 
-FREE_FLIGHT_M = 0.065
-RESTRAINT_M = 0.235
-"""Free flight and restraint distance of the OLC."""
 
-SLACK_M = 0.03
-STIFFNESS_NPM = 2500.0
-MASS_KG = 1.0
-"""Slack, spring stiffness and mass of the VPI."""
+@dataclass(frozen=True, slots=True)
+class OccupantModel:
+    """Distances of the OLC, slack and spring of the VPI; those of their definitions unless given.
+
+    Parameters
+    ----------
+    olc_free_flight_mm, olc_restraint_mm : float
+        How far the occupant moves within the vehicle before the restraint takes hold, and while it slows him down.
+    vpi_slack_mm, vpi_stiffness_npm : float
+        Slack of the spring, and its stiffness in N/m for a mass of 1 kg.
+    """
+
+    olc_free_flight_mm: float = 65.0
+    olc_restraint_mm: float = 235.0
+    vpi_slack_mm: float = 30.0
+    vpi_stiffness_npm: float = 2500.0
+
+    @property
+    def olc_words(self) -> str:
+        """The distances of the OLC, such as ``100 + 200 mm``; empty if they are the usual ones."""
+        distances = f"{self.olc_free_flight_mm:g} + {self.olc_restraint_mm:g} mm"
+        return "" if distances == "65 + 235 mm" else distances
+
+    @property
+    def vpi_words(self) -> str:
+        """The slack and spring of the VPI, such as ``20 mm, 3000 N/m``; empty if they are the usual ones."""
+        spring = f"{self.vpi_slack_mm:g} mm, {self.vpi_stiffness_npm:g} N/m"
+        return "" if spring == "30 mm, 2500 N/m" else spring
 
 
-def occupant_load_criterion(velocity_mps: FloatArray, displacement_m: FloatArray, dt_s: float) -> FloatArray:
+USUAL_OCCUPANT = OccupantModel()
+_MM_PER_M = 1e3
+
+
+def occupant_load_criterion(
+    velocity_mps: FloatArray, displacement_m: FloatArray, dt_s: float, occupant: OccupantModel = USUAL_OCCUPANT
+) -> FloatArray:
     """The constant deceleration that brings the occupant to the vehicle's velocity after 300 mm (OLC).
 
     With the vehicle's v and s, the free flight ends at t1 and the restraint at t2, the first times at which
@@ -26,7 +55,8 @@ def occupant_load_criterion(velocity_mps: FloatArray, displacement_m: FloatArray
     - v0·t1 − s(t1) = 65 mm,
     - (v0 + v(t2))/2·(t2 − t1) − (s(t2) − s(t1)) = 235 mm, as the occupant slows evenly from v0 to v(t2),
 
-    and OLC = (v0 − v(t2))/(t2 − t1). A vehicle that brakes at a constant rate a has OLC = a·300/235.
+    and OLC = (v0 − v(t2))/(t2 − t1). A vehicle that brakes at a constant rate a has OLC = a·300/235. An occupant model
+    with other distances takes the place of 65 and 235 mm.
 
     Parameters
     ----------
@@ -34,6 +64,8 @@ def occupant_load_criterion(velocity_mps: FloatArray, displacement_m: FloatArray
         Motion of the vehicle, the first sample at contact.
     dt_s : float
         Time step in s.
+    occupant : OccupantModel
+        Its distances.
 
     Returns
     -------
@@ -48,18 +80,21 @@ def occupant_load_criterion(velocity_mps: FloatArray, displacement_m: FloatArray
     speed = velocity_mps[..., :1]
     time = np.arange(velocity_mps.shape[-1]) * dt_s
     flown = speed * time - displacement_m
-    t1 = _first_reached(flown, FREE_FLIGHT_M)[..., None] * dt_s
-    way = (speed + velocity_mps) / 2 * (time - t1) - (displacement_m - (speed * t1 - FREE_FLIGHT_M))
-    end = _first_reached(way, RESTRAINT_M)
-    return np.asarray((speed[..., 0] - _at(velocity_mps, end)) / (end * dt_s - t1[..., 0]))
+    free_flight_m, restraint_m = occupant.olc_free_flight_mm / _MM_PER_M, occupant.olc_restraint_mm / _MM_PER_M
+    t1 = first_reached(flown, free_flight_m)[..., None] * dt_s
+    way = (speed + velocity_mps) / 2 * (time - t1) - (displacement_m - (speed * t1 - free_flight_m))
+    end = first_reached(way, restraint_m)
+    return np.asarray((speed[..., 0] - value_at(velocity_mps, end)) / (end * dt_s - t1[..., 0]))
 
 
-def vehicle_pulse_index(velocity_mps: FloatArray, displacement_m: FloatArray, dt_s: float) -> FloatArray:
+def vehicle_pulse_index(
+    velocity_mps: FloatArray, displacement_m: FloatArray, dt_s: float, occupant: OccupantModel = USUAL_OCCUPANT
+) -> FloatArray:
     """Peak deceleration of 1 kg behind 30 mm of slack on a spring of 2500 N/m in the vehicle (VPI, ISO/TR 12353-3).
 
     The mass follows m·y'' = −k·max(0, y − s − slack), with y(0) = 0 and y'(0) = v0; the spring only pulls, undamped.
     It is integrated by y(t + Δt) = 2 y(t) − y(t − Δt) + Δt²·y''(t), all draws at once. A vehicle that brakes at a
-    constant rate a has VPI = a (1 + √(1 + 2·slack·k/(m·a))).
+    constant rate a has VPI = a (1 + √(1 + 2·slack·k/(m·a))). An occupant model may have another slack and spring.
 
     Parameters as for :func:`occupant_load_criterion`. Returns m/s², positive; NaN where the spring is longest at the
     end of the record or never taut, as the peak is yet to come.
@@ -69,10 +104,11 @@ def vehicle_pulse_index(velocity_mps: FloatArray, displacement_m: FloatArray, dt
     stretch = np.zeros_like(vehicle)
     before: FloatArray = np.zeros(vehicle.shape[1])
     now: FloatArray = velocity_mps[..., 0].ravel() * dt_s
-    pull = STIFFNESS_NPM / MASS_KG * dt_s**2
+    slack_m, stiffness = occupant.vpi_slack_mm / _MM_PER_M, occupant.vpi_stiffness_npm  # of 1 kg
+    pull = stiffness * dt_s**2
     for at, own in zip(vehicle[1:], stretch[1:], strict=True):
         np.subtract(now, at, out=own)
-        own -= SLACK_M
+        own -= slack_m
         np.maximum(own, 0.0, out=own)
         following = 2 * now
         following -= before
@@ -80,11 +116,11 @@ def vehicle_pulse_index(velocity_mps: FloatArray, displacement_m: FloatArray, dt
         before, now = now, following
     longest = stretch.argmax(axis=0)
     peaked = (longest > 0) & (longest < n - 1)
-    index: FloatArray = np.where(peaked, STIFFNESS_NPM / MASS_KG * stretch.max(axis=0), np.nan)
+    index: FloatArray = np.where(peaked, stiffness * stretch.max(axis=0), np.nan)
     return index.reshape(displacement_m.shape[:-1])
 
 
-def _first_reached(values: FloatArray, level: float) -> FloatArray:
+def first_reached(values: FloatArray, level: float) -> FloatArray:
     """Fractional sample along the last axis at which a level is first reached; NaN if it is not."""
     reached = values >= level
     after = np.maximum(reached.argmax(axis=-1), 1)[..., None]
@@ -93,7 +129,7 @@ def _first_reached(values: FloatArray, level: float) -> FloatArray:
     return np.where(reached.any(axis=-1), (after - 1 + share)[..., 0], np.nan)
 
 
-def _at(values: FloatArray, sample: FloatArray) -> FloatArray:
+def value_at(values: FloatArray, sample: FloatArray) -> FloatArray:
     """Values at fractional samples of the last axis, linearly interpolated; NaN at NaN."""
     before = np.minimum(np.nan_to_num(sample).astype(int), values.shape[-1] - 2)[..., None]
     low, high = np.take_along_axis(values, before, axis=-1), np.take_along_axis(values, before + 1, axis=-1)

@@ -1,4 +1,4 @@
-"""Rating of the match between two pulses: the objective rating metric of ISO/TS 18571.
+"""Rating of the match between two pulses: the objective rating metric of ISO/TS 18571, edition 2024.
 
 Four scores from 0 to 1, each on two curves sampled at 10 kHz, the reference T (the test) and the comparison C:
 
@@ -32,6 +32,8 @@ from crashfuse.signals.rating_scores import (
     slope_score,
 )
 
+STANDARD = "ISO/TS 18571:2024"
+"""The edition: weights, corridors and grades as in 2014, and the window of the warping fixed at 10 %."""
 RATING_DT_S = 1e-4
 SHORTEST_WINDOW_S = 0.01
 GRADES = ((0.94, "Excellent"), (0.80, "Good"), (0.58, "Fair"))
@@ -51,6 +53,11 @@ class Rating:
     magnitude: float
     slope: float
     grade: str
+
+
+def rating_basis(filter_class: str) -> str:
+    """What a rating rests on beside its window: the standard with its edition, the rate, the channel filter class."""
+    return f"{STANDARD}, {1e-3 / RATING_DT_S:g} kHz, {filter_class}"
 
 
 def grade(overall: float) -> str:

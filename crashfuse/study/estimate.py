@@ -20,6 +20,7 @@ from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.metrics import Metric
+from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
@@ -43,6 +44,8 @@ class Estimate:
         Prediction for each test that it learned from, as if that test had not been run; empty if unknown.
     metric_errors : mapping of str to ndarray
         Standardised errors of these predictions, by metric.
+    occupant : OccupantModel
+        That of the campaign.
     """
 
     approach: str
@@ -51,11 +54,12 @@ class Estimate:
     seconds: float
     left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)
     metric_errors: Errors = field(default_factory=dict)
+    occupant: OccupantModel = USUAL_OCCUPANT
 
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
         """Pulse metrics of the prediction, with intervals, calibrated on left-out tests, if it has draws."""
-        return calibrated_metrics(self.prediction, self.metric_errors)
+        return calibrated_metrics(self.prediction, self.metric_errors, self.occupant)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +67,7 @@ class Fit:
     """An approach fitted to a campaign, with the duration of the fit; it predicts at any condition.
 
     ``left_out`` are its predictions for the tests that it learned from, as if each had not been run; ``metric_errors``
-    is as in :class:`Estimate`.
+    and ``occupant`` are as in :class:`Estimate`.
     """
 
     approach: Approach
@@ -71,6 +75,7 @@ class Fit:
     seconds: float
     left_out: Mapping[str, Prediction]
     metric_errors: Errors
+    occupant: OccupantModel = USUAL_OCCUPANT
 
     @classmethod
     def of(
@@ -101,7 +106,7 @@ class Fit:
 
         key = {**settings(learned), "campaign": campaign.fingerprint, "code": code_digest(__name__)}
         errors = cache.get_or_compute(_JUDGED, key, judge, dict[str, FloatArray], watch)
-        return cls(learned, config, seconds, left_out, errors)
+        return cls(learned, config, seconds, left_out, errors, campaign.occupant)
 
     @cached_property
     def state(self) -> dict[str, object]:
@@ -145,7 +150,8 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
         seconds = fit.seconds + time.perf_counter() - start
         left_out_mps2 = {test: own.accel_mps2 for test, own in fit.left_out.items()}
-        estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, left_out_mps2, fit.metric_errors))
+        known_errors = left_out_mps2, fit.metric_errors, fit.occupant
+        estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, *known_errors))
     return estimates
 
 
@@ -173,7 +179,7 @@ def estimate_at(
         estimate = Fit.of(campaign, approach, config, cache=cache, watch=watch).estimate(condition)
         return estimate, _entry(estimate)
 
-    restore = partial(_restored, condition, approach)
+    restore = partial(_restored, condition, approach, campaign.occupant)
     return cache.get_or_compute(_KIND, _key(campaign, condition, approach, config), compute, restore, watch)
 
 
@@ -181,7 +187,9 @@ def find_estimate(
     campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
 ) -> Estimate | None:
     """The cached estimate for these settings and exactly this campaign (without the held-out test), or None."""
-    return cache.find(_KIND, _key(campaign, condition, approach, config), partial(_restored, condition, approach))
+    return cache.find(
+        _KIND, _key(campaign, condition, approach, config), partial(_restored, condition, approach, campaign.occupant)
+    )
 
 
 def is_estimate_cached(
@@ -207,14 +215,14 @@ def _entry(estimate: Estimate) -> Entry:
     return entry
 
 
-def _restored(condition: Condition, approach: str, entry: Entry) -> Estimate:
+def _restored(condition: Condition, approach: str, occupant: OccupantModel, entry: Entry) -> Estimate:
     text = json.loads(str(entry["text"]))
     prediction = Prediction(condition, entry["accel_mps2"], entry.get("draws_mps2"), tuple(text["notes"]))
     left_out, errors = (
         {name.removeprefix(prefix): entry[name] for name in entry if name.startswith(prefix)}
         for prefix in (_LEFT_OUT, _ERRORS)
     )
-    return Estimate(approach, prediction, text["state"], text["seconds"], left_out, errors)
+    return Estimate(approach, prediction, text["state"], text["seconds"], left_out, errors, occupant)
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:

@@ -197,7 +197,7 @@ def _predicted(
 
 def _measured(estimate: Estimate, test: CrashTest, windows_ms: Sequence[float]) -> Iterator[_Row]:
     """One row for each window, with the forecast as plain JSON values."""
-    forecast = metric_distributions(estimate.prediction, estimate.metric_errors)
+    forecast = metric_distributions(estimate.prediction, estimate.metric_errors, estimate.occupant)
     plain = {name: None if own is None else astuple(own) for name, own in forecast.items()}
     for window in windows_ms:
         yield {**measure(estimate, test, window), _FORECAST: plain}

@@ -10,7 +10,8 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.metrics import Metric, missing_sentences, pulse_metrics
+from crashfuse.signals.metrics import Metric, metric_bases
+from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Fit, estimates_at
 from crashfuse.units import LB, MPH
@@ -101,29 +102,26 @@ def uncovered_speeds(library: CaeLibrary, low_mps: float, high_mps: float) -> tu
     return tuple((start, end) for start, end in clipped if start < end)
 
 
-def measured_metrics(test: CrashTest) -> tuple[Metric, ...]:
-    """Metrics of a test's measured pulse."""
-    return pulse_metrics(test.pulse.accel_mps2, test.condition.speed_mps, dt_s=test.pulse.dt_s)
+def sweep_table(sweeps: Sequence[Sweep], campaign: Campaign) -> pd.DataFrame:
+    """One row per speed, approach (or ``test``) and metric: its value, interval, unit and basis.
 
-
-def sweep_table(sweeps: Sequence[Sweep], tests: Sequence[CrashTest] = ()) -> pd.DataFrame:
-    """One row per speed, approach (or ``test``) and metric: speed_mph, approach, metric, value, lower, upper, unit.
-
-    Tests have their own weights, not those of the sweep.
+    Tests have their own weights, not those of the sweep. For the basis see
+    :func:`crashfuse.signals.metrics.metric_bases`.
     """
+    bases = metric_bases(campaign.filter_class, campaign.occupant)
     rows = [
         (speed, sweep.approach, metrics)
         for sweep in sweeps
         for speed, metrics in zip(sweep.speeds_mps.tolist(), sweep.metrics, strict=True)
     ]
-    rows += [(test.condition.speed_mps, "test", measured_metrics(test)) for test in tests]
+    rows += [(test.condition.speed_mps, "test", campaign.metrics_of(test)) for test in campaign.tests]
     return pd.DataFrame(
         [
-            (speed / MPH, approach, metric.name, metric.value, metric.lower, metric.upper, metric.unit)
+            (speed / MPH, approach, m.name, m.value, m.lower, m.upper, m.unit, bases[m.name])
             for speed, approach, metrics in rows
-            for metric in metrics
+            for m in metrics
         ],
-        columns=["speed_mph", "approach", "metric", "value", "lower", "upper", "unit"],
+        columns=["speed_mph", "approach", "metric", "value", "lower", "upper", "unit", "basis"],
     )
 
 

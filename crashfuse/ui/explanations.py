@@ -7,12 +7,13 @@ import streamlit as st
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, notes_by_makers
-from crashfuse.reporting.plots.display import Unit
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
-from crashfuse.signals.metrics import Metric, missing_sentences
+from crashfuse.signals.metrics import Metric
+from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui import page_tables
+from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
 
 
@@ -50,10 +51,14 @@ def show_missing(config: StudyConfig, known: Collection[str]) -> None:
         st.info(f"{', '.join(LABELS[name] for name in missing)}: still training.", icon=":material/hourglass_top:")
 
 
-def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], unit: Unit) -> None:
-    """Show pulse metrics by column (the test, an approach), and explain missing numbers."""
+def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) -> None:
+    """Show pulse metrics by column (the test, an approach), the main ones first, and explain missing numbers."""
     st.subheader("Pulse metrics", help=glossary.TTZV)
-    st.table(page_tables.metrics(columns, unit), border="horizontal")
+    main, more = page_tables.metrics(columns, view.campaign, view.display.unit)
+    st.table(main, border="horizontal")
+    with st.expander("More of the pulse: equivalent pulses, loading, rebound", icon=":material/ssid_chart:"):
+        st.table(more, border="horizontal")
+        st.caption(glossary.PULSE_SHAPE)
     for sentence in missing_sentences(columns):
         st.caption(plain(sentence))
     st.caption("Shaded bands and brackets: central 95 % of the model's predictive distribution, where it has one.")

@@ -86,7 +86,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     )
     st.caption(
         f"{LEARNING_CURVE_MEANING} Points: means with their standard error; shaded: the central 80 % of the single "
-        "ratings."
+        f"ratings. {campaign.rating_basis}."
     )
     if not (steps := gains_table(curve, cost)).empty:
         st.markdown("**What further tests gained**")
@@ -95,5 +95,5 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     with st.expander("All means", icon=":material/table:"):
         st.table(curve_table(curve).style.hide(axis="index"), border="horizontal")
     with st.container(horizontal=True):
-        download_table("learning_curve.csv", lambda: table)
+        download_table("learning_curve.csv", lambda: table.assign(basis=view.campaign.rating_basis))
         download_report(lambda: learning_curve_report(curve, cost), "learning_curve.html")

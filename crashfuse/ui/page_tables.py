@@ -1,6 +1,6 @@
 """Tables of the pages, in the reader's terms and units; the numbers come from the library."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 import streamlit as st
@@ -11,7 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.reporting.paper_tables import REPEAT, best, rating_table
 from crashfuse.reporting.plots.display import Unit
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
-from crashfuse.signals.metrics import METRIC_LABELS, Metric
+from crashfuse.signals.metrics import MAIN_METRICS, Metric, metric_headings
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import Rating, grade, rate_windows
 from crashfuse.study.config import WINDOWS_MS
@@ -104,14 +104,22 @@ def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
     return _plain(shown).apply(lambda _: marks, axis=None)
 
 
-def metrics(columns: Iterable[tuple[str, Sequence[Metric]]], unit: Unit = "g") -> Styler:
-    """Pulse metrics, one column each for the test and every approach, with the 95 % interval in brackets."""
-    table: dict[str, dict[str, str]] = {}
-    for heading, values in columns:
-        for metric in (_in_unit(metric, unit) for metric in values):
-            row = f"{METRIC_LABELS.get(metric.name, metric.name)} ({metric.unit})"
-            table.setdefault(row, {"Pulse metric": row})[heading] = metric.text
-    return _plain(pd.DataFrame(list(table.values())))
+def metrics(
+    columns: Sequence[tuple[str, Sequence[Metric]]], campaign: Campaign, unit: Unit = "g"
+) -> tuple[Styler, Styler]:
+    """Pulse metrics, the main ones and the others, one column each for the test and every approach, with intervals."""
+    headings = metric_headings(campaign.filter_class, campaign.occupant)
+    shown = {heading: {metric.name: _in_unit(metric, unit) for metric in own} for heading, own in columns}
+    rows = [
+        {
+            "Pulse metric": label.replace("(g)", f"({unit})"),
+            **{heading: own[name].text for heading, own in shown.items()},
+        }
+        for name, label in headings.items()
+    ]
+    main = [name in MAIN_METRICS for name in headings]
+    table = pd.DataFrame(rows)
+    return _plain(table[main]), _plain(table[[not each for each in main]])
 
 
 def next_tests(ranked: Sequence[NextTest]) -> Styler:

@@ -71,7 +71,7 @@ CRUSH = '[[criterion]]\nmetric = "max_crush"\n'
         ("criterion = [3]", "expected tables [[criterion]], found another value"),
         ('[[criterion]]\nmetric = "hic"\nat_most = 3', "criterion 1: expected a metric of peak, peak_time, "),
         ('[[criterion]]\nmetric = ["olc"]\nat_most = 3', "criterion 1: expected a metric of peak, peak_time, "),
-        ("[[criterion]]\nat_most = 3", "vpi or rating, found nothing; choose one of them."),
+        ("[[criterion]]\nat_most = 3", "restitution or rating, found nothing; choose one of them."),
         (CRUSH, "criterion 1: expected at_least or at_most, found neither; add a limit."),
         (
             f'{CRUSH}unit = "m"\nat_most = 0.65',

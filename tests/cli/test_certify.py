@@ -65,7 +65,7 @@ def test_the_files_have_the_columns_and_numbers_of_the_contract(
     names = {"certification.csv", "track_record.csv", "certification.json", "report.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     verdicts = pd.read_csv(tmp_path / "out" / "certification.csv")
-    assert list(verdicts) == CONTRACT
+    assert list(verdicts) == [*CONTRACT, "basis"]
     assert verdicts["id"].tolist() == [i for i in "ABC" for _ in range(3)]
     assert verdicts["window_ms"].dropna().unique().tolist() == [60.0]
     assert (verdicts["lower"] <= verdicts["value"]).all()

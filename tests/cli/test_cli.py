@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,11 @@ from crashfuse.units import MS
 from crashfuse.version import __version__
 from tests.conftest import make_campaign, write_campaign
 
-METRICS = ["peak", "peak_time", "delta_v", "t0", "max_crush", "mean", "sm25", "olc", "vpi"]
+METRICS = [
+    *("peak", "peak_time", "delta_v", "t0", "max_crush", "mean", "sm25", "olc", "vpi"),
+    *("esw", "g1", "g2", "step_time", "centroid_time", "loading_ratio"),
+    *("static_crush", "rebound_velocity", "restitution"),
+]
 
 
 def at_condition(speed_mph: float, front_weight_lb: float, rear_weight_lb: float) -> list[str]:
@@ -63,11 +68,12 @@ def test_a_study_writes_the_five_files_and_nothing_else(study_folder: Path) -> N
 
 @pytest.mark.slow
 def test_scores_have_a_row_for_each_test_approach_and_window(study_folder: Path) -> None:
-    """The columns are the contract's, the overall rating is the weighted sum of its parts."""
+    """The contract's columns, then what the rating rests on; the overall one is the weighted sum of its parts."""
     scores = pd.read_csv(study_folder / "scores.csv")
     assert list(scores) == [
-        *("held_out", "approach", "window_ms", "overall", "corridor", "phase", "magnitude", "slope", "grade")
+        *("held_out", "approach", "window_ms", "overall", "corridor", "phase", "magnitude", "slope", "grade", "basis")
     ]
+    assert set(scores["basis"]) == {"ISO/TS 18571:2024, 10 kHz, filtered as supplied"}
     assert len(scores) == 2 * len(APPROACHES) * 3
     assert tuple(scores["approach"].unique()) == APPROACHES
     parts = 0.4 * scores["corridor"] + 0.2 * (scores["phase"] + scores["magnitude"] + scores["slope"])
@@ -90,7 +96,8 @@ def test_pulses_are_on_the_study_grid_with_a_band_where_there_is_one(study_folde
 def test_metrics_hold_the_measured_test_beside_the_predictions(study_folder: Path) -> None:
     """Positive numbers, each with its unit; the measured ΔV is the impact speed and a tenth, as the pulse was made."""
     metrics = pd.read_csv(study_folder / "metrics.csv")
-    assert list(metrics) == ["held_out", "approach", "metric", "value", "lower", "upper", "unit"]
+    assert list(metrics) == ["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis"]
+    assert set(metrics["basis"]) == {"filtered as supplied"}
     assert set(metrics["approach"]) == {"test", *APPROACHES}
     assert list(metrics["metric"].unique()) == METRICS
     measured = metrics.query("held_out == 'T2' and approach == 'test' and metric == 'delta_v'").iloc[0]
@@ -358,6 +365,35 @@ def test_rate_prints_the_rating_as_a_table_and_as_json(
     ratings = json.loads(capsys.readouterr().out)
     assert [rating["window_ms"] for rating in ratings] == [20.0, 40.0, 60.0]
     assert all(rating["overall"] == 1.0 and rating["grade"] == "Excellent" for rating in ratings)
+
+
+def test_rate_prints_the_pairs_of_a_table_as_csv_and_fails_if_one_is_missing(
+    campaign_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each pair over each window, with standard, rate and filter class beside it; the others with a note."""
+    tests = campaign_folder / "tests"
+    (tests / "pairs.csv").write_text("reference,comparison\nT1.csv,T2.csv\nT1.csv,T3.csv\n")
+    assert cli.main(["rate", "--pairs", str(tests / "pairs.csv"), "--windows-ms", "40", "60", "--csv"]) == cli.DONE
+    table = pd.read_csv(StringIO(capsys.readouterr().out))
+    assert table[["comparison", "window_ms"]].to_numpy().tolist() == [
+        *(["T2.csv", 40.0], ["T2.csv", 60.0]),
+        *(["T3.csv", 40.0], ["T3.csv", 60.0]),
+    ]
+    assert set(table["basis"]) == {"ISO/TS 18571:2024, 10 kHz, filtered as supplied"}
+    (tests / "pairs.csv").write_text("reference,comparison\nT1.csv,T2.csv\nT1.csv,T9.csv\n")
+    assert cli.main(["rate", "--pairs", str(tests / "pairs.csv"), "--windows-ms", "60"]) == cli.WRONG_DATA
+    out, err = capsys.readouterr()
+    assert "0–60 ms" in out
+    assert "Not rated: T9.csv: " in out
+    assert "1 rated, 1 not; each says why." in err
+
+
+def test_rate_takes_two_files_or_a_table(campaign_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Anything else is wrong usage, said in a sentence."""
+    pulse = str(campaign_folder / "tests" / "T1.csv")
+    for arguments in ([pulse], [pulse, pulse, "--pairs", pulse], [pulse, pulse, "--each-channel", "--unit", "g"]):
+        assert cli.main(["rate", *arguments]) == cli.WRONG_USAGE
+        assert capsys.readouterr().err.startswith("crashfuse: ")
 
 
 def test_rate_says_which_file_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -674,7 +710,7 @@ def test_a_learning_curve_writes_its_table_its_report_and_its_record(
     assert {path.name for path in out.iterdir()} == set(RESULT_FILES["learning curve"])
     table = pd.read_csv(out / "learning_curve.csv")
     columns = ["n_tests", "chosen", "choice", "held_out", "approach", "window_ms", "overall", "inside", "half_width_g"]
-    assert list(table) == columns
+    assert list(table) == [*columns, "basis"]
     assert set(table["choice"]) == {"even", "random"}
     assert table.loc[table["approach"] == "cae", ["inside", "half_width_g"]].isna().all(axis=None)
     assert table.loc[table["approach"] != "cae", "inside"].between(0, 1).all()

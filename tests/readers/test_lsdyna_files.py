@@ -12,7 +12,7 @@ from crashfuse.readers.lsdyna.runs import read_lsdyna
 from crashfuse.readers.record import PartialCondition
 from crashfuse.units import MS
 from tests.conftest import SHARED, needs_shared
-from tests.importing.crashes import PEAK_MPS2
+from tests.importing.crashes import PEAK_MPS2, SPEED_MPS
 from tests.readers.lsdyna_files import Energies, Layout, Run, lsda
 from tests.readers.test_lsdyna import WEIGHTS, only, problem, same, saved
 
@@ -55,6 +55,15 @@ def test_continuations_without_metadata_are_read_whole(tmp_path: Path, torn: boo
         assert same(record, whole)
         assert record.channels[0].time_s[-1] == pytest.approx(150 * MS)
         assert "Nodes from 3 of 3 files of binout, joined." in record.steps
+
+
+def test_a_state_that_was_never_finished_is_left_out(tmp_path: Path) -> None:
+    """The first file of a family alone ends in the middle of a state: the run ends with the state before."""
+    first, *_ = continued(60, torn=True)
+    record = only(saved(tmp_path / "alone", binout0000=first))
+    assert {channel.time_s.size for channel in record.channels} == {59}
+    assert not any("nan" in step for step in record.steps)
+    assert record.condition.speed_mps == pytest.approx(SPEED_MPS, rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, studies_table, study_metrics
 from crashfuse.signals.metrics import Metric
+from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
@@ -77,9 +78,9 @@ def test_a_row_for_each_study_holds_the_mean_and_the_least_of_its_tests(campaign
     groups = replace(groups, config=replace(groups.config, leave_out="speed group"))
     both = replace(alone, config=replace(alone.config, leave_out="both"), speed_groups=groups)
     table = studies_table([("Tiny", both), ("Other", groups)])
-    assert table.columns.tolist() == [
-        *("campaign", "preset", "seed", "left_out", "held_out", "approach", "window_ms", "tests", "mean", "least")
-    ]
+    named = ("campaign", "preset", "seed", "left_out", "held_out")
+    assert table.columns.tolist() == [*named, "approach", "window_ms", "tests", "mean", "least", "basis"]
+    assert set(table["basis"]) == {"ISO/TS 18571:2024, 10 kHz, filtered as supplied"}
     about = table[["campaign", "left_out", "held_out", "tests"]].drop_duplicates().to_numpy().tolist()
     assert about == [
         ["Tiny", "test", "T2 T3 T4", 3],
@@ -95,11 +96,14 @@ def test_a_row_for_each_study_holds_the_mean_and_the_least_of_its_tests(campaign
             assert row["least"] == min(overall)
 
 
-def test_a_metric_stands_with_both_its_ends() -> None:
-    """Each in the column of its name; what is not known is empty."""
-    table = metrics_table([("T1", "fused", (Metric("peak", 2.0, 1.0, 3.0, "g"), Metric("t0", 70.0, 65.0, None, "ms")))])
-    assert table.columns.tolist() == ["held_out", "approach", "metric", "value", "lower", "upper", "unit"]
-    assert table.iloc[0].tolist() == ["T1", "fused", "peak", 2.0, 1.0, 3.0, "g"]
+def test_a_metric_stands_with_both_its_ends_and_what_it_rests_on(campaign: Campaign) -> None:
+    """Each in the column of its name; what is not known is empty; the occupant's settings are named if unusual."""
+    own = replace(campaign, channel_filter_class=60.0, occupant=OccupantModel(olc_free_flight_mm=50.0))
+    found = (Metric("peak", 2.0, 1.0, 3.0, "g"), Metric("t0", 70.0, 65.0, None, "ms"), Metric("olc", 9, 8, 10, "g"))
+    table = metrics_table([("T1", "fused", found)], own)
+    assert table.columns.tolist() == ["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis"]
+    assert table.iloc[0].tolist() == ["T1", "fused", "peak", 2.0, 1.0, 3.0, "g", "CFC 60"]
+    assert table.loc[2, "basis"] == "50 + 235 mm, CFC 60"
     assert table.iloc[1, :5].tolist() == ["T1", "fused", "t0", 70.0, 65.0]
     assert np.isnan(table.loc[1, "upper"])
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from crashfuse.signals.occupant import occupant_load_criterion, vehicle_pulse_index
+from crashfuse.signals.occupant import OccupantModel, occupant_load_criterion, vehicle_pulse_index
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.units import G
 
@@ -43,6 +43,24 @@ def test_constant_braking_has_an_olc_of_300_to_235_times_it(braking_g: float) ->
     """From t1 = √(2·65 mm/a) both slow evenly and meet after τ with a·t1·τ/2 = 235 mm, so OLC = a (1 + t1/τ)."""
     found = olc(np.full(time_of(0.15).size, -braking_g * G))
     assert found == pytest.approx(braking_g * G * 300 / 235, rel=1e-5)
+
+
+@pytest.mark.parametrize(("flight_mm", "restraint_mm"), [(65, 235), (50, 200), (50, 150)])
+def test_olc_of_constant_braking_follows_the_distances(flight_mm: float, restraint_mm: float) -> None:
+    """At a constant a, OLC = a (flight + restraint)/restraint."""
+    motion = kinematics(np.full(time_of(0.15).size, -25 * G), SPEED_MPS, DT_S)
+    occupant = OccupantModel(olc_free_flight_mm=flight_mm, olc_restraint_mm=restraint_mm)
+    found = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, DT_S, occupant)
+    assert found == pytest.approx(25 * G * (flight_mm + restraint_mm) / restraint_mm, rel=1e-5)
+
+
+@pytest.mark.parametrize(("slack_mm", "stiffness_npm"), [(30, 2500), (0, 2500), (50, 4000)])
+def test_vpi_of_constant_braking_follows_slack_and_spring(slack_mm: float, stiffness_npm: float) -> None:
+    """At a constant a, VPI = a (1 + √(1 + 2·slack·k/(m·a))); without slack twice a."""
+    motion = kinematics(np.full(time_of(0.15).size, -25 * G), SPEED_MPS, DT_S)
+    occupant = OccupantModel(vpi_slack_mm=slack_mm, vpi_stiffness_npm=stiffness_npm)
+    found = vehicle_pulse_index(motion.velocity_mps, motion.displacement_m, DT_S, occupant)
+    assert found == pytest.approx(25 * G * (1 + np.sqrt(1 + 2e-3 * slack_mm * stiffness_npm / (25 * G))), rel=1e-5)
 
 
 def test_vehicle_that_stands_still_leaves_the_occupant_half_of_v0_times_its_braking_time() -> None:

@@ -15,7 +15,6 @@ from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.estimate import Fit
 from crashfuse.study.sweep import (
     Sweep,
-    measured_metrics,
     missing_over_speed,
     sweep_speed,
     sweep_table,
@@ -93,23 +92,25 @@ def test_a_sweep_tells_how_far_it_is_and_can_be_cancelled(campaign: Campaign, fi
 
 def test_the_table_has_a_row_for_each_number(campaign: Campaign, sweeps: tuple[Sweep, ...]) -> None:
     """Predicted ones, then measured ones as the approach ``test``; a missing number stays empty."""
-    table = sweep_table(sweeps, campaign.tests)
-    assert list(table.columns) == ["speed_mph", "approach", "metric", "value", "lower", "upper", "unit"]
-    assert len(table) == 9 * (2 * 3 + 4)
+    table = sweep_table(sweeps, campaign)
+    assert list(table.columns) == ["speed_mph", "approach", "metric", "value", "lower", "upper", "unit", "basis"]
+    assert set(table.basis) == {"filtered as supplied"}
+    assert len(table) == 18 * (2 * 3 + 4)
     (row,) = table[(table.approach == "displacement_domain") & (table.metric == "peak") & (table.speed_mph == 20)].index
     peak = sweeps[1].over_speed("peak")[1]
     assert table.loc[row, ["value", "lower", "upper"]].tolist() == [peak.value, peak.lower, peak.upper]
     tests = table[(table.approach == "test") & (table.metric == "delta_v")]
     np.testing.assert_allclose(tests.speed_mph, [15, 25, 26, 35])
     np.testing.assert_allclose(tests.value, 1.1 * tests.speed_mph * MPH / KPH, rtol=0.01)
-    slow = sweep_table((), [replace(campaign.tests[0], pulse=Pulse(GRID_S, np.full(GRID_S.size, -1.0)))])
+    slow_test = replace(campaign.tests[0], pulse=Pulse(GRID_S, np.full(GRID_S.size, -1.0)))
+    slow = sweep_table((), replace(campaign, tests=(slow_test,)))
     assert slow[slow.metric == "t0"].value.isna().all()
 
 
 def test_measured_metrics_are_those_of_the_tests_pulse(campaign: Campaign) -> None:
     """A half sine of duration T peaks at T/2."""
     test = campaign.tests[0]
-    times = {metric.name: metric.value for metric in measured_metrics(test)}
+    times = {metric.name: metric.value for metric in campaign.metrics_of(test)}
     assert times["peak_time"] == pytest.approx(35 * test.condition.mass_kg / 1700, abs=0.1)
 
 
@@ -150,7 +151,7 @@ def test_a_sentence_tells_where_numbers_are_missing_and_why(campaign: Campaign, 
     sweep = Sweep("fused", condition, np.array([crawl, SPEEDS_MPS[2]]), (late, sweeps[0].metrics[2]))
     (sentence,) = missing_over_speed([sweep], "olc")
     assert sentence.startswith(
-        "Fused (1 of 2 speeds, from 10.0 to 10.0 mph): The record ends before the occupant has moved"
+        "Fused (1 of 2 speeds, from 10.0 to 10.0 mph): The record ends before the OLC's free flight"
     )
     assert missing_over_speed([sweep], "peak") == []
 

@@ -1,11 +1,13 @@
 """What a study computes, once and in which order."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 
 from crashfuse.approaches.cae import Cae
 from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
 from crashfuse.execution.progress import Watch
 from crashfuse.study import tasks
 from crashfuse.study.config import StudyConfig
@@ -38,9 +40,9 @@ def test_nothing_trains_before_the_only_test_is_shown(campaign: Campaign, monkey
     order: list[str] = []
     prepare = Cae.prepare
 
-    def noted(self: Cae, *arguments: object, **further: object) -> None:
+    def noted(self: Cae, campaign: Campaign, conditions: Sequence[Condition], watch: Watch) -> None:
         order.append("training")
-        prepare(self, *arguments, **further)
+        prepare(self, campaign, conditions, watch)
 
     monkeypatch.setattr(Cae, "prepare", noted)
     watch = Watch(on_first=lambda _: order.append("shown"))

@@ -1,24 +1,48 @@
 """Tables say what is asked for first, in the unit that was chosen."""
 
+from dataclasses import replace
+
+import numpy as np
+from pandas.io.formats.style import Styler
+
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.signals.metrics import Metric
+from crashfuse.reporting.plots.display import Unit
+from crashfuse.signals.metrics import Metric, pulse_metrics
+from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.next_test import NextTest
 from crashfuse.ui import page_tables
-from crashfuse.units import LB, MPH
+from crashfuse.units import LB, MPH, G
 
 
-def test_accelerations_follow_the_unit_and_other_metrics_do_not() -> None:
+def test_accelerations_follow_the_unit_and_other_metrics_do_not(campaign: Campaign) -> None:
     """10 g are 98.1 m/s², interval included; what is missing stays missing, and mm stay mm."""
-    peak, olc = Metric("peak", 10.0, 9.0, None, "g"), Metric("olc", None, None, None, "g")
-    crush = Metric("max_crush", 500.0, None, None, "mm")
-    in_g = page_tables.metrics([("Test", [peak, olc, crush])]).data
-    assert in_g["Pulse metric"].tolist()[0] == "Peak deceleration (g)"
-    assert in_g["Test"].tolist() == ["10.0 [9.0, beyond the record]", "–", "500.0"]
-    shown = page_tables.metrics([("Test", [peak, olc, crush])], "m/s²").data
-    assert shown["Pulse metric"].tolist()[0] == "Peak deceleration (m/s²)"
-    assert shown["Pulse metric"].tolist()[2] == "Maximum dynamic crush (mm)"
-    assert shown["Test"].tolist() == ["98.1 [88.3, beyond the record]", "–", "500.0"]
+    accel = campaign.tests[0].pulse.accel_mps2
+    draws = np.multiply.outer(np.linspace(0.9, 1.1, 101), accel)
+    found = pulse_metrics(accel, campaign.tests[0].condition.speed_mps, draws_mps2=draws)
+    peak, ratio = (next(m for m in found if m.name == name) for name in ("peak", "loading_ratio"))
+    units: tuple[tuple[Unit, float], ...] = (("g", 1.0), ("m/s²", G))
+    for unit, factor in units:
+        main, more = (table.data.set_index("Pulse metric")["Test"] for table in show(campaign, found, unit))
+        assert list(main.index)[:2] == [f"Peak deceleration ({unit})", "Time of peak (ms)"]
+        value, lower, upper = ((n or 0.0) * factor for n in (peak.value, peak.lower, peak.upper))
+        assert main.iloc[0] == Metric("peak", value, lower, upper, unit).text
+        assert f"OLC, occupant load criterion, filtered as supplied ({unit})" in main.index
+        assert more["Front-to-back loading ratio"] == ratio.text
+        assert f"Two-step pulse, G1 ({unit})" in more.index
+
+
+def test_settings_of_the_occupant_stand_beside_its_metrics(campaign: Campaign) -> None:
+    """With the filter class; the usual ones are left out."""
+    own = replace(campaign, occupant=OccupantModel(olc_restraint_mm=200.0), channel_filter_class=60.0)
+    main, _ = show(own, own.metrics_of(own.tests[0]), "g")
+    assert "OLC, occupant load criterion, 65 + 200 mm, CFC 60 (g)" in list(main.data["Pulse metric"])
+    assert "VPI, vehicle pulse index, CFC 60 (g)" in list(main.data["Pulse metric"])
+
+
+def show(campaign: Campaign, found: tuple[Metric, ...], unit: Unit) -> tuple[Styler, Styler]:
+    """Both tables of a test's metrics."""
+    return page_tables.metrics([("Test", found)], campaign, unit)
 
 
 def test_ratings_and_range_come_before_weights_and_factors(campaign: Campaign) -> None:

@@ -316,12 +316,13 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert "not been predicted yet" in words(app)
     finish(press(app, "Predict test T1"))
     assert charts(app) == 4
-    ratings, metrics, fit = tables(app)
+    ratings, metrics, more, fit = tables(app)
     expected = quick_study(campaign, StudyConfig(), held_out=("T1",)).folds[0].ratings["cae"]
     assert ratings["Rating 0–20 ms"][0] == f"{expected[20.0].overall:.3f} {expected[20.0].grade}"
     assert ratings["Slope 0–60 ms"][0] == f"{expected[60.0].slope:.3f}"
     assert metrics.columns[:2].tolist() == ["Pulse metric", "Test"]
     assert "[" in metrics["Displacement domain"][0]
+    assert more["Pulse metric"].iloc[0] == "Equivalent square wave (g)"
     assert "Made for a test." in words(app)
     assert "Fitted to 300 points of a bias of 7.2 g RMS" in words(app)
     assert fit["Known to a factor of"].tolist() == ["1.50"]

@@ -1,7 +1,7 @@
 """Histories of nodes and rigid bodies in LS-DYNA's ``binout``: files of several processors, continuations, restarts."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import IO, Any
 
 import numpy as np
@@ -67,6 +67,11 @@ class _Part:
             expected, text = f"{name} of {self.of.ids.size} nodes in each state", f"{found.size} in {state[1]}"
             raise DataError(Problem(self.where, expected, text, "copy it again from the run"))
         return found
+
+    def names(self, state: Folder) -> set[str]:
+        """Names of the variables of a state."""
+        torn = () if self.after is None else self.after.folders.get(state, ())
+        return {*self.file.folders[state], *(() if "time" in torn else torn)}
 
     def velocities(self, state: Folder) -> FloatArray:
         """Velocities of all nodes along each axis, shape (3, n_nodes)."""
@@ -148,9 +153,12 @@ def _parts(files: Sequence[LsdaFile], names: Sequence[str]) -> Iterator[_Part]:
                 own = states[database]
                 time = np.array([_number(file.read(state, "time")) for state in own])
                 order = [place for place in np.argsort(time, kind="stable").tolist() if np.isfinite(time[place])]
-                if order:
-                    in_order = [own[place] for place in order]
-                    yield _Part(database, file, after, where, known[database], in_order, time[order])
+                in_order = [own[place] for place in order]
+                part = _Part(database, file, after, where, known[database], in_order, time[order])
+                if order and part.names(in_order[-1]) < part.names(in_order[0]):  # killed while it was written
+                    part = replace(part, states=in_order[:-1], time=part.time[:-1])
+                if part.states:
+                    yield part
 
 
 def _check_apart(parts: Sequence[_Part], others: Sequence[_Part]) -> None:

@@ -12,6 +12,8 @@ _LETTER = re.compile(r"(?<![^\W\d_])(a|acc|accel)?([ _.-]?)([xyz])(?![^\W\d_])",
 _CODE = re.compile(r"(?<![^\W_])([0-9?_][0-9A-Z?_]{11}AC)([XYZ123])([0-9A-Z?_])(?![^\W_])", re.IGNORECASE)
 _NUMBERS = "123"  # of the directions in some codes
 _MANY_TIMES = 2.0
+_BEGINNING = 100  # that part of the record tells its zero
+_SMALL = 0.1  # of the peak
 
 
 def turned(header: str, axis: str) -> str:
@@ -60,6 +62,13 @@ def axis_by_motion(
 
 
 def _gain(values: FloatArray) -> float:
-    """The largest change of velocity in either direction, of samples at even times; none of a sensor that is dead."""
+    """The largest change of velocity in either direction, of samples at even times.
+
+    Gravity or an offset that is there from the beginning is no motion, and neither is what is small beside the peak.
+    """
     known = values[np.isfinite(values)]
-    return float(np.abs(np.cumsum(known)).max()) if known.size and np.ptp(known) > 0 else 0.0
+    if not known.size:
+        return 0.0
+    known = known - known[: max(known.size // _BEGINNING, 1)].mean()
+    size = np.abs(known)
+    return float(np.abs(np.cumsum(np.where(size > _SMALL * size.max(), known, 0.0))).max())

@@ -6,13 +6,13 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.curves import Curve, draw_curves
 from crashfuse.reporting.plots.palette import MEASURED_COLOUR
-from crashfuse.signals.metrics import METRIC_LABELS, Metric
+from crashfuse.signals.metrics import Metric, metric_headings
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.study.sweep import Sweep, measured_metrics, uncovered_speeds
+from crashfuse.study.sweep import Sweep, uncovered_speeds
 from crashfuse.units import KPH, LB, MPH
 
 
@@ -39,14 +39,14 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign) -> go
             hovertemplate=f"<b>{LABELS[name]}</b><br>%{{customdata[0]}}<br>%{{customdata[1]}}<extra></extra>",
             selector={"legendgroup": name, "mode": "lines+markers"},
         )
-    _points(figure, campaign.tests, metric)
+    _points(figure, campaign, metric)
     speeds = np.concatenate([speeds, [test.condition.speed_mps for test in campaign.tests]])
     margin = 0.02 * np.ptp(speeds) + 0.1 * MPH
     low, high = float(speeds.min() - margin), float(speeds.max() + margin)
     _mark_speeds(figure, campaign, low, high)
     figure.update_layout(hovermode="closest")
     figure.update_xaxes(title="Impact speed (mph)", range=[low / MPH, high / MPH], showspikes=False)
-    figure.update_yaxes(title=f"{METRIC_LABELS[metric]} ({readings[sweeps[0].approach][0].unit})")
+    figure.update_yaxes(title=metric_headings(campaign.filter_class, campaign.occupant)[metric])
     return figure
 
 
@@ -60,8 +60,8 @@ def _curve(speeds_mps: FloatArray, metrics: Sequence[Metric]) -> Curve:
     return Curve(speeds, value, (speeds, lower, upper) if np.isfinite(lower).any() else None)
 
 
-def _points(figure: go.Figure, tests: Sequence[CrashTest], metric: str) -> None:
-    found = [(test, own) for test in tests for own in measured_metrics(test) if own.name == metric]
+def _points(figure: go.Figure, campaign: Campaign, metric: str) -> None:
+    found = [(test, own) for test in campaign.tests for own in campaign.metrics_of(test) if own.name == metric]
     figure.add_scatter(
         x=np.array([test.condition.speed_mps / MPH for test, _ in found], dtype=np.float32),
         y=np.array([own.value for _, own in found], dtype=np.float32),

@@ -10,7 +10,7 @@ from crashfuse.reporting.plots.sweep import sweep_figure
 from crashfuse.reporting.provenance import next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import bias, details
-from crashfuse.signals.metrics import METRIC_LABELS
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.nearest import nearest_sentences
@@ -43,13 +43,13 @@ def prediction_report(campaign: Campaign, estimates: Sequence[Estimate], config:
         nearest=nearest_sentences(campaign, condition),
         motion=motion(None, predictions, condition.speed_mps),
         over_displacement=over_displacement(None, predictions, condition.speed_mps),
-        about=details(estimates),
+        about=details(campaign, estimates),
         bias=bias(campaign),
     )
 
 
 def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig) -> str:
-    """HTML report of a sweep over speed, with a figure for each metric."""
+    """HTML report of a sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
     condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
     return render(
         "sweep",
@@ -59,8 +59,8 @@ def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfi
         sweep_command(condition, speeds, config),
         weights=weights_sentence(condition, campaign.tests),
         metrics=[
-            (label, sweep_figure(sweeps, name, campaign), missing_over_speed(sweeps, name))
-            for name, label in METRIC_LABELS.items()
+            (METRIC_LABELS[name], sweep_figure(sweeps, name, campaign), missing_over_speed(sweeps, name))
+            for name in MAIN_METRICS
         ],
     )
 

@@ -12,20 +12,23 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, notes_by_makers
 from crashfuse.reporting.plots.bias import bias_by_speed
-from crashfuse.signals.metrics import METRIC_LABELS, Metric, missing_sentences
+from crashfuse.signals.metrics import MAIN_METRICS, Metric, metric_headings
+from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
 
 
-def details(estimates: Sequence[Estimate], measured: Sequence[Metric] = ()) -> dict[str, object]:
-    """Metrics by approach (and of the test), notes of the approaches, quality of their fits."""
+def details(campaign: Campaign, estimates: Sequence[Estimate], measured: Sequence[Metric] = ()) -> dict[str, object]:
+    """Metrics by approach (and of the test), the main ones and the others; notes of the approaches, their fits."""
+    headings = metric_headings(campaign.filter_class, campaign.occupant)
     columns = [("Measured", measured)] if measured else []
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
-    metrics = pd.DataFrame(
-        {who: {f"{METRIC_LABELS[metric.name]} ({metric.unit})": metric.text for metric in own} for who, own in columns}
-    )
+    metrics = pd.DataFrame({who: {metric.name: metric.text for metric in own} for who, own in columns})
+    main = metrics.index.isin(MAIN_METRICS)
+    shown = metrics.rename(index=headings).rename_axis("Pulse metric").reset_index()
     return {
-        "metrics": metrics.rename_axis("Pulse metric").reset_index(),
+        "metrics": shown[main],
+        "more_metrics": shown[~main],
         "remarks": [
             *missing_sentences(columns),
             *(f"{', '.join(who)}: {note}" for note, who in notes_by_makers(estimates).items()),

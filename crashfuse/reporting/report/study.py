@@ -15,7 +15,6 @@ from crashfuse.reporting.plots.ratings import calibration_curves, rating_heatmap
 from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import bias, details, repeats_table
-from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
@@ -106,7 +105,7 @@ def _fold(study: Study, fold: Fold) -> dict[str, object]:
             {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}
         ),
         "over_displacement": over_displacement(test.pulse, predictions, speed),
-        "details": details(fold.estimates, pulse_metrics(test.pulse.accel_mps2, speed, dt_s=test.pulse.dt_s)),
+        "details": details(study.campaign, fold.estimates, study.campaign.metrics_of(test)),
     }
 
 

@@ -10,15 +10,16 @@ import streamlit as st
 from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria
 from crashfuse.certification.criteria_file import criteria_of, read_criteria
 from crashfuse.errors import DataError
-from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
+from crashfuse.signals.metrics import metric_headings
+from crashfuse.signals.rating import STANDARD
 from crashfuse.ui.certify.files import show_wrong, uploaded
 from crashfuse.ui.frame import View
 
 _FILE = "criteria.toml"
 _COLUMNS = {"name": "str", "metric": "str", "window_ms": "float", "at_least": "float", "at_most": "float"}
 _METRICS = {
-    **{name: f"{label} ({METRIC_UNITS[name]})" for name, label in METRIC_LABELS.items()},
-    RATING: "ISO/TS 18571 rating against a test there",
+    **metric_headings(),
+    RATING: f"{STANDARD} rating against a test there",
 }
 _EXAMPLE = f"""confidence = {CONFIDENCE}
 

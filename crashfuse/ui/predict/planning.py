@@ -46,7 +46,7 @@ def show_over_speed(view: View, request: FitRequest, fitted: Fitted, condition: 
     for sentence in missing_over_speed(sweeps, metric):
         st.caption(sentence)
     with st.container(horizontal=True):
-        download_table("sweep.csv", lambda: sweep_table(sweeps, view.campaign.tests))
+        download_table("sweep.csv", lambda: sweep_table(sweeps, view.campaign))
         download_report(lambda: sweep_report(view.campaign, sweeps, request.config), "sweep.html")
 
 

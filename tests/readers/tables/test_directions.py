@@ -58,9 +58,10 @@ def test_a_table_without_x_is_read_along_what_it_has(tmp_path: Path, capsys: pyt
 
 
 def test_a_dead_sensor_does_not_travel(tmp_path: Path) -> None:
-    """A y channel that is stuck at 9 g, or only a little off zero: the pulse stays that along x."""
-    for number, other in enumerate((np.full(TIME_S.size, 90.0), SHAKING + 5)):
-        (record,) = read_records(Reading(table(tmp_path / str(number), "ax [g];ay [g]", PULSE, other)))
+    """A z channel that is stuck at 90 g, or feels gravity, or has an offset: the pulse stays that along x."""
+    drift = np.cumsum(np.full(TIME_S.size, 1e-4))
+    for number, other in enumerate((np.full(TIME_S.size, 90.0), 5 * SHAKING + 20, 5 * SHAKING + drift, 0 * PULSE)):
+        (record,) = read_records(Reading(table(tmp_path / str(number), "ax [g];az [g]", PULSE, other)))
         assert record.proposed == ("ax [g]",)
 
 

@@ -1,0 +1,102 @@
+"""The command that rates files against each other."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from crashfuse.cli.imports import UNITS, filter_class
+from crashfuse.errors import CrashfuseError, UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_SCORES = ("overall", "corridor", "phase", "magnitude", "slope")
+
+
+def rate(arguments: argparse.Namespace) -> None:
+    """Rate one file against another, the pairs of a table, or two ISO-MME tests channel by channel."""
+    table = _rated(arguments)
+    if arguments.json:
+        rows = table.drop(columns=[name for name in table if (table[name] == "").all()]).to_dict("records")
+        print(json.dumps([{name: _plain(value) for name, value in row.items()} for row in rows], indent=2))
+    elif arguments.csv:
+        print(table.to_csv(index=False, float_format="%.6g", lineterminator="\n"), end="")
+    else:
+        _print(table)
+    if lacking := int((table["note"] != "").sum()):
+        found = f"{len(table) - lacking} rated, {lacking} not; each says why."
+        if arguments.pairs or lacking == len(table):
+            raise CrashfuseError(found)
+        if not (arguments.json or arguments.csv):
+            print(found)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the command's options to its parser."""
+    files = "a table (time_ms or _s, acceleration_g or _mps2), or anything that import reads"
+    parser.add_argument("reference", type=Path, nargs="?", metavar="REFERENCE", help=files)
+    parser.add_argument("comparison", type=Path, nargs="?", metavar="COMPARISON", help="the same")
+    parser.add_argument(
+        "--pairs", type=Path, metavar="FILE.csv", help="rate many: a table with the columns reference and comparison"
+    )
+    parser.add_argument("--each-channel", action="store_true", help="of two ISO-MME tests, by channel code")
+    parser.add_argument("--windows-ms", nargs="+", type=float, metavar="W", help="over 0 to W ms (default: 20 40 60)")
+    parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
+    parser.add_argument(
+        "--comparison-channel", nargs="+", default=(), metavar="NAME", help="of the comparison, if named otherwise"
+    )
+    parser.add_argument("--unit", choices=("g", *UNITS), help="of the acceleration (default: detected)")
+    parser.add_argument(
+        "--channel-filter-class", type=filter_class, metavar="CFC", help="of both: 60, 180 or so, or none"
+    )
+    printed = parser.add_mutually_exclusive_group()
+    printed.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    printed.add_argument("--csv", action="store_true", help="print CSV instead of a table")
+    parser.set_defaults(run=rate)
+
+
+def _rated(arguments: argparse.Namespace) -> "pd.DataFrame":
+    from crashfuse.importing.rated_channels import rate_channels
+    from crashfuse.importing.rated_files import WINDOWS_MS, RatingChoices, rate_files, rate_pairs
+
+    windows = arguments.windows_ms or WINDOWS_MS
+    choices = RatingChoices(
+        tuple(arguments.channel),
+        tuple(arguments.comparison_channel),
+        arguments.channel_filter_class,
+        UNITS.get(arguments.unit, arguments.unit),
+    )
+    files = (arguments.reference, arguments.comparison)
+    if arguments.pairs is not None:
+        if any(files) or arguments.each_channel:
+            raise UsageError("--pairs takes its files from the table alone.")
+        return rate_pairs(arguments.pairs, windows, choices=choices)
+    if None in files:
+        raise UsageError("Name a reference and a comparison, or a table of them with --pairs.")
+    if arguments.each_channel:
+        if choices != RatingChoices():
+            raise UsageError("--each-channel rates channels as they are: leave out the options of channel and filter.")
+        return rate_channels(*files, windows)
+    return rate_files(*files, windows, choices=choices)
+
+
+def _print(table: "pd.DataFrame") -> None:
+    """Print the ratings as a table, what is the same for all above it; below it, what could not be rated, and why."""
+    rated, others = table[table["note"] == ""], table[table["note"] != ""]
+    varying = [name for name in ("reference", "comparison", "channel") if table[name].nunique() > 1]
+    bases = rated["basis"].unique().tolist()
+    shown = rated[varying].assign(window=rated["window_ms"].map("0–{:g} ms".format))
+    shown = shown.join(rated[[*_SCORES]].map("{:.3f}".format)).assign(grade=rated["grade"])
+    if len(bases) == 1:
+        print(bases[0])
+    else:
+        shown["basis"] = rated["basis"]
+    if len(shown):
+        print(shown.to_string(index=False))
+    for row in others.to_dict("records"):
+        print(": ".join(["Not rated", *filter(None, (row[name] for name in varying)), row["note"]]))
+
+
+def _plain(value: object) -> object:
+    return None if value != value else value

@@ -1,0 +1,245 @@
+"""Ratings of files against each other: two of any kind that the import reads, or many pairs from a table.
+
+A table in our own form (a column of time, one of acceleration, with their units) is rated as it stands. Every other
+file goes through the steps of the import: channel, unit, sign, time zero, filter. So a rating is the same before and
+after the import.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+import pandas as pd
+
+from crashfuse.campaign_folder.sample_tables import read_pulse
+from crashfuse.condition import Condition
+from crashfuse.errors import CrashfuseError, DataError, Problem
+from crashfuse.files.csv_text import CsvTable, read_rows
+from crashfuse.files.parquet import ParquetTable
+from crashfuse.importing.choices import Choices
+from crashfuse.importing.detection import delta_v
+from crashfuse.importing.sampling import even
+from crashfuse.importing.settle import missing_choices, settled_at
+from crashfuse.importing.sources import Reading, format_of, read_records
+from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.record import ACCELERATION_UNITS, Record
+from crashfuse.signals.filters import cfc_filter
+from crashfuse.signals.pulse import Pulse
+from crashfuse.signals.rating import rate_windows, rating_basis
+from crashfuse.units import ACCELERATION, TIME
+
+WINDOWS_MS = (20.0, 40.0, 60.0)
+COLUMNS = (
+    *("reference", "comparison", "channel", "window_ms"),
+    *("overall", "corridor", "phase", "magnitude", "slope", "grade", "basis", "note"),
+)
+"""Of a table of ratings; a note says why there is no rating, and is empty if there is one."""
+
+_AS_SUPPLIED = "filtered as supplied"
+_PAIR_COLUMNS = ("reference", "comparison", "reference_channel", "comparison_channel")
+_MOST_PAIRS = 10_000
+_KEPT = 8  # files in memory, as pairs often share a reference
+_USUAL_REBOUND = 1.1  # change of velocity over impact speed
+
+
+@dataclass(frozen=True, slots=True)
+class RatingChoices:
+    """How the files of a rating are read, beyond what the import detects.
+
+    Parameters
+    ----------
+    channels : tuple of str
+        Channels of the reference to be averaged, and of the comparison unless it has its own.
+    comparison_channels : tuple of str
+        Those of the comparison.
+    channel_filter_class : float or "none", optional
+        Filter both with this class, or neither; by default as the import does, and tables in our own form not at all.
+    unit : str, optional
+        Unit of the acceleration in files of other formats; by default detected.
+    """
+
+    channels: tuple[str, ...] = ()
+    comparison_channels: tuple[str, ...] = ()
+    channel_filter_class: float | Literal["none"] | None = None
+    unit: str | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Curve:
+    """A signal to be rated, and its filter class in words."""
+
+    pulse: Pulse
+    filter_class: str
+
+
+def rate_files(
+    reference: str | Path,
+    comparison: str | Path,
+    windows_ms: Sequence[float] = WINDOWS_MS,
+    *,
+    choices: RatingChoices = RatingChoices(),
+) -> pd.DataFrame:
+    """Rate one file against another by ISO/TS 18571.
+
+    Parameters
+    ----------
+    reference, comparison : str or Path
+        The test and what is compared with it: a table, or a file, folder or zip of one test or run in any format that
+        the import reads.
+    windows_ms : sequence of float
+        Rated are 0 to each of these, in ms.
+
+    Returns
+    -------
+    DataFrame
+        Columns :data:`COLUMNS`, one row for each window.
+
+    Raises
+    ------
+    DataError
+        If a file cannot be read as one pulse, or a window reaches beyond a record.
+    UsageError
+        If a channel or unit does not exist.
+    """
+    return ratings_table(_of_pair(Path(reference), Path(comparison), windows_ms, choices, _curve))
+
+
+def rate_pairs(
+    table: str | Path, windows_ms: Sequence[float] = WINDOWS_MS, *, choices: RatingChoices = RatingChoices()
+) -> pd.DataFrame:
+    """Rate every pair of files in a table, as :func:`rate_files` does.
+
+    The table has the columns ``reference`` and ``comparison``, paths relative to its folder, and may have
+    ``reference_channel`` and ``comparison_channel``, several channels to be averaged separated by semicolons.
+    A pair that cannot be rated has one row, with a note.
+
+    Raises
+    ------
+    DataError
+        If it is no such table.
+    """
+    path = Path(table)
+    if not path.is_file():
+        raise DataError(Problem(str(path), "a table of pairs", "no such file", "check the path"))
+    names, rows, numbers = read_rows(path, path.name)
+    unknown = [name for name in names if name not in _PAIR_COLUMNS]
+    if unknown or not {"reference", "comparison"} <= set(names) or len(set(names)) < len(names):
+        expected = f"the columns reference and comparison, and at most {', '.join(_PAIR_COLUMNS[2:])}"
+        raise DataError(Problem(path.name, expected, ", ".join(names), "name the columns like that"))
+    if not rows or len(rows) > _MOST_PAIRS:
+        raise DataError(Problem(path.name, f"1 to {_MOST_PAIRS} pairs", f"{len(rows)}", "one pair a row"))
+    read = lru_cache(_KEPT)(_curve)
+    parts = []
+    for cells, number in zip(rows, numbers, strict=True):
+        row = dict(zip(names, cells, strict=True))
+        one, other = (row[name].strip() for name in ("reference", "comparison"))
+        if not (one and other):
+            raise DataError(Problem(path.name, "two files", "an empty cell", "name both files of the pair", row=number))
+        own = RatingChoices(
+            _listed(row.get("reference_channel", "")) or choices.channels,
+            _listed(row.get("comparison_channel", "")) or choices.comparison_channels,
+            choices.channel_filter_class,
+            choices.unit,
+        )
+        try:
+            rated = ratings_table(_of_pair(path.parent / one, path.parent / other, windows_ms, own, read))
+        except CrashfuseError as error:
+            rated = ratings_table([{"note": reason(error)}])
+        parts.append(rated.assign(reference=one, comparison=other))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _listed(cell: str) -> tuple[str, ...]:
+    return tuple(filter(None, (name.strip() for name in cell.split(";"))))
+
+
+def _of_pair(
+    reference: Path,
+    comparison: Path,
+    windows_ms: Sequence[float],
+    choices: RatingChoices,
+    read: Callable[[Path, tuple[str, ...], float | Literal["none"] | None, str | None], Curve],
+) -> list[dict[str, object]]:
+    """The rows of two files."""
+    shared = choices.channel_filter_class, choices.unit
+    curves = (
+        read(reference, choices.channels, *shared),
+        read(comparison, choices.comparison_channels or choices.channels, *shared),
+    )
+    return [{"reference": str(reference), "comparison": str(comparison), **row} for row in rated(*curves, windows_ms)]
+
+
+def rated(reference: Curve, comparison: Curve, windows_ms: Sequence[float]) -> Iterator[dict[str, object]]:
+    """A row for each window."""
+    filtering = reference.filter_class
+    if comparison.filter_class != filtering:
+        filtering = f"reference {filtering}, comparison {comparison.filter_class}"
+    for window, rating in rate_windows(reference.pulse, comparison.pulse, windows_ms).items():
+        yield {"window_ms": window, **asdict(rating), "basis": rating_basis(filtering)}
+
+
+def ratings_table(rows: Sequence[dict[str, object]]) -> pd.DataFrame:
+    """A table of ratings from its rows, in which what does not apply is left out."""
+    table = pd.DataFrame(rows).reindex(columns=list(COLUMNS))
+    text = ["reference", "comparison", "channel", "grade", "basis", "note"]
+    return table.assign(**{name: table[name].astype(object).fillna("") for name in text})
+
+
+def reason(error: CrashfuseError) -> str:
+    """Why there is no rating."""
+    return " ".join(map(str, error.problems)) if isinstance(error, DataError) else str(error)
+
+
+def _curve(path: Path, channels: tuple[str, ...], cfc: float | Literal["none"] | None, unit: str | None) -> Curve:
+    """The pulse in a file."""
+    if not path.exists():
+        raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
+    if not channels and _is_own(path):
+        pulse = read_pulse(path)
+        if cfc in (None, "none"):
+            return Curve(pulse, _AS_SUPPLIED)
+        return Curve(Pulse(pulse.time_s, cfc_filter(pulse.accel_mps2, cfc=float(cfc or 0), dt_s=pulse.dt_s)), _cfc(cfc))
+    fmt = format_of(path)
+    records = read_records(Reading(path, fmt, together=bool(channels)))
+    if len(records) != 1:
+        ids = ", ".join(record.id for record in records[:10])
+        raise DataError(Problem(path.name, "one test or run", f"{len(records)}: {ids}", "name the file of one of them"))
+    record, given = records[0], Choices(channels, unit, channel_filter_class=cfc)
+    if missing := missing_choices(record, given):
+        raise DataError(missing)
+    condition = Condition(_speed(record, given), 1.0, 1.0)  # weights do not matter to a pulse
+    settled = settled_at(record, given, condition, FORMATS[fmt].role, [], raw=False)
+    return Curve(settled.pulse, _cfc(settled.channel_filter_class))
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a table is in our own form: its columns name their units."""
+    with suppress(DataError):
+        if path.suffix in (".csv", ".parquet"):
+            with (ParquetTable if path.suffix == ".parquet" else CsvTable).opened(path, path.name) as table:
+                named = [
+                    sum(f"{kind}_{unit}" in table.names for unit in units)
+                    for kind, units in (("time", TIME), ("acceleration", ACCELERATION))
+                ]
+                return min(named) > 0 and "id" not in table.names
+    return path.suffix == ".parquet"
+
+
+def _cfc(cfc: float | str | None) -> str:
+    return _AS_SUPPLIED if cfc is None else f"CFC {cfc:g}"
+
+
+def _speed(record: Record, choices: Choices) -> float:
+    """The impact speed that a record states; else about the one that its change of velocity tells."""
+    if record.condition.speed_mps is not None:
+        return record.condition.speed_mps
+    channel = record.chosen(choices.channels)[0]
+    unit = choices.unit or channel.unit
+    if unit is None or unit not in ACCELERATION_UNITS:
+        expected, advice = f"the unit of the acceleration of {record.id}", "give it (--unit)"
+        raise DataError(Problem(record.source, expected, unit or "none", advice))
+    gain = delta_v(*even(channel, record.source)[:2]) * ACCELERATION_UNITS[unit]
+    return abs(gain) / _USUAL_REBOUND
