@@ -18,7 +18,7 @@ from typing import IO
 from crashfuse.errors import DataError, Problem, printable
 
 _CHUNK = 1 << 20
-_HARMLESS = 1 << 20  # bytes that any archive may unpack to, whatever its ratio
+HARMLESS = 1 << 20  # bytes that any archive may unpack to, whatever its ratio
 _MOST_PROBLEMS = 20  # listed; the rest are counted
 _LONGEST_NAME, _LONGEST_PATH = 200, 1000  # bytes in UTF-8; file systems allow 255 per name
 _DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}
@@ -61,7 +61,7 @@ class Budget:
     def __init__(self, limits: Limits, packed: int) -> None:
         self.limits = limits
         self.total = 0
-        self._by_ratio = max(limits.ratio * packed, _HARMLESS)
+        self._by_ratio = max(limits.ratio * packed, HARMLESS)
 
     def spend(self, count: int, member_bytes: int, where: str) -> None:
         """Count a chunk of a member that has now reached ``member_bytes``; raise a DataError beyond the limits."""

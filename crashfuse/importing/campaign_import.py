@@ -12,12 +12,16 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.files.archive import refuse
 from crashfuse.importing.choices import Choices
-from crashfuse.importing.joined_tables import ColumnChoice
+from crashfuse.importing.condition import is_missing_value, missing_values
+from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Reading, each_record
+from crashfuse.importing.unpacking import is_archive
 from crashfuse.readers.axes import Travel
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
+
+_COLUMNS = re.compile(r"--(column|id|conditions)\b")  # options that say what the columns of a table are
 
 
 def import_source(
@@ -68,7 +72,18 @@ def import_source(
     together = record_id is not None or bool(choices.channels)
     problems: list[Problem] = []
     records = each_record(Reading(source, fmt, tuple(columns), together, conditions, record_id, travel), problems)
-    settled = settle_each(records, problems, choices, role=role, raw=own is not None)
+    settled: tuple[Settled, ...] = ()
+    try:
+        settled = settle_each(records, problems, choices, role=role, raw=own is not None)
+    except OneCrashOrSeveral as error:
+        problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
+    except DataError as error:
+        problems = [*error.problems, *problems]
+    alone = source.is_file() and not is_archive(source.name) and conditions is None
+    if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
+        # the condition of a single table can only be given: ask for it along with its columns, and once
+        problems = [problem for problem in problems if not is_missing_value(problem)]
+        problems += missing_values(source.name, record_id or source.stem, choices.known)
     refuse(problems, source.name)
     add_settled(out, settled, role=role)
     return settled

@@ -1,6 +1,6 @@
 """User choices for an import."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from crashfuse.readers.record import PartialCondition
@@ -31,3 +31,8 @@ class Choices:
     channel_filter_class: float | Literal["none"] | None = None
     condition: PartialCondition = field(default_factory=PartialCondition)
     front_share: float | None = None
+
+    @property
+    def known(self) -> PartialCondition:
+        """The condition as far as the user gave it."""
+        return self.condition.weighing(replace(self.condition.weights, front_share=self.front_share))

@@ -11,9 +11,14 @@ from crashfuse.readers.record import PartialCondition, Record
 
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
 _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
+_GIVE_SPEED = "give the speed (--speed-kph V, or --speed-mph V)"
 _GIVE_WEIGHTS = (
     "give both axle weights, or the mass and the front axle's share of it "
-    "(--front-weight-kg and --rear-weight-kg, or --mass-kg and --front-share)"
+    "(--front-weight-kg F --rear-weight-kg R, or --mass-kg M --front-share S)"
+)
+_GIVE_SHARE = (
+    "give the front axle's share of the mass, or both axle weights "
+    "(--front-share S, or --front-weight-kg F --rear-weight-kg R)"
 )
 
 
@@ -60,12 +65,7 @@ def complete_condition(
 
 def _sound(record: Record, known: PartialCondition, standstill: bool, also_missing: Sequence[Problem]) -> Condition:
     speed, front, rear = known.speed_mps, known.front_weight_kg, known.rear_weight_kg
-    missing = list(also_missing)
-    if front is None or rear is None:
-        missing.insert(0, Problem(record.source, f"the weights on both axles of {record.id}", "none", _GIVE_WEIGHTS))
-    if speed is None:
-        found, advice = record.no_speed or "none", "give the speed (--speed-kph or --speed-mph)"
-        missing.insert(0, Problem(record.source, f"the impact speed of {record.id}", found, advice))
+    missing = [*missing_values(record.source, record.id, known, record.no_speed), *also_missing]
     if missing or speed is None or front is None or rear is None:
         raise DataError(missing)
     finite = bool(np.isfinite([speed, front, rear]).all())
@@ -75,6 +75,23 @@ def _sound(record: Record, known: PartialCondition, standstill: bool, also_missi
     if trouble := _weights_trouble(record, front, rear):
         raise DataError(trouble)
     return Condition(float(speed), float(front), float(rear), known.factors)
+
+
+def missing_values(source: str, record_id: str, known: PartialCondition, no_speed: str = "") -> list[Problem]:
+    """What a condition lacks: the speed, and the weights on both axles."""
+    missing = []
+    if known.speed_mps is None:
+        missing.append(Problem(source, f"the impact speed of {record_id}", no_speed or "none", _GIVE_SPEED))
+    if known.front_weight_kg is None or known.rear_weight_kg is None:
+        mass = known.mass_kg
+        found, advice = ("none", _GIVE_WEIGHTS) if mass is None else (f"a mass of {mass:.5g} kg alone", _GIVE_SHARE)
+        missing.append(Problem(source, f"the weights on both axles of {record_id}", found, advice))
+    return missing
+
+
+def is_missing_value(problem: Problem) -> bool:
+    """Whether a problem is one of :func:`missing_values`."""
+    return problem.advice in (_GIVE_SPEED, _GIVE_WEIGHTS, _GIVE_SHARE)
 
 
 def _weights_trouble(record: Record, front: float, rear: float) -> Problem | None:

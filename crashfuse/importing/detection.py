@@ -53,7 +53,7 @@ def unit_and_sign(
     change = gain * ACCELERATION_UNITS[label]
     if moving and label not in fitting:
         fits = f"check the unit: {fitting[0]} would fit (--unit)" if fitting else ""
-        advice = fits or "check speed, unit, channels and time zero"
+        advice = fits or unlike_speed(record, "speed, unit, channels and time zero")
         expected = f"a change of velocity near the impact speed of {speed_text(speed_mps)}"
         found = f"a change of {speed_text(change)} in {label}, in {(time_s[-1] - time_s[0]) / MS:.4g} ms"
         raise DataError(Problem(record.source, expected, found, advice))
@@ -65,6 +65,13 @@ def unit_and_sign(
     turned = "kept" if sign == "negative" else "turned, so that deceleration is negative"
     steps.append(f"Sign {turned}: the file's change of velocity is {speed_text(change)}.")
     return label, sign
+
+
+def unlike_speed(record: Record, doubtful: str) -> str:
+    """Advice where the change of velocity is unlike the impact speed: the crash may be of another kind."""
+    if record.other_setup:
+        return f"the file calls the test {record.other_setup!r}, and only full-frontal barrier crashes can be used"
+    return f"check {doubtful}; if it is no full-frontal barrier crash (but car to car, or small overlap), leave it out"
 
 
 def time_zero(

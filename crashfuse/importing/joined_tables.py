@@ -8,7 +8,8 @@ from typing import get_args
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.readers.axes import Travel
-from crashfuse.readers.record import PartialCondition, Record
+from crashfuse.readers.record import PartialCondition, Record, quoted
+from crashfuse.readers.tables.headers import likelihood
 from crashfuse.readers.tables.mapping import ColumnRole, propose
 from crashfuse.readers.tables.sheet import Sheet
 from crashfuse.readers.tables.sheets import read_sheets
@@ -115,12 +116,14 @@ class TableSet:
             own = [record.id for record in records]
             known = table in self.with_ids or set(map(str.casefold, own)) <= self.conditions.keys()
             if len(own) > 1 and not known:
-                one = "leave out the others (--column COLUMN=ignored)"
-                one = one if table in self.parted else "say so (--id, or --channel)"
-                crashes = "give a table of their conditions (--conditions)"
+                best_first = sorted(records, key=lambda record: likelihood(record.channels[0].name))
+                name = quoted(best_first[0].channels[0].name)
+                one = f"average them (--id ID) or choose among them (--channel {name})"
+                one = "leave out the others (--column COLUMN=ignored)" if table in self.parted else one
+                crashes = "give a table of their conditions (--conditions TABLE)"
                 advice = f"if they are sensors of one crash, {one}; if they are crashes, {crashes}"
                 expected = "one acceleration of the vehicle, or conditions for each"
-                unclear.append(Problem(table[1], expected, listed(own), advice))
+                unclear.append(Problem(table[1], expected, listed([record.id for record in best_first]), advice))
         if unclear:
             raise OneCrashOrSeveral(unclear)
 

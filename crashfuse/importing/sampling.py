@@ -30,9 +30,7 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
         raise DataError(Problem(place, "a number in each sample", "samples without one", "repair the record"))
     steps = np.diff(time)
     if steps.min() <= 0:
-        row = int(np.argmax(steps <= 0)) + 1
-        found = f"{time[row] / MS:.6g} ms after {time[row - 1] / MS:.6g} ms"
-        raise DataError(Problem(place, "time that increases from sample to sample", found, "sort the record by time"))
+        raise DataError(_backwards(place, time, steps))
     step = float(np.median(steps))
     if steps.max() > _GAP * step:
         found = f"a step of {steps.max() / MS:.4g} ms among steps of {step / MS:.4g} ms"
@@ -42,6 +40,20 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
         return clock, values, ""
     told = f"{channel.name} was sampled unevenly and is interpolated to {1 / step:.0f} Hz."
     return clock, np.interp(clock, time, values), told
+
+
+def _backwards(place: str, time: FloatArray, steps: FloatArray) -> Problem:
+    """What is wrong with times that do not increase: they run back, or the same one is there twice."""
+    expected = "time that increases from sample to sample"
+    if steps.min() < 0:
+        sample = int(np.argmax(steps < 0)) + 1
+        found = f"{time[sample] / MS:.6g} ms after {time[sample - 1] / MS:.6g} ms"
+        return Problem(place, expected, found, "sort the record by time")
+    twice = int(np.argmax(steps == 0))
+    found = f"duplicate times: {time[twice] / MS:.6g} ms in samples {twice + 1} and {twice + 2}"
+    count = int((steps == 0).sum())
+    found += f", and {count - 1} more" if count > 1 else ""
+    return Problem(place, expected, found, "delete the duplicates, or export time with more digits")
 
 
 def on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[str]) -> tuple[FloatArray, FloatArray]:

@@ -12,7 +12,7 @@ from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, STOPS
 from crashfuse.campaign_folder.recorded_pulse import SLOWEST_S
 from crashfuse.condition import Condition
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import complete_condition
 from crashfuse.importing.detection import (
@@ -24,10 +24,11 @@ from crashfuse.importing.detection import (
     step_of,
     time_zero,
     unit_and_sign,
+    unlike_speed,
 )
 from crashfuse.importing.duration import end_told, refuse_short
 from crashfuse.importing.sampling import even, on_one_clock
-from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
+from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel, quoted
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, FloatArray, Pulse, kinematics
@@ -90,14 +91,25 @@ def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests"
         If a choice does not exist.
     """
     steps = list(record.steps)
-    condition = complete_condition(
-        record,
-        choices.condition,
-        choices.front_share,
-        steps,
-        standstill=role == "cae",
-        also_missing=missing_choices(record, choices),
-    )
+    if record.other_setup and role == "tests":
+        steps.append(f"Careful: not a full-frontal barrier crash, by its own account: {record.other_setup}.")
+    missing = missing_choices(record, choices)
+    try:
+        condition = complete_condition(
+            record,
+            choices.condition,
+            choices.front_share,
+            steps,
+            standstill=role == "cae",
+            also_missing=missing,
+        )
+    except DataError as error:
+        speed = record.condition.overruled(choices.condition).speed_mps
+        problems = list(error.problems)
+        if speed is not None and not missing:  # nobody should look for weights of a pulse that will be refused
+            with collecting(problems):
+                settled_at(record, choices, Condition(speed, 1.0, 1.0), role, [], raw=raw)
+        raise DataError(problems) from None
     return settled_at(record, choices, condition, role, steps, raw=raw)
 
 
@@ -131,9 +143,9 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     chosen = record.chosen(choices.channels)
     missing = []
     if not chosen:
-        have = ", ".join(f"{channel.name} ({channel.label})" for channel in record.channels[:12])
         expected = f"a channel of {record.id} that is known to be the vehicle's pulse"
-        missing.append(Problem(record.source, expected, have, "choose one or several to be averaged (--channel)"))
+        advice = f"choose the one that is, or several to be averaged (--channel {quoted(record.channels[0].name)})"
+        missing.append(Problem(record.source, expected, record.listed, advice))
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
         expected = f"the unit of the acceleration of {record.id}"
@@ -145,7 +157,7 @@ def _channels(record: Record, choices: Choices, speed_mps: float, steps: list[st
     """The channels to average: those chosen, else the largest group of proposed channels whose ΔV agrees."""
     chosen = record.chosen(choices.channels)
     if choices.channels:
-        steps.append(f"Channels chosen by the user: {', '.join(choices.channels)}.")
+        steps.append(f"Channels chosen by the user: {', '.join(channel.name for channel in chosen)}.")
     units = {choices.unit or channel.unit for channel in chosen}
     if len(chosen) == 1 or len(units) > 1 or speed_mps <= CREEP_MPS:
         return chosen
@@ -216,6 +228,6 @@ def _check(record: Record, pulse: Pulse, condition: Condition, role: Role, steps
     taken = (condition.speed_mps - motion.velocity_mps.min()) / max(condition.speed_mps, 1e-9)
     if condition.speed_mps > CREEP_MPS and not low <= taken <= high:
         expected = f"a change of velocity near the impact speed of {speed_text(condition.speed_mps)} from contact on"
-        found = f"{100 * taken:.0f} % of it"
-        raise DataError(Problem(record.source, expected, found, "check time zero, unit and channels"))
+        found, advice = f"{100 * taken:.0f} % of it", unlike_speed(record, "time zero, unit and channels")
+        raise DataError(Problem(record.source, expected, found, advice))
     steps += told

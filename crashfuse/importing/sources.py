@@ -9,8 +9,9 @@ from tempfile import TemporaryDirectory
 
 from crashfuse.errors import DataError, Problem, UsageError, collecting
 from crashfuse.files.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
+from crashfuse.files.tarball import is_tar, tar_members
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral, read_tables
-from crashfuse.importing.unpacking import lay_out_source
+from crashfuse.importing.unpacking import is_archive, lay_out_source
 from crashfuse.readers.axes import Travel
 from crashfuse.readers.formats import FORMATS, TABLES, all_formats, formats_of
 from crashfuse.readers.members import files_below
@@ -27,7 +28,7 @@ class Reading:
     Parameters
     ----------
     source : Path
-        A file, a folder (of one test or run, or of several), or a zip.
+        A file, a folder (of one test or run, or of several), or a zip or tar archive of it.
     fmt : str, optional
         A key of :data:`crashfuse.readers.formats.FORMATS`; by default the result of :func:`format_of`.
     columns : tuple of ColumnChoice
@@ -108,7 +109,7 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         raise UsageError("Only tables have columns to map.")
     if reading.travel is not None and not FORMATS[fmt].axes:
         raise UsageError(f"{FORMATS[fmt].label} says itself which channels are along X; remove --travel.")
-    if source.suffix.lower() == ".zip" and source.is_file() and _has_to_be_unpacked(source, fmt):
+    if is_archive(source.name) and source.is_file() and _has_to_be_unpacked(source, fmt):
         with TemporaryDirectory() as scratch:  # the tables in it tell of which format they are
             yield from each_record(replace(reading, source=_unpacked(source, Path(scratch))), problems)
         return
@@ -143,15 +144,20 @@ def tables_of(source: Path) -> list[Path]:
 def _names(source: Path) -> Iterable[PurePath]:
     if source.is_dir():
         return islice(files_below(source), _MOST_FILES)
-    if source.suffix.lower() == ".zip":
+    if is_archive(source.name):
         with source.open("rb") as stream:
-            return [member.path for member in zip_members(stream, source.name)]
+            listed = tar_members if is_tar(source.name) else zip_members
+            return [member.path for member in listed(stream, source.name, DEFAULT_LIMITS)]
     return [source]
 
 
 def _has_to_be_unpacked(source: Path, fmt: str) -> bool:
-    """Whether a zip holds tables, or several tests in a format whose reader takes only one."""
-    return fmt == TABLES or (FORMATS[fmt].one_a_file and sum(map(FORMATS[fmt].has, _names(source))) > 1)
+    """Whether an archive is a tar, holds tables, or several tests in a format whose reader takes only one."""
+    return (
+        is_tar(source.name)
+        or fmt == TABLES
+        or (FORMATS[fmt].one_a_file and sum(map(FORMATS[fmt].has, _names(source))) > 1)
+    )
 
 
 def _unpacked(source: Path, into: Path) -> Path:

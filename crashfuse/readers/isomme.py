@@ -9,10 +9,7 @@
 Time is implicit (``Time of first sample`` and ``Sampling interval``, s), or a separate channel that a channel names as
 its reference. ``NOVALUE`` means unknown.
 
-A channel code has 16 characters: test object (1: vehicle 1), position (0: undefined), main location (VEHC: vehicle),
-three two-character fine locations (00: undefined), two-character physical dimension (AC: acceleration, VA: velocity
-integrated from it, DV: displacement integrated from velocity), direction (X, signed as in SAE J211), filter class
-(D: CFC 60, C: CFC 180, S: special, see the channel's header).
+A channel code has 16 characters, see :mod:`crashfuse.readers.channel_codes`.
 
 Sources: ISO/TS 13499 with its related electronic documents A (descriptors) and B (channel codes), 1.6.2, as quoted by
 the public packages pyisomme and sdata, which also show that laboratories write UTF-8, Windows-1252 and Latin-1.

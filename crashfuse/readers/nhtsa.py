@@ -20,7 +20,14 @@ from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Budget, Limits, Member
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.members import is_numbered, opened_members
-from crashfuse.readers.nhtsa_sensors import Sensor, nhtsa_record, number_in, of_first_vehicle, setup_and_speed
+from crashfuse.readers.nhtsa_sensors import (
+    Sensor,
+    nhtsa_record,
+    number_in,
+    of_first_vehicle,
+    other_configuration,
+    speed_step,
+)
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH
@@ -58,7 +65,9 @@ def read_nhtsa(path: Path, limits: Limits = NHTSA_LIMITS) -> tuple[Record]:
             raise DataError(Problem(specification.where, expected, have, advice))
         sensors = {one: partial(_channel, one, files[one.number], budget) for one in candidates}
         told = _condition(sections, candidates[0].vehicle, specification.where)
-        return (nhtsa_record(specification.path.stem, path.name, sensors, told),)
+        test = sections["TEST"][0]
+        other = other_configuration(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)))
+        return (nhtsa_record(specification.path.stem, path.name, sensors, told, other),)
 
 
 def _specification(members: Sequence[Member], path: Path) -> Member:
@@ -138,7 +147,7 @@ def _condition(
         number_in(_field(car, index)) for index in (_SPEED, _WEIGHT, _WHEELBASE, _CENTRE_OF_GRAVITY)
     )
     notes = [f"NHTSA test, {printable(_field(test, _TITLE))}."]
-    notes += setup_and_speed(_field(test, _CONFIGURATION), number_in(_field(test, _ANGLE)), speed, where)
+    notes.append(speed_step(speed, where))
     front = rear = None
     if mass and wheelbase and 0 < behind < wheelbase:
         rear = mass * behind / wheelbase

@@ -11,6 +11,8 @@ from crashfuse.units import KPH, MPH, MS
 
 _LONGEST_S = 100 * MS
 _SOUND = ("AM", "")  # as measured
+_CENTRE = "VECG"
+_SETUPS = {"VTV": "vehicle into vehicle (VTV)", "ITV": "impactor into vehicle (ITV)", "VTP": "vehicle into pole (VTP)"}
 _REAR_FLOOR = ("FLLR", "FLRR", "SELR", "SERR")
 _REAR_WORDS = ("CROSSMEMBER", "CROSS MEMBER", "X-MEMBER", "FLOOR", "SILL", "SEAT")
 
@@ -53,14 +55,16 @@ def number_in(value: str | float) -> float:
     return number if 0 < number < math.inf else 0.0
 
 
-def setup_and_speed(setup: str, angle_deg: float, speed_kph: float, where: str) -> list[str]:
-    """Sentences on the kind of test and its speed; a speed of 0 means unknown."""
+def speed_step(speed_kph: float, where: str) -> str:
+    """A sentence on the speed; 0 means unknown."""
     told = f"Speed {speed_kph:g} km/h ({speed_kph * KPH / MPH:.2f} mph) from {where}."
-    steps = [told if speed_kph else f"{where} has no speed of the vehicle."]
-    if setup not in ("VTB", "") or angle_deg:
-        found = printable(f"{setup or 'unknown'} at {angle_deg:g}°")
-        steps.insert(0, f"Careful: the configuration is {found}, not a full-frontal barrier test (VTB at 0°).")
-    return steps
+    return told if speed_kph else f"{where} has no speed of the vehicle."
+
+
+def other_configuration(setup: str, angle_deg: float) -> str:
+    """The configuration, unless it is that of a full-frontal barrier test (VTB at 0°) or unknown."""
+    usual = setup in ("VTB", "") and not angle_deg
+    return "" if usual else printable(f"{_SETUPS.get(setup, setup or 'unknown')} at {angle_deg:g}°")
 
 
 def nhtsa_record(
@@ -68,6 +72,7 @@ def nhtsa_record(
     source: str,
     sensors: Mapping[Sensor, Callable[[], RecordedChannel]],
     told: tuple[PartialCondition, Sequence[str]],
+    other_setup: str,
 ) -> Record:
     """Read the channels of one vehicle into a record, proposing those at the best location.
 
@@ -80,6 +85,8 @@ def nhtsa_record(
         that would be proposed, or if no other is left.
     told : (PartialCondition, sequence of str)
         The condition, and sentences on its origin.
+    other_setup : str
+        As in :class:`~crashfuse.readers.record.Record`.
     """
     channels: dict[Sensor, RecordedChannel] = {}
     damaged: dict[Sensor, Problem] = {}
@@ -97,14 +104,30 @@ def nhtsa_record(
     condition, found = told
     zero = "0 is first contact, by the format's definition"
     steps = (*found, *left_out, why)
+    best_first = tuple(channels[sensor] for sensor in sorted(channels, key=_likelihood))
     unread = {str(entry.number): problem for entry, problem in damaged.items()}
-    return Record(stem.lstrip("vV"), source, condition, tuple(channels.values()), proposed, steps, zero, unread=unread)
+    return Record(
+        stem.lstrip("vV"),
+        source,
+        condition,
+        best_first,
+        proposed,
+        steps,
+        zero,
+        unread=unread,
+        other_setup=other_setup,
+    )
 
 
 def of_first_vehicle(sensors: Sequence[Sensor]) -> list[Sensor]:
     """The sensors that could measure the pulse, of the first vehicle that has any."""
     there = [sensor for sensor in sensors if sensor.of_the_vehicle]
     return [sensor for sensor in there if sensor.vehicle == min(other.vehicle for other in there)]
+
+
+def _likelihood(sensor: Sensor) -> tuple[bool, bool, bool]:
+    """Sort key: sound ones first, those at the rear, those at the centre of gravity."""
+    return sensor.status not in _SOUND, not sensor.at_the_rear, sensor.attachment != _CENTRE
 
 
 def _proposed(channels: Mapping[Sensor, RecordedChannel]) -> tuple[tuple[str, ...], str]:
@@ -127,4 +150,4 @@ def _at_best_place(sound: Sequence[Sensor]) -> tuple[list[Sensor], str]:
     rear = [entry for entry in sound if entry.at_the_rear]
     if rear:
         return rear, "on the rear crossmember or floor, behind the crush"
-    return [entry for entry in sound if entry.attachment == "VECG"], "at the centre of gravity"
+    return [entry for entry in sound if entry.attachment == _CENTRE], "at the centre of gravity"

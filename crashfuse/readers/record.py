@@ -5,10 +5,11 @@ Every reader of a foreign format (:mod:`~crashfuse.readers.nhtsa`, :mod:`~crashf
 fact. Their interpretation (time zero, sign and unit) is settled in one place, :mod:`crashfuse.importing`.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.readers.axle_weights import AxleWeights
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
@@ -16,6 +17,9 @@ from crashfuse.units import G
 
 ACCELERATION_UNITS: Mapping[str, float] = {"g": G, "m/s²": 1.0, "mm/s²": 1e-3, "mm/ms²": 1e3}
 """Factors to m/s² of the units that occur in records; the last two are LS-DYNA's."""
+
+
+_LISTED = 260  # characters of a list of channels in a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,17 @@ class RecordedChannel:
     unit: str | None
     cutoff_hz: float | None = None
 
+    @property
+    def shown(self) -> str:
+        """The name, and the label where it says more, as messages print it."""
+        name, label = printable(self.name), printable(self.label)
+        return name if label in name else f"{name} ({label})"
+
+
+def quoted(name: str) -> str:
+    """A name as a command line takes it."""
+    return name if re.fullmatch(r"[\w#.:+-]+", name) else '"{}"'.format(re.sub(r'(["\\$`])', r"\\\1", printable(name)))
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Record:
@@ -91,7 +106,7 @@ class Record:
     source : str
         Name of the file or folder, without its path.
     channels : tuple of RecordedChannel
-        All channels that could be the pulse, at least one.
+        All channels that could be the pulse, at least one; the likeliest first.
     proposed : tuple of str
         Names of the channels that the reader would average into the pulse.
     steps : tuple of str
@@ -105,6 +120,8 @@ class Record:
         Channels that could be the pulse but are damaged, with the problem of each.
     quality : RunQuality
         What the solver says of a CAE run.
+    other_setup : str
+        What the file calls the test, if that is no full-frontal barrier crash ("VEHICLE INTO VEHICLE").
     """
 
     id: str
@@ -117,9 +134,20 @@ class Record:
     no_speed: str = ""
     unread: Mapping[str, Problem] = field(default_factory=dict)
     quality: RunQuality = field(default_factory=RunQuality)
+    other_setup: str = ""
+
+    @property
+    def listed(self) -> str:
+        """The channels as messages list them: those proposed, the likeliest, as many as fit, and how many more."""
+        shown = [channel.shown for channel in sorted(self.channels, key=lambda one: one.name not in self.proposed)]
+        fitting = 1
+        while fitting < len(shown) and len(", ".join(shown[: fitting + 1])) <= _LISTED:
+            fitting += 1
+        rest = f" and {len(shown) - fitting} more" if len(shown) > fitting else ""
+        return f"{', '.join(shown[:fitting])}{rest}"
 
     def chosen(self, names: Sequence[str] = ()) -> tuple[RecordedChannel, ...]:
-        """The channels with these names; by default the proposed ones.
+        """The channels with these names, spelt as in the file or as messages print them; by default the proposed ones.
 
         Raises
         ------
@@ -130,10 +158,17 @@ class Record:
         """
         if damaged := [self.unread[name] for name in names if name in self.unread]:
             raise DataError(damaged)
-        by_name = {channel.name: channel for channel in self.channels}
-        unknown = [name for name in names if name not in by_name]
+        found = {name: self._named(name) for name in names or self.proposed}
+        unknown = [printable(name) for name, channel in found.items() if channel is None]
         if unknown:
-            have = ", ".join(f"{channel.name} ({channel.label})" for channel in self.channels[:20])
-            rest = f" and {len(self.channels) - 20} more" if len(self.channels) > 20 else ""
-            raise UsageError(f"There is no channel {', '.join(unknown)} in {self.source}; it has {have}{rest}.")
-        return tuple(by_name[name] for name in names or self.proposed)
+            raise UsageError(f"There is no channel {', '.join(unknown)} in {self.source}; it has {self.listed}.")
+        return tuple(dict.fromkeys(channel for channel in found.values() if channel is not None))
+
+    def _named(self, name: str) -> RecordedChannel | None:
+        """The channel of this name, else the only one that is shown or labelled so, runs of blanks aside."""
+        if exact := [channel for channel in self.channels if channel.name == name]:
+            return exact[0]
+        wanted = " ".join(name.split())
+        spellings = ((channel, (channel.shown, channel.name, channel.label)) for channel in self.channels)
+        alike = [channel for channel, texts in spellings if wanted in (" ".join(printable(t).split()) for t in texts)]
+        return alike[0] if len(alike) == 1 else None

@@ -75,10 +75,14 @@ class TdmsFile:
         group = self._groups.get(channel.group)
         return ChainMap(channel.properties, group.properties if group else {}, self.properties)
 
+    def size(self, channel: TdmsChannel) -> int:
+        """How many numbers a channel holds."""
+        return sum(extent.chunks * extent.count for extent in channel._extents)
+
     def values(self, channel: TdmsChannel) -> FloatArray:
         """Return the numbers of a channel; a DataError if there are too many or they are not plain numbers."""
         place = f"{self._where}: {printable(channel.name)}"
-        if sum(extent.chunks * extent.count for extent in channel._extents) > _MOST_VALUES:
+        if self.size(channel) > _MOST_VALUES:
             raise DataError(Problem(place, f"at most {_MOST_VALUES:,} values", "more", "choose the file of one test"))
         if channel.properties.get("ni_number_of_scales", 0):
             raise DataError(Problem(place, "plain numbers", "a scale to apply", "export the channel as float"))

@@ -12,7 +12,8 @@ from crashfuse.errors import Problem
 from crashfuse.ui.text import plain
 
 _MOST_ROWS = 50  # shown; the downloaded file has all
-_OPTION = re.compile(r" \([^()]*--[^()]*\)")
+_INSIDE = r"(?:[^()]|\([^()]*\))*"  # of parentheses: a channel's name may have its own
+_OPTION = re.compile(rf" \({_INSIDE}--{_INSIDE}\)")
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 

@@ -10,10 +10,9 @@ from typing import Protocol, TypeVar
 
 import streamlit as st
 
-from crashfuse.campaign_folder.upload import lay_out, members_of_zip
+from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError, Problem
-from crashfuse.files.archive import DEFAULT_LIMITS
-from crashfuse.importing.unpacking import lay_out_source
+from crashfuse.importing.unpacking import is_archive, lay_out_source, members_of
 from crashfuse.readers.formats import formats_of
 from crashfuse.ui import campaigns
 from crashfuse.ui.importing.session import Source, source_at
@@ -63,8 +62,8 @@ def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
     """True if no campaign table is among the files, but something that can be imported."""
     names: list[PurePath] = []
     for name, content in uploads:
-        if name.lower().endswith(".zip"):
-            names += [member.path for member in members_of_zip(name, content, DEFAULT_LIMITS)]
+        if is_archive(name):
+            names += [member.path for member in members_of(name, content)]
         else:
             names.append(PurePath(name))
     return not {"tests.csv", "cae.csv"} & {path.name for path in names} and bool(formats_of(names))

@@ -1,5 +1,6 @@
 """The command `crashfuse import` hands on what it is told, and prints what was done."""
 
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,28 @@ def test_all_that_is_missing_is_asked_for_at_once(tmp_path: Path, capsys: pytest
     given = ["--speed-kph", "56", "--front-weight-kg", "950", "--rear-weight-kg", "750", "--channel", "CH1"]
     assert cli.main(["import", str(source), "--out", str(out), *given, "--unit", "g"]) == cli.DONE
     assert "Choose one of 2 channels; none states its unit." in capsys.readouterr().out
+
+
+def test_a_tables_columns_and_condition_are_asked_for_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two accelerations, no speed, no weights: one message, and its options, with values, are all it takes."""
+    source, out = tmp_path / "car.csv", tmp_path / "campaign"
+    rows = [f"{t:.4f},{a:.4f},{a:.4f}" for t, a in zip(clock(), half_sine_g(clock()), strict=True)]
+    source.write_text("\n".join(["Time  (s),Acc   X left (g),Acc   X right (g)", *rows]))
+    assert cli.main(["import", str(source), "--out", str(out)]) == cli.WRONG_DATA
+    said = capsys.readouterr().err
+    option = '--channel "Acc X left (g)"'
+    for asked in (
+        "3 problems found.",
+        f"choose among them ({option})",
+        "(--speed-kph V,",
+        "--mass-kg M --front-share S)",
+    ):
+        assert asked in said
+    given = f'{option} --speed-kph 56 --mass-kg 1700 --front-share 0.56 --out "{out}"'
+    assert cli.main(["import", str(source), *shlex.split(given)]) == cli.DONE
+    assert "Channels chosen by the user: Acc X left (g)." in capsys.readouterr().out
 
 
 def test_the_sign_of_deceleration_is_an_option(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

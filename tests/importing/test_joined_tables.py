@@ -111,8 +111,8 @@ def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
     """Left beside right: refused, averaged under an id, or two records if the conditions of both are there."""
     path = table(tmp_path, "t [ms];ax left [g];ax right [g]", TIME_S / MS, PULSE_G, PULSE_G)
     said = refusal(path)
-    assert "found ax left, ax right; if they are sensors of one crash, say so (--id, or --channel)" in said
-    assert "if they are crashes, give a table of their conditions (--conditions)" in said
+    assert "found ax left, ax right; if they are sensors of one crash, average them (--id ID)" in said
+    assert 'or choose among them (--channel "ax left [g]"); if they are crashes, give a table of their' in said
     (one,) = import_source(path, tmp_path / "one", GIVEN, record_id="T1")
     assert one.channels == ("ax left [g]", "ax right [g]")
     alike = table(tmp_path, "t [ms];ax [g];ax [g]", TIME_S / MS, PULSE_G, PULSE_G, name="alike.csv")
@@ -123,6 +123,69 @@ def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
     conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nax left;56;950;750\nax right;56;950;750\n")
     assert len(import_source(path, tmp_path / "two", conditions=conditions)) == 2
     assert len(read_each(Reading(path))[0]) == 2  # before anything is added, both can be looked at
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        ("Veh Accel Lat", "Veh Accel Vert"),
+        ("LatAcc", "VertAcc"),
+        ("Acc. lat.", "Acc. vert."),
+        ("Accel Lateral", "Accel Transversal"),
+        ("11VEHC0000__ACY_", "11VEHC0000__ACZ_"),
+        ("11HEAD0000H3ACX_", "11VEHC0000__DSX_"),
+    ],
+)
+def test_lat_and_vert_are_other_directions(tmp_path: Path, others: tuple[str, str]) -> None:
+    """In words, short or long, or by the code of ISO-MME: one pulse along X is left."""
+    header = f"Time (s);{others[0]} (g);Veh Accel Long (g);{others[1]} (g)"
+    (record,) = read_records(Reading(table(tmp_path, header, TIME_S, 0.1 * PULSE_G, PULSE_G, 0.2 * PULSE_G)))
+    assert record.proposed == ("Veh Accel Long (g)",)
+
+
+def test_codes_of_iso_mme_name_columns_too(tmp_path: Path) -> None:
+    """Of the raw and the filtered signal of one sensor the raw one is read, and the class tells the filter."""
+    header = "t [s];11VEHC0000__ACXD [g];11VEHC0000__ACX_ [g];11HEAD0000H3ACX_ [g]"
+    (record,) = read_records(Reading(table(tmp_path, header, TIME_S, PULSE_G, PULSE_G, PULSE_G)))
+    assert record.proposed == ("11VEHC0000__ACX_ [g]",)
+    (record,) = read_records(Reading(table(tmp_path, "t [s];10VEHC000000ACXC [g]", TIME_S, PULSE_G)))
+    assert record.channels[0].cutoff_hz == pytest.approx(300)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Time (sec)     Veh Accel Lat (g)    Veh Accel Long (g)",
+        "Time (sec) Veh Accel Lat (g) Veh Accel Long (g)",
+        "  Time sec\tVeh Accel Lat g\tVeh Accel Long g",
+        "# Time_s ay_g ax_g",
+        "Site 5, new sensors\nTime    Lateral Accel    Long Accel\n(s)     (g)     (g)",
+    ],
+)
+def test_names_with_blanks_stand_above_columns_separated_by_blanks(tmp_path: Path, header: str) -> None:
+    """Split where it gives one name a column; the pulse is the last one, not what slipped above it."""
+    path = tmp_path / "x.txt"
+    rows = "\n".join(f"{t:.5f}   {0.1 * a:.5f}   {a:.5f}" for t, a in zip(TIME_S, PULSE_G, strict=True))
+    path.write_text(f"{header}\n{rows}")
+    (sheet,) = read_sheets(path)
+    (record,) = read_records(Reading(path))
+    assert record.proposed == (sheet.columns[2],)
+    np.testing.assert_allclose(record.channels[0].values, PULSE_G, atol=1e-5)
+
+
+def test_names_that_fit_no_columns_name_none(tmp_path: Path) -> None:
+    """Seven words above three columns: nobody can tell whose they are, so each column is asked for."""
+    path = tmp_path / "x.txt"
+    rows = "\n".join(f"{t:.5f} {0.1 * a:.5f} {a:.5f}" for t, a in zip(TIME_S, PULSE_G, strict=True))
+    path.write_text(f"Time Veh Accel Lat Veh Accel Long\n{rows}")
+    assert "found column 2, column 3; if they are sensors" in refusal(path)
+
+
+def test_duplicate_times_are_called_that(tmp_path: Path) -> None:
+    """Rounded to ms at 5 kHz: the first pair is named with its rows, and how many more there are."""
+    said = refusal(table(tmp_path, "t [s];ax [g]", np.round(TIME_S, 3), PULSE_G))
+    assert "x.csv, column t [s], row 3: expected each time once, found duplicate times: -0.02000 in row 2 too" in said
+    assert "delete the duplicates, or export time with more digits" in said
 
 
 @pytest.mark.parametrize(

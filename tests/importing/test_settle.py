@@ -218,6 +218,43 @@ def test_channels_without_a_majority_are_refused_until_the_user_chooses(scales: 
     assert settle(record(*channels), Choices(channels=("C1",))).channels == ("C1",)
 
 
+def test_a_pulse_that_will_be_refused_asks_for_no_weights_first() -> None:
+    """What is wrong with the pulse is said along with what is missing, not in a second round."""
+    unweighed = record(channel(scale=0.3), condition=PartialCondition(SPEED_MPS))
+    with pytest.raises(DataError) as caught:
+        settle(unweighed)
+    weights, change = caught.value.problems
+    assert weights.expected == "the weights on both axles of T1"
+    assert "--front-weight-kg F --rear-weight-kg R" in weights.advice
+    assert change.expected.startswith("a change of velocity near the impact speed")
+
+
+@pytest.mark.parametrize(
+    ("name", "label", "typed"),
+    [
+        ("10SEATLERE00ACXP#1", "ch 93", "10SEATLERE00ACXP#1 (ch 93)"),
+        ("Acc  X   (g)", "Acc X", "Acc X (g)"),
+        ("Acc  X   (g)", "Acc X", "Acc X"),
+        ("93", "LEFT REAR\tX", "93 (LEFT REAR\\tX)"),
+    ],
+)
+def test_a_channel_has_the_name_that_is_printed(name: str, label: str, typed: str) -> None:
+    """With its label or without, blanks as in the file or not, control characters as they are shown."""
+    wanted, other = replace(channel(name), label=label), channel("Y", 2.0)
+    found = replace(record(wanted, other), proposed=())
+    assert found.chosen([typed]) == (wanted,)
+    assert " ".join(found.listed.split()).startswith(typed)
+    with pytest.raises(UsageError, match=r"no channel Acc Z in T1\.test; it has "):
+        found.chosen(["Acc Z"])
+
+
+def test_what_fits_two_channels_is_no_name() -> None:
+    """A label of two sensors chooses neither."""
+    both = [replace(channel(name), label="Sill") for name in ("1", "2")]
+    with pytest.raises(UsageError, match=r"no channel Sill .* it has 1 \(Sill\), 2 \(Sill\)"):
+        record(*both).chosen(["Sill"])
+
+
 def test_channels_that_disagree_are_averaged_only_with_a_warning() -> None:
     """Chosen by the user, two of unlike change of velocity are the pulse, and the steps say Careful twice."""
     both = settle(record(channel("L", 0.7), channel("R", 1.1)), Choices(channels=("L", "R")))
@@ -262,8 +299,11 @@ def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
     holed = np.delete(time_s, slice(600, 650))
     with pytest.raises(DataError, match=r"a step of 5\.1 ms among steps of 0\.1 ms"):
         settle(record(RecordedChannel("X", "X", holed, half_sine_g(holed), "g")))
-    with pytest.raises(DataError, match="time that increases"):
+    with pytest.raises(DataError, match=r"time that increases.* found 299\.9 ms after 300 ms; sort the record by time"):
         settle(record(RecordedChannel("X", "X", time_s[::-1], half_sine_g(time_s), "g")))
+    rounded = np.round(time_s, 3)
+    with pytest.raises(DataError, match=r"found duplicate times: -50 ms in samples 1 and 2, and \d+ more; delete"):
+        settle(record(RecordedChannel("X", "X", rounded, half_sine_g(time_s), "g")))
 
 
 def test_missing_samples_are_cut_at_the_ends_and_refused_amid() -> None:

@@ -1,8 +1,10 @@
 """Sources: the format is told by the names, and every record in a file, folder or zip is read."""
 
 import os
+import tarfile
 import zipfile
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -30,6 +32,24 @@ def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
         with pytest.raises(DataError, match=message):
             format_of(tmp_path / path)
     assert read_records(Reading(tmp_path / "i.zip"))[0].id == "M1"
+
+
+@pytest.mark.parametrize(("ending", "mode"), [("tar.gz", "w:gz"), ("TGZ", "w:gz"), ("tar", "w")])
+def test_tar_archives_are_read_as_zips_are(tmp_path: Path, ending: str, mode: Literal["w", "w:gz"]) -> None:
+    """One test, several, or tables: as downloads come."""
+    write(tmp_path / "one", isomme("M1"))
+    write(tmp_path / "two", isomme("M1") | isomme("M2"))
+    write(tmp_path / "table", {"T1.csv": german(clock(), half_sine_g(clock()))})
+    for name, fmt, ids in (("one", "isomme", ["M1"]), ("two", "isomme", ["M1", "M2"]), ("table", "csv", ["T1"])):
+        source = tmp_path / f"{name}.{ending}"
+        with tarfile.open(source, mode) as archive:
+            archive.add(tmp_path / name, ".")
+        assert format_of(source) == fmt
+        assert [record.id for record in read_records(Reading(source))] == ids
+    whole = source.read_bytes()
+    source.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(DataError, match="expected a sound tar archive"):
+        format_of(source)
 
 
 @pytest.mark.parametrize("fmt", [None, "nhtsa", "csv", "tdms"])

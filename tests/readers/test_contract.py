@@ -26,6 +26,7 @@ from tests.readers.lsdyna_files import Run, lsda
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.readers.radioss_files import RadiossRun
 from tests.readers.test_tdms import by_hand, nhtsa_test
+from tests.readers.test_tdms_laboratory import iihs_test
 
 Files = dict[str, bytes]
 
@@ -40,7 +41,7 @@ GOOD: dict[str, Files] = {
     "csv": {"T1.csv": TABLE},
 }
 """A sound test or run of each format, by the names of its files."""
-EVERY = [*GOOD.items(), ("lsdyna", {"nodout": SHORT.nodout()})]
+EVERY = [*GOOD.items(), ("lsdyna", {"nodout": SHORT.nodout()}), ("tdms", {"CEN1908.tdms": iihs_test()})]
 IDS = [f"{fmt}, {next(iter(files))}" for fmt, files in EVERY]
 every_format = pytest.mark.parametrize(("fmt", "files"), EVERY, ids=IDS)
 

@@ -3,16 +3,21 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from crashfuse.errors import DataError
 from crashfuse.importing import Choices, settle
 from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.readers.isomme_record import read_isomme_record, record_of
+from crashfuse.readers.nhtsa import read_nhtsa
+from crashfuse.readers.record import PartialCondition
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.units import KPH, G
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g
 
+REAL = SHARED / "real"
 DESCRIPTORS = [
     ("Title", "Front impact"),
     ("Velocity test object 1", f"{SPEED_MPS:.9g}"),
@@ -38,13 +43,14 @@ def isomme(*codes: str, **changed: str) -> IsommeTest:
         (("10CVEHCG0000ACXD", "10CVEHCG0000ACYD"), ("10CVEHCG0000ACXD",)),
         (("10SIMELE00INACXD", "10SIMERI00INACXD", "10ENGN000000ACXP"), ("10SIMELE00INACXD", "10SIMERI00INACXD")),
         (("10VEHC000000ACXD", "10VEHC000000ACXP"), ("10VEHC000000ACXP",)),  # the raw one of two
+        (("10SEATLERE00ACXP", "10VEHC000000ACXP", "10SEATRIRE00ACXP"), ("10SEATLERE00ACXP", "10SEATRIRE00ACXP")),
         (("10ENGN000000ACXP",), ()),  # alone, but no place that moves as the vehicle does
         (("11SEATLE0000ACXA", "11HEAD0000H3ACXA"), ()),
         (("10ENGN000000ACXP", "10ENGN000001ACXP"), ()),
     ],
 )
 def test_channels_are_proposed_by_where_they_sit(codes: tuple[str, ...], proposed: tuple[str, ...]) -> None:
-    """The vehicle's own first, then sills left and right; never a dummy; of two filter classes the raw one."""
+    """The rear seat's first, then the vehicle's own, then sills; never a dummy; of two filter classes the raw one."""
     record = record_of(isomme(*codes), "T1")
     assert record.proposed == proposed
     assert not any("HEAD" in one.name or "ACY" in one.name for one in record.channels)
@@ -129,6 +135,42 @@ def test_filter_classes_and_repeated_codes_are_told_apart() -> None:
         "10SILL000000ACXP#1": None,
         "10SILL000000ACXP#2": None,
     }
+
+
+def test_redundant_sensors_of_one_code_are_averaged() -> None:
+    """As NHTSA's downloads have them: left and right, each twice under one code."""
+    seats = ("10SEATLERE00ACXP", "10SEATRIRE00ACXP")
+    record = record_of(isomme("11HEADCG0000ACXP", *seats, "10ENGN000000ACXP", *seats), "T1")
+    assert record.proposed == tuple(f"{seat}#{number}" for number in (1, 2) for seat in seats)
+    assert [channel.name for channel in record.channels] == [*record.proposed, "10ENGN000000ACXP"]
+    assert settle(record, Choices(front_share=0.56)).channels == record.proposed
+
+
+@pytest.mark.parametrize(
+    ("descriptor", "named"),
+    [
+        (("Type of the test", "VEHICLE INTO VEHICLE"), "VEHICLE INTO VEHICLE"),
+        (("Subtype of the test", "40 % overlap"), "40 % overlap"),
+        (("Impact side test object 1", "LE"), "impact side LE"),
+        (("Impact side test object 1", "FR"), ""),
+        (("Type of the test", "VEHICLE INTO BARRIER"), ""),
+    ],
+)
+def test_another_crash_is_named(descriptor: tuple[str, str], named: str) -> None:
+    """By the type of the test or the side of the impact."""
+    record = record_of(IsommeTest("T1", [*DESCRIPTORS, descriptor], (channel("10VEHC000000ACXP"),)), "T1")
+    assert record.other_setup == named
+
+
+@needs_shared
+def test_nhtsas_download_is_the_pulse_of_its_ascii_form() -> None:
+    """A test written by pyisomme with NHTSA's codes: speed to its two digits, pulse to the bit."""
+    (own,) = read_nhtsa(REAL / "nhtsa_10146_camry2018")
+    (record,) = read_isomme_record(REAL / "formats/isomme_seat/nh_g.zip")
+    assert record.condition.speed_mps == pytest.approx(own.condition.speed_mps, abs=5e-3)
+    speed = PartialCondition(own.condition.speed_mps)
+    pulses = [settle(one, Choices(condition=speed, front_share=0.56)).pulse for one in (own, record)]
+    np.testing.assert_array_equal(pulses[0].accel_mps2, pulses[1].accel_mps2)
 
 
 def test_a_test_without_such_a_channel_is_refused() -> None:

@@ -2,6 +2,7 @@
 
 import io
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ def test_conditions_and_channels_are_found(tmp_path: Path) -> None:
     assert found.condition.speed_mps == pytest.approx(SPEED_MPS)
     assert found.condition.front_weight_kg == pytest.approx(1700 * 1500 / 2700)  # moments about the rear axle
     assert found.condition.rear_weight_kg == pytest.approx(1700 * 1200 / 2700)
-    assert [channel.name for channel in found.channels] == ["93", "94", "95", "99", "100"]
+    assert [channel.name for channel in found.channels] == ["93", "94", "99", "95", "100"]
     assert {channel.unit for channel in found.channels} == {"g"}
     assert {channel.cutoff_hz for channel in found.channels} == {2800.0}
     assert found.proposed == ("93", "94", "99")  # 95 is the engine, 100 failed
@@ -65,15 +66,23 @@ def test_without_a_centre_of_gravity_the_axles_are_asked_for(tmp_path: Path) -> 
     (found,) = read_nhtsa(written(tmp_path / "t", nhtsa_files(behind="0")))
     assert (found.condition.mass_kg, found.condition.front_weight_kg) == (1700.0, None)
     assert any("does not say what each axle carried" in step for step in found.steps)
-    with pytest.raises(DataError, match="give both axle weights, or the mass and the front axle's share"):
+    with pytest.raises(
+        DataError, match=r"a mass of 1700 kg alone; give the front axle's share of the mass.* \(--front-share S, or"
+    ):
         settle(found)
     assert settle(found, Choices(front_share=0.6)).condition.front_weight_kg == pytest.approx(1020.0)
 
 
 def test_another_kind_of_test_is_pointed_out(tmp_path: Path) -> None:
-    """A vehicle-to-vehicle test can be read, but not without a word."""
+    """A vehicle-to-vehicle test can be read, but not without a word; one that did not stop it is refused as that."""
     (found,) = read_nhtsa(written(tmp_path / "t", nhtsa_files(setup="VTV")))
-    assert any(step.startswith("Careful: the configuration is VTV") for step in found.steps)
+    named = "vehicle into vehicle (VTV) at 0°"
+    assert found.other_setup == named
+    careful = f"Careful: not a full-frontal barrier crash, by its own account: {named}."
+    assert careful in settle(found).steps
+    halved = replace(found, channels=tuple(replace(one, values=0.5 * one.values) for one in found.channels))
+    with pytest.raises(DataError, match=r"the file calls the test 'vehicle into vehicle \(VTV\) at 0°', and only"):
+        settle(halved)
 
 
 def test_a_channel_that_ends_early_is_not_proposed(tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ def test_folders_and_zips_hold_a_record_a_file(tmp_path: Path) -> None:
 def test_other_setups_are_told_and_a_test_without_the_vehicle_is_refused(tmp_path: Path) -> None:
     """An oblique test is marked; channels on dummies alone are no pulse; no speed is said to be none."""
     (record,) = read_tdms(saved(tmp_path / "a.tdms", nhtsa_test(Test_TstCfn="VTV", Test_ImpAng=15.0)))
-    assert any("VTV at 15°" in step for step in record.steps)
+    assert record.other_setup == "vehicle into vehicle (VTV) at 15°"
     (record,) = read_tdms(saved(tmp_path / "b.tdms", nhtsa_test(Veh_VehSpd=0.0, Test_ClsSpd=0.0)))
     assert record.condition.speed_mps is None
     assert "X accelerations of the vehicle" in problem(saved(tmp_path / "c.tdms", nhtsa_test(Inst_SenLoc="02")))

@@ -153,7 +153,7 @@ def test_a_folder_that_is_none_breaks_nothing(visit: Visit, text: str) -> None:
 @pytest.mark.parametrize(
     ("name", "found", "advice"),
     [
-        ("car.zip", "tables in a zip", "Upload it if it is a campaign, or unpack it and name its folder"),
+        ("car.zip", "tables in an archive", "Upload it if it is a campaign, or unpack it and name its folder"),
         ("prog.exe", "a file of another kind", "Name the folder that holds tests.csv and cae.csv"),
     ],
 )

@@ -15,6 +15,7 @@ from openpyxl import Workbook
 from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.ui import campaigns, uploads
 from crashfuse.units import KPH, MPH
+from tests.files.test_tarball import tarred
 from tests.importing.crash_files import german, isomme, library, zipped
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g
 from tests.readers.lsdyna_files import Run
@@ -104,10 +105,15 @@ def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_an_isomme_zip_says_what_it_lacks(visit: Visit, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "upload", [{"m_zip": zipped(isomme("M1"))}, {"m.tar_gz": tarred(*isomme("M1").items())}], ids=["zip", "tar.gz"]
+)
+def test_an_isomme_archive_says_what_it_lacks(visit: Visit, tmp_path: Path, upload: dict[str, bytes]) -> None:
     """It knows the mass alone; the front axle's share completes it."""
-    session = drop(visit(), m_zip=zipped(isomme("M1")))
+    session = drop(visit(), **upload)
     assert "Before it can be added" in session.words
+    assert "found a mass of 1700 kg alone" in session.words
+    assert "--front-share" not in session.words
     (button,) = [button for button in session.app.button if button.label.startswith("Add")]
     assert button.disabled
     field(session, "Front share").set_value(56.0)

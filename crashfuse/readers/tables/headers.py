@@ -5,12 +5,16 @@ import unicodedata
 from dataclasses import dataclass
 from typing import Literal
 
+from crashfuse.readers.channel_codes import UNPLACED, ChannelCode
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 
 ColumnRole = Literal[
     "id", "time", "acceleration", "speed", "mass", "front_weight", "rear_weight", "front_share", "factor", "ignored"
 ]
 """The roles of a column."""
+
+OTHER_DIRECTION, OF_A_DUMMY = "another direction than X", "a dummy's, not the vehicle's"
+"""Reasons why an acceleration is not the pulse."""
 
 _WORDS: dict[ColumnRole, str] = {
     "id": r"id|(test|run) ?(id|nr|no|number|name)?|versuch(s ?(nr|nummer|name))?|lauf|name|nr|no|number|variante|"
@@ -31,13 +35,15 @@ _NOT_AS_TESTED = re.compile(
 _INCLUDING = re.compile(r"\b(incl|inkl|including|with|mit)\b.*")
 _OTHER_AXIS = re.compile(
     r".*(^|[ ])(a ?)?[yz]$|acc ?[yz].*|.*\bres(ultant)?\b.*|.*resultier.*|(.* )?[yz] .*|"
-    r".*\b((quer|hoch)(beschl\w*|richtung)?|lateral|vertical|vertikal)\b.*"
+    r".*\b((quer|hoch)(beschl\w*|richtung)?|transvers\w*|(a|acc|accel)?(lat|vert)(eral\w*|i[ck]al\w*)?(a|acc|accel)?)\b.*"
 )
-_ISO_CODE = re.compile(r"[0-9a-z?]{10}([0-9a-z?]{2})ac([xyzr?])[0-9a-z?]", re.IGNORECASE)  # as 10VEHC000000ACXD
 _DUMMY = re.compile(
     r"\b(dumm(y|ies)|hiii|thor|worldsid|occupant|insass\w*|head|kopf\w*|neck|hals|chest|brust\w*|thorax|stern(um|al)|"
     r"ribs?|rippe\w*|spine|shoulder|schulter\w*|abdomen|pelvis|pelvic|becken\w*|femur|oberschenkel|knee|knie|tibia|"
     r"foot|fuss)\b"
+)
+_OF_THE_VEHICLE = re.compile(
+    r"\b(veh\w*|car|fahrzeug\w*|cg|tunnel\w*|sill|schweller\w*|b (pillar|saule)|rocker|(x|cross) ?member)\b"
 )
 _RAW = r"raw|roh(?:daten|signal)?|unfiltered|ungefiltert"
 _FILTER = re.compile(rf"\b({_RAW}|filtered|filt|gefiltert|cfc ?(\d{{1,4}}))\b")
@@ -69,11 +75,12 @@ def use_of(column: str, unit_cell: str) -> ColumnUse:
 
     A column that is not recognised is ignored, without a reason.
     """
-    name, unit = _name_and_unit(column, unit_cell)
-    plain = place_of(column)
+    unit = _name_and_unit(column, unit_cell)[1]
+    plain, code = place_of(column), _code_of(column)
     why = f"its unit is {unit}" if unit else "its name says so"
+    if code is not None and not code.is_acceleration:
+        return ColumnUse(column, "ignored", None, "its code is no acceleration's")
     quantity = None if unit is None else next(q for q, units in UNITS.items() if unit in units)
-    code = _ISO_CODE.fullmatch(name.strip())
     if quantity == "acceleration" or (unit is None and (code or _is("acceleration", plain))):
         return _acceleration(ColumnUse(column, "acceleration", unit, why), plain, code, unit_cell)
     if quantity == "time" or (unit is None and _is("time", plain)):
@@ -97,13 +104,13 @@ def use_of(column: str, unit_cell: str) -> ColumnUse:
     return ColumnUse(column, "ignored")
 
 
-def _acceleration(use: ColumnUse, plain: str, code: re.Match[str] | None, unit_cell: str) -> ColumnUse:
+def _acceleration(use: ColumnUse, plain: str, code: ChannelCode | None, unit_cell: str) -> ColumnUse:
     """The use as an acceleration, or as ignored if it is not the vehicle's along X."""
     other = _other_unit(use.column, unit_cell)
-    if _OTHER_AXIS.fullmatch(plain) or (code and code.group(2).lower() in "yzr"):
-        return ColumnUse(use.column, "ignored", use.unit, "another direction than X")
-    if _DUMMY.search(plain) or (code and code.group(1) not in ("00", "??")):
-        return ColumnUse(use.column, "ignored", use.unit, "a dummy's, not the vehicle's")
+    if _OTHER_AXIS.fullmatch(plain) or (code and not code.is_along_x):
+        return ColumnUse(use.column, "ignored", use.unit, OTHER_DIRECTION)
+    if _DUMMY.search(plain) or (code and code.of_a_dummy):
+        return ColumnUse(use.column, "ignored", use.unit, OF_A_DUMMY)
     if use.unit is None and _OTHER_UNIT.fullmatch(other.lower()):
         return ColumnUse(use.column, "ignored", None, f"its unit is {other}")
     return use
@@ -113,7 +120,7 @@ def why_no_acceleration(column: str, unit_cell: str) -> str:
     """The reason why an unrecognised column cannot be an acceleration; empty if it may be one."""
     plain, (_, unit) = place_of(column), _name_and_unit(column, unit_cell)
     if _DUMMY.search(plain):
-        return "a dummy's, not the vehicle's"
+        return OF_A_DUMMY
     if other := unit or _other_unit(column, unit_cell):
         return f"its unit is {other}"
     return "its name is not an acceleration's" if _NO_ACCELERATION.search(plain) else ""
@@ -152,13 +159,22 @@ def _is(role: ColumnRole, plain: str) -> bool:
     return re.fullmatch(_WORDS[role], plain) is not None
 
 
+def _code_of(column: str) -> ChannelCode | None:
+    """The channel code of ISO-MME in a header, if it is one."""
+    return ChannelCode.parsed(re.split(r"[^\w?]", column.strip())[0]) or ChannelCode.parsed(bare_name(column))
+
+
 def place_of(column: str) -> str:
     """The sensor location: a header's plain words without unit and filter, equal for raw and filtered signals."""
+    if (code := _code_of(column)) is not None:
+        return code.sensor.lower()
     return " ".join(_FILTER.sub("", _plain(bare_name(column))).split())
 
 
 def filter_order(column: str) -> float:
     """Sort key, least filtered first: raw, not stated, higher class before lower, filtered without a class."""
+    if (code := _code_of(column)) is not None:
+        return code.order[-1]
     plain, cutoff = _plain(column), cutoff_of(column)
     if cutoff is not None:
         return 2 + 1 / max(cutoff, 1.0)
@@ -167,8 +183,17 @@ def filter_order(column: str) -> float:
     return 4.0 if _FILTER.search(plain) else 1.0
 
 
+def likelihood(column: str) -> tuple[int, bool, int, bool, float]:
+    """Sort key of accelerations, the likeliest pulse first: by its code's place, by words, the least filtered first."""
+    code = _code_of(column)
+    by_code = (UNPLACED, False, 0) if code is None else code.order
+    return *by_code, _OF_THE_VEHICLE.search(_plain(column)) is None, filter_order(column)
+
+
 def cutoff_of(column: str) -> float | None:
     """The −3 dB frequency of the CFC in a header, if it names one (SAE J211-1: 1.667 times the class)."""
+    if (code := _code_of(column)) is not None:
+        return code.cutoff_hz
     match = re.search(r"\bcfc ?(\d{1,4})\b", _plain(column))
     return float(match.group(1)) / 0.6 if match else None
 

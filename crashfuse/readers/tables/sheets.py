@@ -6,6 +6,7 @@ The file only has to hold a table: the delimiter and the decimal sign are those 
 import csv
 import io
 import re
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
@@ -22,6 +23,7 @@ from crashfuse.readers.tables.workbook import read_workbook
 
 _MOST_CELLS, _LONGEST_LINE = 20_000_000, 1 << 18
 _AGAIN = "export it again as CSV"
+_BETWEEN_NAMES = (r"\s{2,}|\t", r"(?<=[)\]])\s+", r"\s+(?![\[(])", r"\s+")  # the likeliest first
 _DIALECTS = (
     (",", "."),
     (";", ","),
@@ -60,6 +62,8 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
         raise DataError(Problem(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN))
     delimiter, decimal = _dialect([line for line in lines[:SAMPLE] if line.strip()], path.name)
     grid = [_split(line, delimiter) for line in lines[:SAMPLE]]
+    if delimiter == " ":
+        grid = _with_whole_names(lines[:SAMPLE], grid, decimal)
     names = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
     form = f"Columns separated by {names[delimiter]}, decimal {names.get(decimal, 'point')}."
     header = header_of(grid, decimal, path.name)
@@ -74,19 +78,21 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
 
 def _cells(lines: Sequence[str], delimiter: str, width: int, name: str, first_row: int) -> pd.DataFrame:
     try:
-        return pd.read_csv(
-            io.StringIO("\n".join(lines)),
-            sep=r"\s+" if delimiter == " " else delimiter,
-            header=None,
-            names=range(width),
-            index_col=False,
-            dtype=str,
-            keep_default_na=False,
-            na_filter=False,
-            skip_blank_lines=False,
-            skipinitialspace=True,
-            on_bad_lines="error",
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # cells beyond the width would be dropped
+            return pd.read_csv(
+                io.StringIO("\n".join(lines)),
+                sep=r"\s+" if delimiter == " " else delimiter,
+                header=None,
+                names=range(width),
+                index_col=False,
+                dtype=str,
+                keep_default_na=False,
+                na_filter=False,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                on_bad_lines="error",
+            )
     except (pd.errors.ParserError, pd.errors.EmptyDataError, pd.errors.ParserWarning, ValueError) as error:
         found = " ".join(str(error).split())[:160]
         advice = f"export it again (the data begin in row {first_row})"
@@ -118,6 +124,27 @@ def _dialect(lines: Sequence[str], name: str) -> tuple[str, str]:
         expected, found = "a table of at least two columns with numbers", "none"
         raise DataError(Problem(name, expected, found, _AGAIN))
     return best
+
+
+def _with_whole_names(lines: Sequence[str], grid: Sequence[list[str]], decimal: str) -> list[list[str]]:
+    """The grid of a table whose columns are separated by blanks, as names of columns may hold blanks, too.
+
+    A line of text is split as gives one name a column; if no way does, the columns have no names.
+    """
+    data = [2 * sum(is_number(cell, decimal) for cell in row) >= len(row) for row in grid]
+    widths = Counter(len(row) for row, numeric in zip(grid, data, strict=True) if numeric and len(row) > 1)
+    width = widths.most_common(1)[0][0] if widths else 0
+    unnamed = [f"column {number}" for number in range(1, width + 1)]
+
+    def names(line: str) -> list[str]:
+        text = line.strip().lstrip("#%!*").strip()
+        splits = (re.split(between, text) for between in _BETWEEN_NAMES)
+        return next((cells for cells in splits if len(cells) == width), unnamed)
+
+    return [
+        row if numeric or not line.strip() else names(line)
+        for line, row, numeric in zip(lines, grid, data, strict=True)
+    ]
 
 
 def _split(line: str, delimiter: str) -> list[str]:

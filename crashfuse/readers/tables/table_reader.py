@@ -47,9 +47,9 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     def channel(use: ColumnUse, rows: Rows) -> RecordedChannel:
         unit = use.unit if use.unit in UNITS["acceleration"] else None
         kept = rows[np.isfinite(values[use.column][rows])]
-        return RecordedChannel(
-            use.column, use.column, time[kept], values[use.column][kept], unit, cutoff_of(use.column)
-        )
+        _check_duplicates(sheet, times[0], time, kept)
+        label = bare_name(use.column)
+        return RecordedChannel(use.column, label, time[kept], values[use.column][kept], unit, cutoff_of(use.column))
 
     def record(name: str, uses: tuple[ColumnUse, ...], rows: Rows) -> Record:
         channels = tuple(channel(use, rows) for use in uses)
@@ -133,6 +133,17 @@ def _check_order(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> 
         advice = "map the column of ids (--column COLUMN=id) if the rows are of several records, else sort them by time"
         row = int(rows[back[0] + 1]) + sheet.first_row
         raise DataError(Problem(sheet.name, expected, found, advice, printable(use.column), row))
+
+
+def _check_duplicates(sheet: Sheet, use: ColumnUse, time: FloatArray, rows: Rows) -> None:
+    """Raise a DataError if two neighbouring rows have the same time."""
+    twice = np.flatnonzero(np.diff(time[rows]) == 0)
+    if twice.size:
+        first, second = rows[twice[0] : twice[0] + 2].tolist()
+        found = f"duplicate times: {printable(sheet.text(use.column)[first], 20)} in row {first + sheet.first_row} too"
+        found += f", and {twice.size - 1} more" if twice.size > 1 else ""
+        expected, advice = "each time once", "delete the duplicates, or export time with more digits"
+        raise DataError(Problem(sheet.name, expected, found, advice, printable(use.column), second + sheet.first_row))
 
 
 def _seconds(sheet: Sheet, use: ColumnUse) -> tuple[FloatArray, tuple[str, ...]]:

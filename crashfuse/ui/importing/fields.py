@@ -217,7 +217,7 @@ def _channels(source: Source, records: Sequence[Record], first: Record) -> tuple
         "Channels, averaged",
         names,
         default=records[0].proposed,
-        format_func=lambda name: name if labels[name] in ("", name) else f"{name} · {labels[name]}",
+        format_func=lambda name: name if labels[name] in name else f"{name} · {labels[name]}",
         key=f"{source.key} channels {hash(frozenset(names))}",
         persist_state="session",
         wrap=True,

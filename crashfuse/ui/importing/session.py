@@ -14,6 +14,7 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.importing import Choices, Reading, Settled, format_of, read_each, settle_each
 from crashfuse.importing.sources import tables_of
 from crashfuse.importing.table_forms import TableForm, table_forms
+from crashfuse.importing.unpacking import is_archive
 from crashfuse.readers.formats import TABLES
 from crashfuse.readers.record import Record
 
@@ -52,9 +53,9 @@ def source_at(path: Path, scratch: Path | None = None) -> Source:
         advice = "name the folder of the tests or runs itself, or use crashfuse import"
         raise DataError(Problem(str(path), f"at most {_MOST_FILES} files", "more", advice))
     fmt = format_of(path)
-    if fmt == TABLES and path.suffix.lower() == ".zip":  # so that the columns of each table can be asked for
+    if fmt == TABLES and is_archive(path.name):  # so that the columns of each table can be asked for
         advice = "upload it, or unpack it and name its folder"
-        raise DataError(Problem(path.name, "a file or folder to import", "tables in a zip", advice))
+        raise DataError(Problem(path.name, "a file or folder to import", "tables in an archive", advice))
     return Source(path, fmt, uuid.uuid4().hex, scratch)
 
 
