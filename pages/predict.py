@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.exports import isomme_prediction, parquet_bytes
+from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.plots.displacement import energy_over_crush, over_displacement
 from crashfuse.reporting.plots.pulses import motion
 from crashfuse.reporting.report import prediction_report
