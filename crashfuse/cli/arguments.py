@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from crashfuse.cli import certification, data, imports, learning, models, outgoing, ratings, studies
+from crashfuse.cli import certification, data, figures, imports, learning, models, outgoing, ratings, studies
 from crashfuse.version import __version__
 
 T = TypeVar("T")
@@ -129,6 +129,7 @@ def parser() -> argparse.ArgumentParser:
     next_test.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     next_test.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
 
+    figures.add_options(commands.add_parser("figures", help="write the figures of a report as SVG, PNG or slides"))
     ratings.add_options(commands.add_parser("rate", help="rate pulses against each other by ISO/TS 18571"))
     return root
 

@@ -1,10 +1,12 @@
 """Tables in formats for other programs: Parquet files, and text that a spreadsheet takes from the clipboard."""
 
 import io
+import re
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from markupsafe import Markup
 
 
 def parquet_bytes(table: pd.DataFrame) -> bytes:
@@ -16,3 +18,40 @@ def parquet_bytes(table: pd.DataFrame) -> bytes:
     stream = io.BytesIO()
     pq.write_table(arrow, stream, compression="zstd")
     return stream.getvalue()
+
+
+_INTERVAL = re.compile(r"(?P<value>\S+) \[(?P<lower>\S+), (?P<upper>\S+)\]")
+_GRADED = re.compile(r"(?P<value>[\d.]+) (?P<grade>[A-Z][a-z]+)")
+_NUMBER = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?( ± [\d.]+)?")
+
+
+def spreadsheet_text(table: pd.DataFrame) -> str:
+    """Return a table for readers as lines with tabs between cells, which a spreadsheet takes from the clipboard.
+
+    A cell holds one number or one text: a value with an interval in brackets, or with its grade, becomes columns of its
+    own. A text that a spreadsheet would take for a formula stays a text.
+    """
+    columns: list[list[str]] = []
+    for name, own in table.items():
+        cells = [" ".join(_plain(cell).split()) for cell in own]
+        for pattern in (_INTERVAL, _GRADED):
+            found = [pattern.fullmatch(cell) for cell in cells]
+            if any(found):
+                heads = [f"{name} {part}".replace(" value", "") for part in pattern.groupindex]
+                parts = [part.groups("") if part else (cell, "", "") for part, cell in zip(found, cells, strict=True)]
+                columns += [[head, *values] for head, values in zip(heads, zip(*parts, strict=False), strict=False)]
+                break
+        else:
+            columns.append([str(name), *cells])
+    return "\n".join("\t".join(map(_cell, row)) for row in zip(*columns, strict=True))
+
+
+def _plain(cell: object) -> str:
+    if isinstance(cell, Markup):
+        return cell.striptags()
+    return "" if pd.isna(cell) else str(cell)
+
+
+def _cell(text: str) -> str:
+    text = "" if text == "–" else text.replace("−", "-")  # no value; the minus sign of print
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@") and not _NUMBER.fullmatch(text) else text
