@@ -14,6 +14,7 @@ from crashfuse.ui.compare import displacement, networks
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import choose, show_cached_figure
+from crashfuse.ui.occupant_model import offer_pulses
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
@@ -121,3 +122,4 @@ with st.container(horizontal=True):
     download_table("metrics.csv", lambda: study_metrics(study))
     if whole:
         download_report(lambda: study_report(study))
+offer_pulses(rest, fold.estimates, advice.approach, config.seed, [f"Test {test.id}, at this condition, was left out."])

@@ -27,7 +27,7 @@ _NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "pptx": ("kaleido", "pptx")}
 _CALL = re.compile(r'Plotly\.newPlot\(\s*"figure-\d+",\s*')
 _HEADINGS = ("h1", "h2", "h3")
 _WIDTH_PX, _HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
-_NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there
+_NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
 _MOST_BYTES = 256 << 20
 
 
@@ -74,7 +74,7 @@ def figures_of(report: str) -> FiguresOfReport:
     """The figures in the text of a report; a ValueError or TypeError says that it is damaged."""
     reader = _Reader()
     reader.feed(report)
-    return FiguresOfReport(reader.texts["h1"], reader.texts["notice"], tuple(reader.figures))
+    return FiguresOfReport(reader.text("h1"), reader.text("notice"), tuple(reader.figures))
 
 
 class _Reader(HTMLParser):
@@ -102,13 +102,16 @@ class _Reader(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         if self._within in self.texts:
-            self.texts[self._within] += " ".join(data.split()) if not self.texts[self._within] else data
+            self.texts[self._within] += data
         elif self._within == "script" and (call := _CALL.search(data)):
             decode = json.JSONDecoder().raw_decode
             traces, end = decode(data, call.end())
             layout, _ = decode(data, data.index("{", end))
-            title = ": ".join(text for text in (self.texts["h2"], self.texts["h3"]) if text)
-            self.figures.append(ReportFigure(title or self.texts["h1"], {"data": traces, "layout": layout}))
+            title = ": ".join(text for text in (self.text("h2"), self.text("h3")) if text)
+            self.figures.append(ReportFigure(title or self.text("h1"), {"data": traces, "layout": layout}))
+
+    def text(self, name: str) -> str:
+        return " ".join(self.texts[name].split())
 
 
 def missing_for(formats: Sequence[FigureFormat]) -> str:
@@ -188,29 +191,37 @@ def _size(figure: dict[str, Any], kind: str) -> dict[str, Any]:
 def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
     """Slides in 16:9: a title with the notice on the data, then a figure each below its heading."""
     from pptx import Presentation
+    from pptx.enum.text import PP_ALIGN
     from pptx.util import Emu, Inches, Pt
 
     deck = Presentation()
     deck.slide_width, deck.slide_height = Inches(13.333), Inches(7.5)
-    first = deck.slides.add_slide(deck.slide_layouts[6])
+    only_title = deck.slide_layouts[5]
+    left, width = Inches(0.6), Inches(12.1)
 
-    def text(slide: Any, words: str, top: float, height: float, size: int, *, bold: bool = False) -> None:  # noqa: ANN401
-        box = slide.shapes.add_textbox(Inches(0.6), Inches(top), Inches(12.1), Inches(height))
-        box.text_frame.word_wrap = True
-        run = box.text_frame.paragraphs[0].add_run()
-        run.text, run.font.size, run.font.bold = words, Pt(size), bold
+    def write(shape: Any, text: str, top: float, height: float, size: int) -> None:  # noqa: ANN401 - two classes
+        shape.left, shape.top, shape.width, shape.height = left, Inches(top), width, Inches(height)
+        shape.text_frame.word_wrap = True
+        paragraph = shape.text_frame.paragraphs[0]
+        paragraph.alignment, run = PP_ALIGN.LEFT, paragraph.add_run()
+        run.text, run.font.size = text, Pt(size)
 
-    text(first, report.title, 2.6, 1.4, 32, bold=True)
-    text(first, report.notice, 4.4, 1.2, 18)
-    left, top, width, height = Inches(0.6), Inches(1.15), Inches(12.1), Inches(5.75)
+    def below(slide: Any, text: str, top: float, height: float, size: int) -> None:  # noqa: ANN401 - a factory there
+        write(slide.shapes.add_textbox(0, 0, 0, 0), text, top, height, size)
+
+    first = deck.slides.add_slide(only_title)
+    write(first.shapes.title, report.title, 2.4, 1.6, 32)
+    below(first, report.notice, 4.2, 1.2, 18)
+    top, height = Inches(1.15), Inches(5.75)
     for figure, image in zip(report.figures, images, strict=True):
-        slide = deck.slides.add_slide(deck.slide_layouts[6])
-        text(slide, figure.title, 0.35, 0.7, 24, bold=True)
+        slide = deck.slides.add_slide(only_title)
+        write(slide.shapes.title, figure.title, 0.3, 0.75, 20)
         picture = slide.shapes.add_picture(io.BytesIO(image), left, top)
         scale = min(width / picture.width, height / picture.height)
         picture.width, picture.height = Emu(int(picture.width * scale)), Emu(int(picture.height * scale))
         picture.left = Emu(left + (width - picture.width) // 2)
-        text(slide, f"{report.title}. {report.notice}".strip(), 6.95, 0.4, 11)
+        picture.name = figure.title
+        below(slide, f"{report.title}. {report.notice}".strip(), 6.95, 0.4, 11)
     stream = io.BytesIO()
     deck.save(stream)
     return stream.getvalue()

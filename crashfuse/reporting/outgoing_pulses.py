@@ -78,8 +78,8 @@ class PulseExport:
         if self.draws < 0:
             raise UsageError(f"The number of draws is 0 or more, not {self.draws}.")
 
-    def files(self, campaign: Campaign, estimates: Sequence[Estimate]) -> PulseFiles:
-        """The files of each format that is asked for.
+    def files(self, campaign: Campaign, estimates: Sequence[Estimate], remarks: Sequence[str] = ()) -> PulseFiles:
+        """The files of each format that is asked for; each states these remarks, besides its own.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class PulseExport:
             campaign.notice,
         )
         for pulse in outgoing(estimates, self.draws, self.seed):
-            comments = (*pulse.comments, *filter(None, origin))
+            comments = (*pulse.comments, *remarks, *filter(None, origin))
             for name, files in written.items():
                 if name == "isomme":
                     files |= isomme_pulse(

@@ -21,8 +21,10 @@ _HELP = (
 _LABELS: dict[PulseFormat, str] = {"isomme": "ISO-MME", **{name: own.label for name, own in SOLVERS.items()}}  # type: ignore[dict-item]
 
 
-def offer_pulses(campaign: Campaign, estimates: Sequence[Estimate], recommended: str, seed: int) -> None:
-    """Ask which pulses go out and how, in a collapsed section with a download button."""
+def offer_pulses(
+    campaign: Campaign, estimates: Sequence[Estimate], recommended: str, seed: int, remarks: Sequence[str] = ()
+) -> None:
+    """Ask which pulses go out and how, in a collapsed section with a download button; remarks go into the files."""
     with st.expander("Pulse for an occupant model", icon=":material/airline_seat_recline_normal:"):
         st.markdown("The expected pulse, and whole draws from its band: an include file each, or an ISO-MME test each.")
         form: PulseFormat = st.segmented_control(
@@ -50,7 +52,7 @@ def offer_pulses(campaign: Campaign, estimates: Sequence[Estimate], recommended:
         except UsageError as error:
             st.warning(str(error), icon=":material/warning:")
             return
-        download_bytes(f"{approach}-{form}.zip", lambda: zipped(export.files(campaign, [estimate])[form]))
+        download_bytes(f"{approach}-{form}.zip", lambda: zipped(export.files(campaign, [estimate], remarks)[form]))
 
 
 def _location() -> str:
@@ -76,6 +78,7 @@ def _curve() -> Curve:
         "Curve id", 1, 99_999_999, 1, key="export id", persist_state="session",
         help="The same in every file: another pulse is another include.",
     )  # fmt: skip
+    left, middle, _ = st.columns(3)
     start_ms = left.number_input(
         "Contact at (ms)", 0.0, 10_000.0, 0.0, step=1.0, format="%.2f", key="export start", persist_state="session",
         help="In the time of the occupant model; before it the curve is zero.",

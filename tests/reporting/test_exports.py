@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from markupsafe import Markup
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.condition import Condition
-from crashfuse.reporting.exports import parquet_bytes
+from crashfuse.reporting.exports import parquet_bytes, spreadsheet_text
 from crashfuse.reporting.result_tables import pulses_table
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.estimate import Estimate
@@ -31,3 +32,32 @@ def test_parquet_keeps_every_digit_and_every_empty_cell() -> None:
     assert all(pa.types.is_dictionary(arrow.schema.field(name).type) for name in ("held_out", "approach"))
     assert arrow.column("lower_g").null_count == GRID_S.size
     assert pq.ParquetFile(io.BytesIO(content)).metadata.row_group(0).column(2).compression == "ZSTD"
+
+
+def test_a_table_goes_into_a_spreadsheet_with_a_number_in_each_cell() -> None:
+    """Intervals and grades become columns of their own, the minus of print that of numbers, a dash an empty cell."""
+    table = pd.DataFrame(
+        {
+            "Metric": ["Peak\n(g)", "OLC (g)", "Δ (%)"],
+            "CAE": ["41.2 [34.1, 47.8]", "–", "−5.0"],
+            "Fused": ["0.912 Good", "0.950 Excellent", "–"],
+            "Best": [Markup("<b>0.912</b>"), "0.5", None],
+        },
+        dtype=object,
+    )
+    again = pd.read_csv(io.StringIO(spreadsheet_text(table)), sep="\t")
+    assert list(again) == ["Metric", "CAE", "CAE lower", "CAE upper", "Fused", "Fused grade", "Best"]
+    assert again["Metric"].tolist() == ["Peak (g)", "OLC (g)", "Δ (%)"]
+    np.testing.assert_array_equal(again[["CAE", "CAE lower", "CAE upper"]].iloc[0], [41.2, 34.1, 47.8])
+    np.testing.assert_array_equal(again["CAE"], [41.2, np.nan, -5.0])
+    np.testing.assert_array_equal(again["Fused"], [0.912, 0.95, np.nan])
+    assert again["Fused grade"].tolist()[:2] == ["Good", "Excellent"]
+    np.testing.assert_array_equal(again["Best"], [0.912, 0.5, np.nan])
+
+
+def test_no_cell_of_a_copied_table_is_a_formula() -> None:
+    """Text that a spreadsheet would run stays text; numbers with a sign stay numbers."""
+    cells = ["=HYPERLINK(1)", "+cmd|' /C calc'!A0", "-1+cmd|x", "@SUM(1)", "-5", "+0.012", "+0.01 ± 0.02", "-1.5e-3"]
+    first, *rest = spreadsheet_text(pd.DataFrame({"=x": cells})).split("\n")
+    assert first == "'=x"
+    assert rest == [f"'{cell}" for cell in cells[:4]] + cells[4:]
