@@ -18,7 +18,7 @@ _HELP = (
     "Whole pulses drawn from the band, all equally likely: run the occupant model with each to see how much of the "
     "band reaches the occupant. The edges of the band are no pulses and do not go out."
 )
-_LABELS: dict[PulseFormat, str] = {"isomme": "ISO-MME", **{name: own.label for name, own in SOLVERS.items()}}  # type: ignore[dict-item]
+_LABELS = {name: SOLVERS[name].label if name in SOLVERS else "ISO-MME" for name in PULSE_FORMATS}
 
 
 def offer_pulses(

@@ -97,7 +97,7 @@ def test_figures_become_files_in_every_format() -> None:
 
 @pytest.mark.slow
 def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All that a figure, or a service of the browser itself, would fetch goes to a proxy that is not there; here it is."""
+    """What a figure, or the browser itself, would fetch goes to a proxy that is not there, but for this test."""
     asked: list[str] = []
 
     class Proxy(BaseHTTPRequestHandler):
@@ -133,6 +133,6 @@ def test_what_a_format_needs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_browser", lambda: None)
     with pytest.raises(UsageError, match="Chrome, Chromium or Edge, and none was found"):
         figure_files(report, ("svg",))
-    monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None if name == "pptx" else object())
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "pptx" else object())
     with pytest.raises(UsageError, match=re.escape('python -m pip install "crashfuse[pptx]"')):
         figure_files(report, ("pptx",))
