@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser, default: str) -> None:
 def pulse_export(arguments: argparse.Namespace, *default: str) -> "PulseExport":
     """What the options ask for; the formats are the default ones if no other are named."""
     from crashfuse.reporting.outgoing_pulses import PulseExport
-    from crashfuse.reporting.solver_curves import SOLVERS, Curve
+    from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve
     from crashfuse.units import MS
 
     formats = tuple(dict.fromkeys(arguments.export or default))
@@ -50,7 +50,7 @@ def pulse_export(arguments: argparse.Namespace, *default: str) -> "PulseExport":
         names = {"start_ms": "start_s", "curve_id": "number"}
         if "start_ms" in given:
             given["start_ms"] *= MS
-        curve = Curve(**{names.get(name, name): value for name, value in given.items()})
+        curve = SolverCurve(**{names.get(name, name): value for name, value in given.items()})
     elif given:
         flag = f"--{next(iter(given)).replace('_', '-')}"
         raise UsageError(f"{flag} is about curves of a solver; add --export lsdyna or --export radioss.")

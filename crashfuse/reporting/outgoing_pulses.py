@@ -16,7 +16,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.reporting.isomme_prediction import isomme_pulse
-from crashfuse.reporting.solver_curves import SOLVERS, Curve, solver_include
+from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve, solver_include
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate
 from crashfuse.units import MPH, MS, G
@@ -50,7 +50,7 @@ class PulseExport:
         Decides which draws; they are equally likely.
     location : str
         The first 12 characters of the ISO-MME channel codes: test object, position, main and fine locations.
-    curve : Curve, optional
+    curve : SolverCurve, optional
         Units, sign, start, scale and id of a solver's curve; needed for the solvers' formats.
 
     Raises
@@ -63,7 +63,7 @@ class PulseExport:
     draws: int = 0
     seed: int = 0
     location: str = LOCATION
-    curve: Curve | None = None
+    curve: SolverCurve | None = None
 
     def __post_init__(self) -> None:
         if unknown := [name for name in self.formats if name not in PULSE_FORMATS]:

@@ -53,7 +53,7 @@ UNIT_SYSTEMS: Mapping[str, UnitSystem] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class SolverCurve:
     """How a pulse becomes a curve.
 
     Parameters
@@ -121,7 +121,9 @@ class Solver:
     include: Callable[[int, str, Sequence[str], FloatArray], Iterable[str]]
 
 
-def solver_include(solver: str, title: str, comments: Sequence[str], accel_mps2: FloatArray, curve: Curve) -> bytes:
+def solver_include(
+    solver: str, title: str, comments: Sequence[str], accel_mps2: FloatArray, curve: SolverCurve
+) -> bytes:
     """An include file for a solver of :data:`SOLVERS` that holds one pulse, in m/s², as a curve."""
     said = [line for text in (*comments, *curve.comments()) for line in wrap(_plain(text), _WIDTH)]
     lines = SOLVERS[solver].include(curve.number, _plain(title)[:_WIDTH], said, curve.points(accel_mps2))

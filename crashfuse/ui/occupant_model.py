@@ -9,7 +9,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
-from crashfuse.reporting.solver_curves import SOLVERS, UNIT_SYSTEMS, Curve
+from crashfuse.reporting.solver_curves import SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.downloads import download_bytes, zipped
 from crashfuse.units import MS
@@ -42,7 +42,7 @@ def offer_pulses(
         draws = 0
         if drawn is not None:
             draws = right.number_input(
-                "Draws", 0, len(drawn), 0, key="export draws", persist_state="session", help=_HELP
+                "Draws", 0, len(drawn), 0, key=f"export draws of {len(drawn)}", persist_state="session", help=_HELP
             )
         try:
             if form == "isomme":
@@ -63,7 +63,7 @@ def _location() -> str:
     ).upper()  # fmt: skip
 
 
-def _curve() -> Curve:
+def _curve() -> SolverCurve:
     """The curve's settings, all of which the file states, too."""
     left, middle, right = st.columns(3)
     system = left.selectbox(
@@ -75,7 +75,7 @@ def _curve() -> Curve:
         persist_state="session",
     )  # fmt: skip
     number = right.number_input(
-        "Curve id", 1, 99_999_999, 1, key="export id", persist_state="session",
+        "SolverCurve id", 1, 99_999_999, 1, key="export id", persist_state="session",
         help="The same in every file: another pulse is another include.",
     )  # fmt: skip
     left, middle, _ = st.columns(3)
@@ -89,4 +89,4 @@ def _curve() -> Curve:
     )  # fmt: skip
     units = UNIT_SYSTEMS[system]
     st.caption(f"Time in {units.time}, acceleration in {units.acceleration}.")
-    return Curve(system, sign, start_ms * MS, scale, number)
+    return SolverCurve(system, sign, start_ms * MS, scale, number)

@@ -14,7 +14,16 @@ import pytest
 
 from crashfuse.errors import CrashfuseError, DataError, UsageError
 from crashfuse.reporting import figure_files as module
-from crashfuse.reporting.figure_files import FiguresOfReport, ReportFigure, figure_files, figures_of, read_figures
+from crashfuse.reporting.figure_files import (
+    FiguresOfReport,
+    ReportFigure,
+    figure_files,
+    figures_of,
+    missing_for,
+    read_figures,
+)
+
+needs_browser = pytest.mark.skipif(bool(missing_for(("pptx",))), reason=missing_for(("pptx",)))
 
 
 def drawn(name: str, height: int) -> go.Figure:
@@ -71,10 +80,12 @@ def test_a_report_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
         read_figures(tmp_path / "report.html")
 
 
+@needs_browser
 @pytest.mark.slow
 def test_figures_become_files_in_every_format() -> None:
     """SVG with its size and its words, PNG at twice the size, and slides that python-pptx reads."""
-    pptx = pytest.importorskip("pptx")
+    import pptx
+
     files = figure_files(figures_of(REPORT), ("svg", "png", "pptx"))
     names = ["01-result", "02-result-by-test", "03-limits"]
     assert set(files) == {f"{name}.{kind}" for name in names for kind in ("svg", "png")} | {"figures.pptx"}
@@ -95,6 +106,7 @@ def test_figures_become_files_in_every_format() -> None:
     assert next(shape for shape in slides[2].shapes if hasattr(shape, "image")).image.blob == png
 
 
+@needs_browser
 @pytest.mark.slow
 def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a figure, or the browser itself, would fetch goes to a proxy that is not there, but for this test."""

@@ -18,7 +18,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.readers.isomme import read_isomme
 from crashfuse.reporting.outgoing_pulses import PulseExport, PulseFormat, outgoing
-from crashfuse.reporting.solver_curves import UNIT_SYSTEMS, Curve
+from crashfuse.reporting.solver_curves import UNIT_SYSTEMS, SolverCurve
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.study.estimate import Estimate
 from tests.conftest import OTHER_READERS, needs_other_readers
@@ -27,7 +27,7 @@ SPEED_MPS, T0_S, N_DRAWS = 15.0, 0.06, 40
 CONDITION = Condition(SPEED_MPS, 950.0, 700.5)
 PULSE = np.where(GRID_S <= T0_S, -SPEED_MPS / T0_S, 0.0)
 SHIFTS = np.linspace(-30, 30, N_DRAWS)
-ANY = Curve("m-s-kg")
+ANY = SolverCurve("m-s-kg")
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def asked_of(reader: str, program: str, *paths: Path) -> Any:
 )
 def test_a_curve_is_in_the_units_of_the_model(system: str, time: float, accel: float) -> None:
     """Time in ms or s; 1 m/s² is 0.001 mm/ms² or 1000 mm/s²; two zeros follow the pulse, half a step on and on."""
-    points = Curve(system).points(PULSE)
+    points = SolverCurve(system).points(PULSE)
     np.testing.assert_allclose(points[:-2, 0], GRID_S * time, rtol=1e-12)
     np.testing.assert_allclose(points[:-2, 1], PULSE * accel, rtol=1e-12)
     np.testing.assert_array_equal(points[-2:, 1], 0.0)
@@ -89,7 +89,7 @@ def test_a_curve_is_in_the_units_of_the_model(system: str, time: float, accel: f
 @pytest.mark.parametrize("start_s", [0.0, 0.01, 0.00997, 0.00003, 1.0])
 def test_a_curve_that_starts_later_is_zero_until_then_in_even_steps(start_s: float) -> None:
     """From time zero, or within a step of it: LS-DYNA samples curves anew in even steps, as many as LCINT says."""
-    points = Curve("m-s-kg", start_s=start_s).points(PULSE)
+    points = SolverCurve("m-s-kg", start_s=start_s).points(PULSE)
     np.testing.assert_allclose(np.diff(points[:, 0]), DT_S, rtol=1e-6)
     assert 0 <= points[0, 0] < DT_S
     contact = np.flatnonzero(points[:, 1])[0]
@@ -99,7 +99,7 @@ def test_a_curve_that_starts_later_is_zero_until_then_in_even_steps(start_s: flo
 
 def test_sign_and_scale_of_a_curve_are_chosen() -> None:
     """Braking positive, in g with the scale that makes it so."""
-    points = Curve("m-s-kg", deceleration_sign="positive", scale=1 / 9.80665).points(PULSE)
+    points = SolverCurve("m-s-kg", deceleration_sign="positive", scale=1 / 9.80665).points(PULSE)
     assert points[0, 1] == pytest.approx(SPEED_MPS / T0_S / 9.80665)
 
 
@@ -117,7 +117,7 @@ def test_sign_and_scale_of_a_curve_are_chosen() -> None:
 def test_a_curve_that_makes_no_sense_is_refused(wrong: dict[str, Any], sentence: str) -> None:
     """In one sentence."""
     with pytest.raises(UsageError, match=sentence):
-        Curve(**{"unit_system": "m-s-kg", **wrong})
+        SolverCurve(**{"unit_system": "m-s-kg", **wrong})
 
 
 def test_whole_draws_go_out_and_no_edges_of_the_band(estimates: list[Estimate]) -> None:
@@ -162,7 +162,7 @@ def test_an_include_holds_one_curve_in_columns_of_twenty(
     campaign: Campaign, estimates: list[Estimate], tmp_path: Path, kind: PulseFormat, suffix: str
 ) -> None:
     """Every file has the same id, so that another pulse is another file; the numbers are exact to 12 digits."""
-    curve = Curve("mm-s-t", start_s=0.01, number=4711)
+    curve = SolverCurve("mm-s-t", start_s=0.01, number=4711)
     folder = written(campaign, estimates, tmp_path, PulseExport((kind,), draws=2, curve=curve)) / kind
     assert len(list(folder.iterdir())) == 4
     for pulse in outgoing(estimates, 2, 0):
@@ -175,7 +175,7 @@ def test_an_include_holds_one_curve_in_columns_of_twenty(
 def test_the_includes_say_what_they_hold(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
     """Origin, condition, notes, units, sign; a line break in a name writes no keyword."""
     named = replace(campaign, name="Tiny\n*INCLUDE\n/etc/passwd ü", channel_filter_class=60.0)
-    curve = Curve("mm-ms-kg", deceleration_sign="positive", start_s=0.02, scale=1.5)
+    curve = SolverCurve("mm-ms-kg", deceleration_sign="positive", start_s=0.02, scale=1.5)
     folder = written(named, estimates, tmp_path, PulseExport(("lsdyna", "radioss"), curve=curve))
     for path, mark in ((folder / "lsdyna/fused_expected.k", "$ "), (folder / "radioss/fused_expected.inc", "# ")):
         lines = path.read_text(encoding="ascii").splitlines()
@@ -254,7 +254,7 @@ def test_the_iso_mme_files_say_that_nothing_was_measured(
 @pytest.mark.slow
 def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
     """The keyword reader of LS-DYNA's vendor finds one curve, its id and LCINT, and every point."""
-    curve = Curve("mm-ms-kg", start_s=0.005, number=77)
+    curve = SolverCurve("mm-ms-kg", start_s=0.005, number=77)
     path = written(campaign, estimates, tmp_path, PulseExport(("lsdyna",), curve=curve)) / "lsdyna/fused_expected.k"
     reader = "from ansys.dyna.core import Deck\ndeck = Deck()\ndeck.loads(open(sys.argv[1]).read())"
     program = "[(k.get_title(), k.lcid, k.lcint, k.sfa, k.sfo, k.curves.values.tolist()) for k in deck.keywords]"
