@@ -122,4 +122,6 @@ with st.container(horizontal=True):
     download_table("metrics.csv", lambda: study_metrics(study))
     if whole:
         download_report(lambda: study_report(study))
-offer_pulses(rest, fold.estimates, advice.approach, config.seed, [f"Test {test.id}, at this condition, was left out."])
+if whole:
+    remark = f"Test {test.id}, at this condition, was left out."
+    offer_pulses(rest, fold.estimates, advice.approach, config.seed, [remark])

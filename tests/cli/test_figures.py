@@ -12,9 +12,8 @@ from crashfuse.reporting import figure_files
 @pytest.fixture
 def report(tmp_path: Path) -> Path:
     """A report with one figure."""
-    figure = go.Figure(go.Scatter(x=[0, 1], y=[0, 1])).to_html(
-        full_html=False, include_plotlyjs=False, div_id="figure-1"
-    )
+    figure = go.Figure(go.Scatter(x=[0, 1], y=[0, 1]))
+    drawn = figure.to_html(full_html=False, include_plotlyjs=False, div_id="figure-1")
     path = tmp_path / "report.html"
     path.write_text(f"<h1>Tiny</h1><h2>Result</h2>{drawn}", encoding="utf-8")
     return path

@@ -326,7 +326,10 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert "Made for a test." in words(app)
     assert "Fitted to 300 points of a bias of 7.2 g RMS" in words(app)
     assert fit["Known to a factor of"].tolist() == ["1.50"]
-    assert downloads(app) == ["scores.csv", "pulses.csv", "metrics.csv", "report.html", "report.pptx"]
+    assert downloads(app) == [
+        *("scores.csv", "pulses.csv", "metrics.csv", "report.html", "report.pptx"),
+        "fused-lsdyna.zip",
+    ]
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -351,6 +354,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     while job.first is None:
         assert job.active
     app.run()
+    assert not app.exception
     assert [metric.label for metric in app.metric] == ["CAE", "Displacement domain"]
     assert "LF TCN, Time domain, Fused: still training" in words(app)
     assert "Training LF TCN: 3 of 10" in words(app)
