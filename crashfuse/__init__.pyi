@@ -8,12 +8,14 @@ from .importing.rated_channels import rate_channels as rate_channels
 from .importing.rated_files import RatingChoices as RatingChoices
 from .importing.rated_files import rate_files as rate_files
 from .importing.rated_files import rate_pairs as rate_pairs
+from .reporting.outgoing_pulses import PulseExport as PulseExport
 from .reporting.report import prediction_report as prediction_report
 from .reporting.report import study_report as study_report
 from .reporting.results import write_certification as write_certification
 from .reporting.results import write_learning_curve as write_learning_curve
 from .reporting.results import write_prediction as write_prediction
 from .reporting.results import write_study as write_study
+from .reporting.solver_curves import SolverCurve as SolverCurve
 from .reporting.verdicts import Verdicts as Verdicts
 from .reporting.verdicts import certify as certify
 from .signals.energy import energy_crush as energy_crush

@@ -14,7 +14,9 @@ from crashfuse.ui.compare import displacement, networks
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import choose, show_cached_figure
+from crashfuse.ui.occupant_model import offer_pulses
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
+from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 CORRIDORS_HELP = (
@@ -104,7 +106,7 @@ networks.show(view, fold, key)
 displacement.show(view, config, predictions, key)
 
 st.subheader("Rating by approach and window", help=f"By {campaign.rating_basis}.")
-st.table(page_tables.ratings(fold.ratings, window_ms, repeats), border="horizontal")
+show_table(page_tables.ratings(fold.ratings, window_ms, repeats), "ratings")
 
 columns = [
     ("Test", campaign.metrics_of(test)),
@@ -120,3 +122,6 @@ with st.container(horizontal=True):
     download_table("metrics.csv", lambda: study_metrics(study))
     if whole:
         download_report(lambda: study_report(study))
+if whole:
+    remark = f"Test {test.id}, at this condition, was left out."
+    offer_pulses(rest, fold.estimates, advice.approach, config.seed, [remark])

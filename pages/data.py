@@ -13,6 +13,7 @@ from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import running
 from crashfuse.ui.navigation import pages
 from crashfuse.ui.opening import show_open_forms
+from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 from crashfuse.units import MPH
 
@@ -86,7 +87,7 @@ def show_conditions(view: frame.View) -> None:
     st.markdown(
         f"**The tests, and how the CAE model rates against each before any correction** ({campaign.rating_basis})"
     )
-    st.table(page_tables.conditions(campaign), border="horizontal")
+    show_table(page_tables.conditions(campaign), "conditions")
 
 
 def show_library(view: frame.View) -> None:

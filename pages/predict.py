@@ -5,7 +5,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.exports import isomme_prediction, parquet_bytes
+from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.plots.displacement import energy_over_crush, over_displacement
 from crashfuse.reporting.plots.pulses import motion
 from crashfuse.reporting.report import prediction_report
@@ -14,8 +14,9 @@ from crashfuse.study.nearest import nearest_sentences
 from crashfuse.study.recommendation import recommend_for
 from crashfuse.ui import explanations, frame
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
-from crashfuse.ui.downloads import download_bytes, download_report, download_table, zipped
+from crashfuse.ui.downloads import download_bytes, download_report, download_table
 from crashfuse.ui.figures import choose, show_cached_figure
+from crashfuse.ui.occupant_model import offer_pulses
 from crashfuse.ui.panel import result_of
 from crashfuse.ui.predict.condition import choose_condition
 from crashfuse.ui.predict.planning import show_next_test, show_over_speed
@@ -39,7 +40,8 @@ estimates = answers(request.key, condition, fitted)
 predictions = {estimate.approach: estimate.prediction for estimate in estimates}
 
 warnings = campaign.cae.extrapolation(condition)
-said = recommend_for(estimates, campaign, condition, view.display.window_ms).sentences
+advice = recommend_for(estimates, campaign, condition, view.display.window_ms)
+said = advice.sentences
 explanations.show_recommendation([sentence for sentence in said if sentence not in warnings])
 st.caption("  \n".join(nearest_sentences(campaign, condition)))
 explanations.show_settings(config)
@@ -71,8 +73,8 @@ with st.container(horizontal=True):
         "metrics.csv", lambda: metrics_table((("", each.approach, each.metrics) for each in estimates), campaign)
     )
     download_bytes("pulses.parquet", lambda: parquet_bytes(pulses()))
-    download_bytes("isomme.zip", lambda: zipped(isomme_prediction(campaign, estimates)))
     download_report(lambda: prediction_report(campaign, estimates, config))
+offer_pulses(campaign, estimates, advice.approach, config.seed)
 explanations.show_notes(estimates, (*said, *warnings))
 explanations.show_fits(estimates)
 

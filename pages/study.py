@@ -21,6 +21,7 @@ from crashfuse.ui.figures import choose, show_clickable, show_figure
 from crashfuse.ui.learning_curve import show_learning_curve
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
+from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 view = frame.enter_with_campaign("Study")
@@ -59,7 +60,7 @@ def open_test(test_id: str, study: Study) -> None:
 
 def show_ratings(study: Study, way: str) -> None:
     """Show mean ratings by window, and every test by approach."""
-    st.table(page_tables.mean_ratings(study), border="horizontal")
+    show_table(page_tables.mean_ratings(study), f"means {way}")
     overall = {
         fold.held_out: {name: by_window[view.display.window_ms].overall for name, by_window in fold.ratings.items()}
         for fold in study.folds
@@ -101,7 +102,7 @@ if study.coverage:
         "single pulse has oscillations of its own, so it rates lower. Grey: where a repeat of the test would rate."
     )
     st.subheader("What the 95 % band is worth", help=glossary.TTZV)
-    st.table(coverage_table(study.coverage).style.hide(axis="index"), border="horizontal")
+    show_table(coverage_table(study.coverage), "coverage")
     st.caption(
         "Share of the left-out tests inside the band, up to the time of zero velocity (TTZV) and after it. With "
         f"{len(study.folds)} tests no more can be promised than these counts."

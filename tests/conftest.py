@@ -25,6 +25,14 @@ needs_shared = pytest.mark.skipif(
 )
 """Skips a test that reads from there, and says so. Where the folder is there, a file that it lacks is an error."""
 
+OTHER_READERS = Path(os.environ.get("CRASHFUSE_READERS", ROOT.parent / "other-readers"))
+"""Programs of others that read what we write: tests/other_readers.txt says which, and how they get there."""
+
+needs_other_readers = pytest.mark.skipif(
+    not OTHER_READERS.is_dir(), reason=f"needs the programs of tests/other_readers.txt in {OTHER_READERS}"
+)
+"""Skips a test that uses them, and says so."""
+
 N_RUNS = 24
 TEST_SPEEDS_MPH = (15.0, 25.0, 26.0, 35.0)
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from crashfuse.cli import certification, data, imports, learning, models, ratings, studies
+from crashfuse.cli import certification, data, figures, imports, learning, models, outgoing, ratings, studies
 from crashfuse.version import __version__
 
 T = TypeVar("T")
@@ -104,6 +104,7 @@ def parser() -> argparse.ArgumentParser:
     for flag in _AXES:
         predict.add_argument(flag, type=float, required=True, metavar=flag[2].upper())
     _add_prediction_options(predict)
+    outgoing.add_options(predict, default="isomme")
 
     train = command("train", models.train, "learn from all tests and CAE runs and save the models")
     train.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the models")
@@ -116,6 +117,7 @@ def parser() -> argparse.ArgumentParser:
     for flag in _AXES[1:]:
         sweep.add_argument(flag, type=float, required=True, metavar=flag[2].upper())
     _add_prediction_options(sweep)
+    outgoing.add_options(sweep, default="none")
 
     next_test = command("next-test", models.next_test, "rank tests to run next by how much each would narrow the band")
     for flag in _AXES:
@@ -127,6 +129,7 @@ def parser() -> argparse.ArgumentParser:
     next_test.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     next_test.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
 
+    figures.add_options(commands.add_parser("figures", help="write the figures of a report as SVG, PNG or slides"))
     ratings.add_options(commands.add_parser("rate", help="rate pulses against each other by ISO/TS 18571"))
     return root
 

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from crashfuse.cli.output import replacing, require_output, say_written
+from crashfuse.cli.outgoing import pulse_export
+from crashfuse.cli.output import replacing, require_output, say_written, writing
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
@@ -45,13 +46,14 @@ def predict(arguments: argparse.Namespace) -> None:
     from crashfuse.study.recommendation import recommend_for
 
     _require_positive(arguments, "speed_mph", "front_weight_lb", "rear_weight_lb")
+    export = pulse_export(arguments, "isomme")
     require_output(arguments.out, arguments.campaign, "prediction")
     campaign = load_campaign(arguments.campaign)
     condition = _condition(arguments, campaign, arguments.speed_mph)
     fits = _fits(arguments, campaign)
     estimates = estimates_at(fits, condition)
     with replacing(arguments.out, "prediction"):
-        metrics = write_prediction(campaign, estimates, fits[0].config, arguments.out)
+        metrics = write_prediction(campaign, estimates, fits[0].config, arguments.out, export)
     shown = metrics[metrics["metric"].isin(MAIN_METRICS)].drop(columns=["held_out", "basis"])
     print(shown.to_string(index=False, na_rep="", float_format="{:.4g}".format))
     advice = recommend_for(estimates, campaign, condition).sentences
@@ -68,11 +70,12 @@ def sweep(arguments: argparse.Namespace) -> None:
 
     from crashfuse.campaign_folder.folder import load_campaign
     from crashfuse.cli.progress_bar import watching
-    from crashfuse.reporting.results import write_sweep
+    from crashfuse.reporting.results import write_pulses, write_sweep
     from crashfuse.study.sweep import sweep_speed, usual_speeds, weights_sentence
     from crashfuse.units import MPH
 
     _require_positive(arguments, "front_weight_lb", "rear_weight_lb")
+    export = pulse_export(arguments)
     require_output(arguments.out, arguments.campaign, "sweep")
     campaign = load_campaign(arguments.campaign)
     speeds = usual_speeds(campaign)
@@ -83,9 +86,12 @@ def sweep(arguments: argparse.Namespace) -> None:
         speeds = np.unique([low, *np.arange(np.ceil(low), np.floor(high) + 1), high]) * MPH
     condition = _condition(arguments, campaign, speeds[0] / MPH)
     fits = _fits(arguments, campaign)
-    with watching() as watch:
-        sweeps = sweep_speed(fits, condition, speeds, watch)
-    write_sweep(campaign, sweeps, fits[0].config, arguments.out)
+    with replacing(arguments.out, "sweep"), writing(arguments.out, last="sweep.csv") as folder:
+        with watching() as watch:
+            sweeps = sweep_speed(
+                fits, condition, speeds, watch, each=lambda found: write_pulses(campaign, found, folder, export)
+            )
+        write_sweep(campaign, sweeps, fits[0].config, folder)
     print(f"{len(speeds)} speeds from {speeds[0] / MPH:.1f} to {speeds[-1] / MPH:.1f} mph.")
     print(weights_sentence(condition, campaign.tests))
     say_written(arguments.out, "sweep")

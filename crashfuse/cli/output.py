@@ -7,7 +7,7 @@ another kind are never touched: the command refuses their folder.
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from crashfuse.errors import CrashfuseError, UsageError
@@ -47,6 +47,9 @@ def replacing(out: Path, kind: str) -> Iterator[None]:
     for path, stamp in stamps.items():
         if path.exists() and (path.stat().st_ino, path.stat().st_mtime_ns) == (stamp.st_ino, stamp.st_mtime_ns):
             path.unlink()
+    for folder in sorted((path for path in places if path.is_dir()), reverse=True):  # the inner ones first
+        with suppress(OSError):  # it still holds something
+            folder.rmdir()
 
 
 @contextmanager

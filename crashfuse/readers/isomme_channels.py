@@ -30,6 +30,8 @@ class Channel:
         Time of the first sample; None if the file does not give it.
     source : str
         Origin of the signal: ``transducer``, ``calculation``, ``camera``, ``simulation`` or ``parameter``.
+    filter_class : str
+        The channel filter class as a number (``60``); empty if unknown.
     """
 
     code: str
@@ -40,6 +42,7 @@ class Channel:
     start_s: float | None = 0.0
     comments: tuple[str, ...] = ()
     source: str = ""
+    filter_class: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,25 +1,12 @@
-"""Predicted pulses in formats for other programs: Parquet, and ISO-MME for an occupant model."""
+"""Tables in formats for other programs: Parquet files, and text that a spreadsheet takes from the clipboard."""
 
 import io
-from collections.abc import Sequence
+import re
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-
-from crashfuse.approaches.registry import LABELS
-from crashfuse.campaign import Campaign
-from crashfuse.errors import UsageError
-from crashfuse.readers.isomme_channels import Channel, IsommeTest
-from crashfuse.reporting.isomme_writer import isomme_files
-from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
-from crashfuse.study.estimate import Estimate
-from crashfuse.version import __version__
-
-_FILTER_LETTERS = {1000.0: "A", 600.0: "B", 180.0: "C", 60.0: "D"}
-_SPECIAL = "S"  # ISO-MME code, explained in the channel's header
-_BOUNDS = (("lower", "01"), ("upper", "02"))
+from markupsafe import Markup
 
 
 def parquet_bytes(table: pd.DataFrame) -> bytes:
@@ -33,95 +20,38 @@ def parquet_bytes(table: pd.DataFrame) -> bytes:
     return stream.getvalue()
 
 
-def isomme_prediction(campaign: Campaign, estimates: Sequence[Estimate], name: str = "prediction") -> dict[str, bytes]:
-    """The prediction at one condition as an ISO-MME test, whose header states that it is not a measurement.
+_INTERVAL = re.compile(r"(?P<value>\S+) \[(?P<lower>\S+), (?P<upper>\S+)\]")
+_GRADED = re.compile(r"(?P<value>[\d.]+) (?P<grade>[A-Z][a-z]+)")
+_NUMBER = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?( ± [\d.]+)?")
 
-    Holds the vehicle's X channels of each approach: acceleration (``AC``), bounds of its central 95 % interval if it
-    has any, and velocity (``VA``) and displacement (``DV``) integrated from the acceleration. In a code such as
-    ``10VEHC000201ACXD`` the second fine location numbers the approaches in order, the third is 00 for the pulse,
-    01 for the lower and 02 for the upper bound; the channel's name and comments say so too. The filter class is that
-    of the campaign's records (D: CFC 60), or S if they were used as they are. Codes: ISO/TS 13499, see
-    :mod:`crashfuse.readers.isomme`.
 
-    Returns
-    -------
-    dict of str to bytes
-        Content by relative path, below a folder with the test's name.
+def spreadsheet_text(table: pd.DataFrame) -> str:
+    """Return a table for readers as lines with tabs between cells, which a spreadsheet takes from the clipboard.
 
-    Raises
-    ------
-    UsageError
-        If there is no estimate, or they are at different conditions.
+    A cell holds one number or one text: a value with an interval in brackets, or with its grade, becomes columns of its
+    own. A text that a spreadsheet would take for a formula stays a text.
     """
-    conditions = {estimate.prediction.condition for estimate in estimates}
-    if len(conditions) != 1:
-        raise UsageError(f"An ISO-MME test has one condition, not {len(conditions)}.")
-    condition = conditions.pop()
-    descriptors = [
-        ("Data format edition number", "1.6"),
-        ("Laboratory name", f"none: predicted by crashfuse {__version__}"),
-        ("Laboratory test ref. number", name),
-        ("Customer name", ""),
-        ("Title", f"Prediction for {campaign.name}"),
-        ("Medium No./number of media", "1/1"),
-        ("Timestamp", ""),
-        ("Type of the test", "Full frontal barrier"),
-        ("Subtype of the test", "Prediction, no vehicle was crashed"),
-        ("Regulation", ""),
-        ("Date of the test", ""),
-        (
-            "Comments",
-            f"Predicted by crashfuse {__version__} from the campaign {campaign.name}, its CAE runs and tests.",
-        ),
-        ("Comments", campaign.notice),
-        ("Comments", "SHA-256 of the campaign, in two parts:"),
-        ("Comments", campaign.fingerprint[:32]),
-        ("Comments", campaign.fingerprint[32:]),
-        ("Comments", f"Approaches: {', '.join(estimate.approach for estimate in estimates)}."),
-        ("Comments", f"Condition: {condition}."),
-        ("Number of test objects", "1"),
-        ("Name of test object 1", campaign.name),
-        ("Velocity test object 1", f"{condition.speed_mps:.6g}"),
-        ("Mass test object 1", f"{condition.mass_kg:.6g}"),
-        ("Driver position object 1", ""),
-        ("Impact side test object 1", "FR"),
-        ("Type of test object 1", ""),
-        (".Front weight test object 1", f"{condition.front_weight_kg:.6g}"),
-        (".Rear weight test object 1", f"{condition.rear_weight_kg:.6g}"),
-    ]
-    channels = [
-        channel for number, one in enumerate(estimates, start=1) for channel in _channels(number, one, campaign)
-    ]
-    kept = [(key, value) for key, value in descriptors if value or key != "Comments"]
-    return isomme_files(IsommeTest(name, kept, tuple(channels)))
+    columns: list[list[str]] = []
+    for name, own in table.items():
+        cells = [" ".join(_plain(cell).split()) for cell in own]
+        for pattern in (_INTERVAL, _GRADED):
+            found = [pattern.fullmatch(cell) for cell in cells]
+            if any(found):
+                heads = [f"{name} {part}".replace(" value", "") for part in pattern.groupindex]
+                parts = [part.groups("") if part else (cell, "", "") for part, cell in zip(found, cells, strict=True)]
+                columns += [[head, *values] for head, values in zip(heads, zip(*parts, strict=False), strict=False)]
+                break
+        else:
+            columns.append([str(name), *cells])
+    return "\n".join("\t".join(map(_cell, row)) for row in zip(*columns, strict=True))
 
 
-def _channels(number: int, estimate: Estimate, campaign: Campaign) -> list[Channel]:
-    """The channels of the approach with this number in the list."""
-    prediction, label = estimate.prediction, LABELS[estimate.approach]
-    pulse = np.asarray(prediction.accel_mps2, dtype=np.float64)
-    motion = kinematics(pulse, prediction.condition.speed_mps, DT_S)
-    cfc = campaign.channel_filter_class
-    letter = _FILTER_LETTERS.get(cfc or 0.0, _SPECIAL)
-    records = "taken as they are" if cfc is None else f"filtered with CFC {cfc:g}"
-    comments = (
-        f"Predicted by the approach {estimate.approach}, not measured.",
-        f"From records {records}, and as band-limited as these.",
-        *prediction.notes,
-    )
+def _plain(cell: object) -> str:
+    if isinstance(cell, Markup):
+        return cell.striptags()
+    return "" if pd.isna(cell) else str(cell)
 
-    def channel(code: str, name: str, unit: str, values: FloatArray, comment: str = "") -> Channel:
-        whole_code = f"10VEHC00{number:02d}{code}X{letter}"
-        said = (comment, *comments) if comment else comments
-        return Channel(whole_code, f"{label}: {name}", unit, values, DT_S, comments=said, source="simulation")
 
-    bound = "bound of the central 95 % interval at each time by itself: not a pulse that may occur."
-    return [
-        channel("00AC", "acceleration X", "m/(s*s)", pulse),
-        *(
-            channel(f"{part}AC", f"{side} 95 % bound", "m/(s*s)", values, f"The {side} {bound}")
-            for (side, part), values in zip(_BOUNDS, prediction.band() or (), strict=False)
-        ),
-        channel("00VA", "velocity X", "m/s", motion.velocity_mps, "Integrated from the acceleration."),
-        channel("00DV", "displacement X", "m", motion.displacement_m, "Integrated from the velocity."),
-    ]
+def _cell(text: str) -> str:
+    text = "" if text == "–" else text.replace("−", "-")  # no value; the minus sign of print
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@") and not _NUMBER.fullmatch(text) else text

@@ -41,7 +41,7 @@ def _channel_header(channel: Channel) -> list[tuple[str, str]]:
         ("Location", channel.code),
         ("Dimension", channel.code[12:14]),
         ("Direction", channel.code[14:15]),
-        ("Channel frequency class", ""),
+        ("Channel frequency class", channel.filter_class),
         ("Unit", channel.unit),
         ("Reference system", ""),
         ("Transducer type", ""),

@@ -14,7 +14,8 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_tables import certification_table, track_record_table
-from crashfuse.reporting.exports import isomme_prediction, parquet_bytes
+from crashfuse.reporting.exports import parquet_bytes
+from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport, PulseFiles
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.report import (
     certification_report,
@@ -36,6 +37,7 @@ from crashfuse.study.plan import StudyPlan
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
 from crashfuse.study.sweep import Sweep, sweep_table
+from crashfuse.units import MPH
 
 Content = bytes | dict[str, bytes] | None
 """Of a file; of the files of a folder, by relative path; None if the result has no such file."""
@@ -87,26 +89,49 @@ def write_study(study: Study, folder: str | Path) -> None:
 
 
 def write_prediction(
-    campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig, folder: str | Path
+    campaign: Campaign,
+    estimates: Sequence[Estimate],
+    config: StudyConfig,
+    folder: str | Path,
+    export: PulseExport = PulseExport(),
 ) -> pd.DataFrame:
     """Write the prediction at one new condition; returns the metrics.
 
-    ``pulses.csv`` and ``.parquet``, ``metrics.csv``, ``report.html``, ``isomme/`` with the pulses as channels of an
-    ISO-MME test, and ``prediction.json`` with the condition, whether it lies outside the CAE runs, the expected
-    rating, and how the fits went.
+    ``pulses.csv`` and ``.parquet``, ``metrics.csv``, ``report.html``; the pulses for an occupant model in ``isomme/``,
+    ``lsdyna/`` and ``radioss/``, whichever are asked for; and ``prediction.json`` with the condition, whether it lies
+    outside the CAE runs, the expected rating, and how the fits went.
 
     Raises
     ------
     OSError
         If the folder cannot be written.
+    UsageError
+        If there are fewer draws than are to be exported.
     """
-    _write(_PREDICTION, folder, campaign, estimates, config)
+    pulses = export.files(campaign, estimates)
+    _write(_PREDICTION, folder, campaign, estimates, config, pulses)
     return _metrics(campaign, estimates)
 
 
 def write_sweep(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, folder: Path) -> None:
     """Write ``sweep.csv``, with the tests' own metrics, and ``report.html``."""
     _write(_SWEEP, folder, campaign, sweeps, config)
+
+
+def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> None:
+    """Write the pulses at one speed of a sweep for an occupant model, into a folder named by the speed in each format.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    UsageError
+        If there are fewer draws than are to be exported.
+    """
+    speed = f"{estimates[0].prediction.condition.speed_mps / MPH:.6g}mph"
+    for name, files in export.files(campaign, estimates).items():
+        for path, content in files.items():
+            write_atomically(folder / name / speed / path, content)
 
 
 def write_next_tests(
@@ -256,13 +281,13 @@ _STUDY: Mapping[str, Callable[[Study], Content]] = {
     "report.html": lambda study: study_report(study).encode(),
     "study.json": lambda study: _json(_study_record(study)),
 }
-_PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig], Content]] = {
-    "pulses.csv": lambda _, estimates, __: _csv(_pulses(estimates)),
-    "pulses.parquet": lambda _, estimates, __: parquet_bytes(_pulses(estimates)),
-    "metrics.csv": lambda campaign, estimates, _: _csv(_metrics(campaign, estimates)),
-    "report.html": lambda *result: prediction_report(*result).encode(),
-    "isomme/": lambda campaign, estimates, _: isomme_prediction(campaign, estimates),
-    "prediction.json": lambda *result: _json(_prediction_record(*result)),
+_PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig, PulseFiles], Content]] = {
+    "pulses.csv": lambda _, estimates, *__: _csv(_pulses(estimates)),
+    "pulses.parquet": lambda _, estimates, *__: parquet_bytes(_pulses(estimates)),
+    "metrics.csv": lambda campaign, estimates, *_: _csv(_metrics(campaign, estimates)),
+    "report.html": lambda *result: prediction_report(*result[:3]).encode(),
+    **{f"{name}/": (lambda *result, name=name: result[3].get(name)) for name in PULSE_FORMATS},
+    "prediction.json": lambda *result: _json(_prediction_record(*result[:3])),
 }
 _SWEEP: Mapping[str, Callable[[Campaign, Sequence[Sweep], StudyConfig], Content]] = {
     "report.html": lambda *result: sweep_report(*result).encode(),
@@ -287,7 +312,7 @@ RESULT_FILES = {
     "series of studies": ("studies.csv",),
     "study": tuple(_STUDY),
     "prediction": tuple(_PREDICTION),
-    "sweep": tuple(_SWEEP),
+    "sweep": (*(f"{name}/" for name in PULSE_FORMATS), *_SWEEP),
     "ranking of next tests": tuple(_NEXT_TESTS),
     "certification": tuple(_CERTIFICATION),
     "learning curve": tuple(_LEARNING_CURVE),

@@ -1,6 +1,6 @@
 """Sweeps over impact speed: pulse metrics predicted by each approach, at fixed weights."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.metrics import Metric, metric_bases
 from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
-from crashfuse.study.estimate import Fit, estimates_at
+from crashfuse.study.estimate import Estimate, Fit, estimates_at
 from crashfuse.units import LB, MPH
 
 _SLOWEST_MPS = 5 * MPH  # below, a vehicle hardly crushes, and 100 ms are too short for its occupant metrics
@@ -45,11 +45,17 @@ class Sweep:
 
 
 def sweep_speed(
-    fits: Sequence[Fit], condition: Condition, speeds_mps: FloatArray, watch: Watch = SILENT
+    fits: Sequence[Fit],
+    condition: Condition,
+    speeds_mps: FloatArray,
+    watch: Watch = SILENT,
+    *,
+    each: Callable[[Sequence[Estimate]], None] | None = None,
 ) -> tuple[Sweep, ...]:
     """Predict at several impact speeds (such as :func:`usual_speeds`), all else equal: one sweep for each fit.
 
-    All fits are of one campaign; shared parts are computed once. The condition's own speed is ignored.
+    All fits are of one campaign; shared parts are computed once. The condition's own speed is ignored. ``each`` is
+    called with the estimates at each speed; the sweep itself keeps their metrics only.
 
     Raises
     ------
@@ -62,7 +68,10 @@ def sweep_speed(
     rows = []
     for number, speed in enumerate(speeds.tolist()):
         watch.report("Sweep over speed", number, len(speeds))
-        rows.append([estimate.metrics for estimate in estimates_at(fits, replace(condition, speed_mps=speed))])
+        estimates = estimates_at(fits, replace(condition, speed_mps=speed))
+        rows.append([estimate.metrics for estimate in estimates])
+        if each is not None:
+            each(estimates)
     watch.report("Sweep over speed", len(speeds), len(speeds))
     return tuple(
         Sweep(fit.approach.name, condition, speeds, tuple(row[i] for row in rows)) for i, fit in enumerate(fits)

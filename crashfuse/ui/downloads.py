@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 import pandas as pd
 import streamlit as st
 
+from crashfuse.reporting.figure_files import figure_files, figures_of, missing_for
+
 
 def download_table(name: str, table: Callable[[], pd.DataFrame]) -> None:
     """Button that downloads a table as a CSV file of this name."""
@@ -14,11 +16,14 @@ def download_table(name: str, table: Callable[[], pd.DataFrame]) -> None:
 
 
 def download_report(write: Callable[[], str], name: str = "report.html") -> None:
-    """Button that downloads a report, which takes seconds to write."""
+    """Button that downloads a report, which takes seconds to write; one for its figures as slides, if that can be."""
     st.download_button(
         name, lambda: write().encode(), file_name=name, mime="text/html", icon=":material/description:",
         on_click="ignore", help="One file, opens without a network, prints on paper.",
     )  # fmt: skip
+    if not missing_for(("pptx",)):
+        slides = f"{name.removesuffix('.html')}.pptx"
+        download_bytes(slides, lambda: figure_files(figures_of(write()), ("pptx",))["figures.pptx"])
 
 
 def download_bytes(name: str, write: Callable[[], bytes], mime: str | None = None) -> None:

@@ -14,6 +14,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui import page_tables
 from crashfuse.ui.frame import View
+from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 
@@ -55,9 +56,9 @@ def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) ->
     """Show pulse metrics by column (the test, an approach), the main ones first, and explain missing numbers."""
     st.subheader("Pulse metrics", help=glossary.TTZV)
     main, more = page_tables.metrics(columns, view.campaign, view.display.unit)
-    st.table(main, border="horizontal")
+    show_table(main, "metrics")
     with st.expander("More of the pulse: equivalent pulses, loading, rebound", icon=":material/ssid_chart:"):
-        st.table(more, border="horizontal")
+        show_table(more, "more metrics")
         st.caption(glossary.PULSE_SHAPE)
     for sentence in missing_sentences(columns):
         st.caption(plain(sentence))

@@ -9,11 +9,27 @@ import streamlit as st
 from crashfuse.reporting.plots.canvas import darkened
 
 _CACHED = 200  # figures of up to half a megabyte
-_TOOLS = {
-    "displaylogo": False,
-    "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
-    "toImageButtonOptions": {"format": "svg", "filename": "crashfuse"},
-}
+_IMAGE = "image"  # session key: the format in which the camera saves a figure
+_DENSITY = 3  # pixels of a PNG for each on the page
+
+
+def choose_image_format() -> None:
+    """Let the user choose how the camera above a figure saves it."""
+    st.segmented_control(
+        "Save figures as", ["SVG", "PNG"], default="SVG", required=True, key=_IMAGE, persist_state="session",
+        help="With the camera at the right of a figure. SVG stays sharp at any size; PNG goes into any document.",
+    )  # fmt: skip
+
+
+def _tools() -> dict[str, Any]:
+    """The tools that are useful on a curve; none of them sends it anywhere."""
+    form = st.session_state.get(_IMAGE, "SVG").lower()
+    return {
+        "displaylogo": False,
+        "showSendToCloud": False,
+        "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
+        "toImageButtonOptions": {"format": form, "filename": "crashfuse", "scale": _DENSITY if form == "png" else 1},
+    }
 
 
 def choose(label: str, options: Sequence[str], key: str, default: str | None = None) -> str:
@@ -27,12 +43,12 @@ def choose(label: str, options: Sequence[str], key: str, default: str | None = N
 
 def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:
     """Show a figure with the tools that are useful on a curve; ``alt`` is its alternative text."""
-    st.plotly_chart(_in_theme(figure), alt=alt, key=key, theme=None, config=_TOOLS)
+    st.plotly_chart(_in_theme(figure), alt=alt, key=key, theme=None, config=_tools())
 
 
 def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable) -> None:
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
-    st.plotly_chart(_cached(key, st.context.theme.type == "dark", draw), alt=alt, theme=None, config=_TOOLS)
+    st.plotly_chart(_cached(key, st.context.theme.type == "dark", draw), alt=alt, theme=None, config=_tools())
 
 
 def show_clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[str], None]) -> bool:
@@ -43,7 +59,7 @@ def show_clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[st
             on_click(point)
 
     event = st.plotly_chart(
-        _in_theme(figure), alt=alt, key=key, theme=None, config=_TOOLS, on_select=take, selection_mode="points"
+        _in_theme(figure), alt=alt, key=key, theme=None, config=_tools(), on_select=take, selection_mode="points"
     )
     return bool(_points(event))
 

@@ -13,6 +13,7 @@ from crashfuse.reporting.plots.display import Display, Unit
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.ui import campaigns
 from crashfuse.ui.computation import jobs
+from crashfuse.ui.figures import choose_image_format
 from crashfuse.ui.navigation import navigate, pages
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
@@ -160,6 +161,7 @@ def _sidebar() -> _Choice:
             "Show as", ["Acceleration", "Deceleration"], default="Acceleration", required=True, key="sign",
             bind="query-params", help="Braking is negative as an acceleration (SAE J1733), positive as a deceleration.",
         )  # fmt: skip
+        choose_image_format()
         _keep_up(st.context.theme.type)
     choice.view = View(
         campaign, campaigns.folder_of(name), held_out, Display(float(window), unit, sign == "Deceleration")

@@ -24,6 +24,7 @@ from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import show_figure
 from crashfuse.ui.frame import View
 from crashfuse.ui.panel import result_or_none
+from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 
@@ -90,10 +91,10 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     )
     if not (steps := gains_table(curve, cost)).empty:
         st.markdown("**What further tests gained**")
-        st.table(steps.style.hide(axis="index"), border="horizontal")
+        show_table(steps, "gains")
         st.caption(ONE_MORE_MEANING)
     with st.expander("All means", icon=":material/table:"):
-        st.table(curve_table(curve).style.hide(axis="index"), border="horizontal")
+        show_table(curve_table(curve), "learning curve")
     with st.container(horizontal=True):
         download_table("learning_curve.csv", lambda: table.assign(basis=view.campaign.rating_basis))
         download_report(lambda: learning_curve_report(curve, cost), "learning_curve.html")

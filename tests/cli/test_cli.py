@@ -324,7 +324,7 @@ def test_predict_writes_pulses_metrics_and_report(
         rtol=1e-5,
         check_dtype=False,
     )
-    assert len(list((out / "isomme").rglob("*.mme"))) == 1
+    assert {path.stem for path in out.rglob("*.mme")} == {"cae_expected", "displacement_domain_expected"}
     record = json.loads((out / "prediction.json").read_text())
     assert record["extrapolation"][0].startswith("Extrapolation: front weight 2400 lb")
     assert record["condition"]["speed_mps"] == pytest.approx(30 * 0.44704)
@@ -335,7 +335,7 @@ def test_predict_writes_pulses_metrics_and_report(
     assert "Extrapolation: front weight 2400 lb" in said
     files_said = "pulses.csv, pulses.parquet, metrics.csv, report.html, isomme/, prediction.json"
     assert said.endswith(f"Written to {out}: {files_said}\n")
-    assert all(list(out.glob(part)) for part in RESULT_FILES["prediction"])
+    assert all(list(out.glob(part)) for part in set(RESULT_FILES["prediction"]) - {"lsdyna/", "radioss/"})
     assert "Extrapolation: front weight 2400 lb" in (out / "report.html").read_text()
 
 

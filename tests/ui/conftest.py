@@ -97,3 +97,9 @@ def visit() -> Callable[..., Session]:
         return session.go(page)
 
     return begin
+
+
+@pytest.fixture(autouse=True)
+def slides_can_be_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages offer slides, whether or not this machine has a browser that draws them."""
+    monkeypatch.setattr("crashfuse.ui.downloads.missing_for", lambda _: "")

@@ -43,7 +43,7 @@ M1,20,2050,1500
 M2,33,2050,1500
 M3,70,2050,1500
 """
-FILES = ["certification.csv", "track_record.csv", "criteria.toml", "matrix.csv", "report.html"]
+FILES = ["certification.csv", "track_record.csv", "criteria.toml", "matrix.csv", "report.html", "report.pptx"]
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 

@@ -269,7 +269,7 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
     with zipfile.ZipFile(io.BytesIO(job.result.models(campaign))) as archive:
         file = archive.extract("cae.safetensors", tmp_path)
     go(app, "predict")
-    speed, front, rear = (float(field.value or 0) for field in app.number_input)
+    speed, front, rear = (float(field.value or 0) for field in app.number_input[:3])
     pulse = load_model(file, campaign).approach.predict(Condition(speed * MPH, front * LB, rear * LB)).accel_mps2
     shown = tables(app)[0].set_index("Pulse metric")["CAE"]
     assert shown["Peak deceleration (g)"] == f"{-pulse.min() / G:.1f}"
@@ -326,7 +326,10 @@ def test_compare_starts_the_prediction_and_shows_it(campaign: Campaign) -> None:
     assert "Made for a test." in words(app)
     assert "Fitted to 300 points of a bias of 7.2 g RMS" in words(app)
     assert fit["Known to a factor of"].tolist() == ["1.50"]
-    assert downloads(app) == ["scores.csv", "pulses.csv", "metrics.csv", "report.html"]
+    assert downloads(app) == [
+        *("scores.csv", "pulses.csv", "metrics.csv", "report.html", "report.pptx"),
+        "fused-lsdyna.zip",
+    ]
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -351,6 +354,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     while job.first is None:
         assert job.active
     app.run()
+    assert not app.exception
     assert [metric.label for metric in app.metric] == ["CAE", "Displacement domain"]
     assert "LF TCN, Time domain, Fused: still training" in words(app)
     assert "Training LF TCN: 3 of 10" in words(app)
@@ -494,7 +498,7 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     assert third["Approach"].tolist()[:2] == ["LF_TCN", "MF_TCN"]
     assert coverage["Maximum crush"][0].endswith(f" of {len(study.folds)}")
     assert "no more can be promised" in words(app)
-    assert downloads(app) == ["scores.csv", "metrics.csv", "speed_groups.csv", "report.html"]
+    assert downloads(app) == ["scores.csv", "metrics.csv", "speed_groups.csv", "report.html", "report.pptx"]
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -510,7 +514,7 @@ def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPat
     finish(press(app, "Predict from 1 to 3 tests"))
     assert charts(app) == 1
     assert "With 3 of 4 tests the displacement domain rates" in words(app)
-    assert downloads(app) == ["learning_curve.csv", "learning_curve.html"]
+    assert downloads(app) == ["learning_curve.csv", "learning_curve.html", "learning_curve.pptx"]
     steps, means = tables(app)
     assert steps["Tests"].tolist() == ["1 → 2", "2 → 3"]
     assert "Cost of 0.01" not in steps

@@ -13,6 +13,7 @@ from plotly.offline import get_plotlyjs
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.cae.quality import judge_quality
 from crashfuse.campaign import Campaign
+from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.run_quality import quality_table
@@ -23,7 +24,8 @@ from crashfuse.units import LB, MPH
 @pass_context
 def _figure(context: Context, drawn: go.Figure) -> Markup:
     """A zoomable figure; Plotly itself is embedded once per page. Ids are numbered: equal results give equal files."""
-    name, config = f"figure-{next(context['numbers'])}", {"displaylogo": False, "responsive": True}
+    name = f"figure-{next(context['numbers'])}"
+    config = {"displaylogo": False, "showSendToCloud": False, "responsive": True}  # the data go nowhere
     return Markup(drawn.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=config))  # noqa: S704
 
 
@@ -35,6 +37,7 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
 )
 _TEMPLATES.filters["figure"] = _figure
+_TEMPLATES.filters["tabbed"] = spreadsheet_text
 
 
 def render(

@@ -17,6 +17,7 @@ from crashfuse.reporting.certification_tables import record_counts
 from crashfuse.reporting.plots.certification import validated_domain
 from crashfuse.reporting.plots.track_record import record_figure, reliability
 from crashfuse.ui.figures import show_cached_figure
+from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 
@@ -30,7 +31,7 @@ def show_record(certification: Certification, key: Hashable) -> None:
     st.markdown("\n".join(f"- {plain(s)}" for s in (record_sentence(record), *brier_sentence(record))))
     if not record.trials:
         return
-    st.table(_counts(certification).style.hide(axis="index"), border="horizontal")
+    show_table(_counts(certification), "counts")
     measured, said = st.tabs(["What left-out tests showed", "Are the probabilities right?"])
     with measured:
         show_cached_figure(

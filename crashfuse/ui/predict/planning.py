@@ -20,6 +20,7 @@ from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import show_figure
 from crashfuse.ui.frame import View
 from crashfuse.ui.panel import result_or_none
+from crashfuse.ui.tables import show_table
 from crashfuse.units import LB, MPH
 
 _BEST = 5
@@ -84,7 +85,7 @@ def show_next_test(view: View, request: FitRequest, fitted: Fitted, factors: tup
         return
     show_figure(next_tests(ranked, campaign.tests), alt="How much each candidate would narrow the band, over its speed")
     st.markdown(f"**The best {_BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
-    st.table(page_tables.next_tests(ranked[:_BEST]), border="horizontal")
+    show_table(page_tables.next_tests(ranked[:_BEST]), "next tests")
     with st.container(horizontal=True):
         download_table("next_tests.csv", lambda: next_tests_table(ranked))
         download_report(lambda: next_test_report(campaign, over, ranked, request.config), "next_test.html")

@@ -1,0 +1,62 @@
+"""Options of the pulses that go out to an occupant model, and what they ask for."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from crashfuse.errors import UsageError
+
+if TYPE_CHECKING:
+    from crashfuse.reporting.outgoing_pulses import PulseExport
+
+_FORMATS = ("isomme", "lsdyna", "radioss")
+_UNIT_SYSTEMS = ("mm-ms-kg", "mm-s-t", "m-s-kg")
+_OF_CURVES = ("unit_system", "deceleration_sign", "start_ms", "scale", "curve_id")
+
+
+def add_options(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add the options to a command; ``default`` says what it exports without them."""
+    group = parser.add_argument_group("pulses for an occupant model")
+    group.add_argument(
+        "--export", nargs="+", choices=_FORMATS, metavar="FORMAT", help=f"%(choices)s (default: {default})"
+    )
+    group.add_argument(
+        "--draws", type=int, metavar="N", help="whole pulses drawn from the band, beside the expected one (default: 0)"
+    )
+    group.add_argument("--unit-system", choices=_UNIT_SYSTEMS, help="of the solver's model; has no default")
+    group.add_argument(
+        "--deceleration-sign", choices=("negative", "positive"), help="of braking in curves (default: negative)"
+    )
+    group.add_argument("--start-ms", type=float, metavar="T", help="time of contact in curves (default: 0)")
+    group.add_argument("--scale", type=float, metavar="X", help="factor on the accelerations of curves (default: 1)")
+    group.add_argument("--curve-id", type=int, metavar="ID", help="id of the curve in every file (default: 1)")
+    group.add_argument(
+        "--isomme-location", metavar="CODE", help="12 characters of the channel codes (default: 10VEHC000000)"
+    )
+
+
+def pulse_export(arguments: argparse.Namespace, *default: str) -> "PulseExport":
+    """What the options ask for; the formats are the default ones if no other are named."""
+    from crashfuse.reporting.outgoing_pulses import PulseExport
+    from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve
+    from crashfuse.units import MS
+
+    formats = tuple(dict.fromkeys(arguments.export or default))
+    given = {name: value for name in _OF_CURVES if (value := getattr(arguments, name)) is not None}
+    curve = None
+    if set(formats) & set(SOLVERS):
+        if arguments.unit_system is None:
+            choices = ", ".join(_UNIT_SYSTEMS)
+            raise UsageError(f"Name the units of the solver's model with --unit-system, one of {choices}.")
+        names = {"start_ms": "start_s", "curve_id": "number"}
+        if "start_ms" in given:
+            given["start_ms"] *= MS
+        curve = SolverCurve(**{names.get(name, name): value for name, value in given.items()})
+    elif given:
+        flag = f"--{next(iter(given)).replace('_', '-')}"
+        raise UsageError(f"{flag} is about curves of a solver; add --export lsdyna or --export radioss.")
+    if arguments.isomme_location is not None and "isomme" not in formats:
+        raise UsageError("--isomme-location is about ISO-MME; add --export isomme.")
+    if arguments.draws and not formats:
+        raise UsageError("--draws is about exported pulses; name their format with --export.")
+    more = {"draws": arguments.draws, "location": arguments.isomme_location, "seed": arguments.seed}
+    return PulseExport(formats, curve=curve, **{name: value for name, value in more.items() if value is not None})

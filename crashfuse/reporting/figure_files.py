@@ -1,0 +1,227 @@
+"""The figures of a report as files: SVG, PNG, and slides.
+
+A report holds its figures as data, so they are read from it, whichever command wrote it, and drawn as on the page: by
+Plotly itself, in a browser of this machine that shows no window and reaches no network.
+"""
+
+import asyncio
+import importlib.util
+import io
+import json
+import os
+import re
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError
+
+FigureFormat = Literal["svg", "png", "pptx"]
+FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
+
+_NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "pptx": ("kaleido", "pptx")}  # modules, by format
+_CALL = re.compile(r'Plotly\.newPlot\(\s*"figure-\d+",\s*')
+_HEADINGS = ("h1", "h2", "h3")
+_WIDTH_PX, _HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
+_NO_NETWORK = "127.0.0.1:9"  # a proxy that is not there: browsers have services of their own that call home
+_MOST_BYTES = 256 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class ReportFigure:
+    """A figure of a report: its heading, and what Plotly draws."""
+
+    title: str
+    drawn: dict[str, Any] = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class FiguresOfReport:
+    """The figures of a report, its title, and the notice on its data, if there is one."""
+
+    title: str
+    notice: str
+    figures: tuple[ReportFigure, ...]
+
+
+def read_figures(path: Path) -> FiguresOfReport:
+    """The figures of a report that was written as a file.
+
+    Raises
+    ------
+    DataError
+        If there is no such file, or it is not a report with figures.
+    """
+    expected, advice = "a report.html of crashfuse with figures", "name the report that a command has written"
+    if not path.is_file():
+        raise DataError(Problem(str(path), expected, "no such file", advice))
+    if path.stat().st_size > _MOST_BYTES:
+        raise DataError(Problem(str(path), expected, f"{path.stat().st_size >> 20} MB", advice))
+    try:
+        found = figures_of(path.read_text(encoding="utf-8"))
+    except (ValueError, TypeError, RecursionError) as error:
+        raise DataError(Problem(str(path), expected, f"text that cannot be read as one ({error})", advice)) from error
+    if not found.figures:
+        raise DataError(Problem(str(path), expected, "no figure", advice))
+    return found
+
+
+def figures_of(report: str) -> FiguresOfReport:
+    """The figures in the text of a report; a ValueError or TypeError says that it is damaged."""
+    reader = _Reader()
+    reader.feed(report)
+    return FiguresOfReport(reader.text("h1"), reader.text("notice"), tuple(reader.figures))
+
+
+class _Reader(HTMLParser):
+    """Collects headings, and the data of figures from the scripts that draw them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.texts = dict.fromkeys((*_HEADINGS, "notice"), "")
+        self.figures: list[ReportFigure] = []
+        self._within = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if ("class", "notice") in attrs:
+            tag = "notice"
+        if tag in (*self.texts, "script"):
+            self._within = tag
+        if tag in self.texts:
+            self.texts[tag] = ""
+        if tag in _HEADINGS:  # what stood below the one before
+            self.texts |= dict.fromkeys(_HEADINGS[_HEADINGS.index(tag) + 1 :], "")
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in (*_HEADINGS, "script", "p"):
+            self._within = ""
+
+    def handle_data(self, data: str) -> None:
+        if self._within in self.texts:
+            self.texts[self._within] += data
+        elif self._within == "script" and (call := _CALL.search(data)):
+            decode = json.JSONDecoder().raw_decode
+            traces, end = decode(data, call.end())
+            layout, _ = decode(data, data.index("{", end))
+            title = ": ".join(text for text in (self.text("h2"), self.text("h3")) if text)
+            self.figures.append(ReportFigure(title or self.text("h1"), {"data": traces, "layout": layout}))
+
+    def text(self, name: str) -> str:
+        return " ".join(self.texts[name].split())
+
+
+def missing_for(formats: Sequence[FigureFormat]) -> str:
+    """A sentence on what these formats need and is not there, an extra or a browser; empty if nothing is missing."""
+    instead = "Or open the report in a browser: below each figure are buttons that save it."
+    if any(importlib.util.find_spec(module) is None for form in formats for module in _NEEDS[form]):
+        extra = "pptx" if "pptx" in formats else "figures"
+        wanted = f'need the extra {extra}: python -m pip install "crashfuse[{extra}]"'
+        return f"Figures as {', '.join(formats)} {wanted}. {instead}"
+    if formats and not _browser():
+        return f"Figures are drawn by Chrome, Chromium or Edge, and none was found (BROWSER_PATH names one). {instead}"
+    return ""
+
+
+@cache
+def _browser() -> str | None:
+    from choreographer.browsers.chromium import Chromium
+
+    return os.environ.get("BROWSER_PATH") or Chromium.find_browser(skip_local=False)
+
+
+def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> dict[str, bytes]:
+    """The figures as files, by name: ``01-heading.svg``, ``01-heading.png`` and, all in one, ``figures.pptx``.
+
+    Raises
+    ------
+    UsageError
+        If a format is unknown, or the extra or the browser that it needs is not there.
+    CrashfuseError
+        If the browser fails.
+    """
+    if unknown := [form for form in formats if form not in FIGURE_FORMATS]:
+        raise UsageError(f"A figure is written as {', '.join(FIGURE_FORMATS)}, not as {unknown[0]}.")
+    if missing := missing_for(formats):
+        raise UsageError(missing)
+    kinds = [kind for kind in ("svg", "png") if kind in formats or (kind == "png" and "pptx" in formats)]
+    images = _images([figure.drawn for figure in report.figures], kinds)
+    written = {
+        f"{number:02d}-{_file_name(figure.title)}.{kind}": images[kind][number - 1]
+        for number, figure in enumerate(report.figures, start=1)
+        for kind in kinds
+        if kind in formats
+    }
+    if "pptx" in formats:
+        written["figures.pptx"] = _slides(report, images["png"])
+    return written
+
+
+def _file_name(title: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", title.lower())[:60].strip("-") or "figure"
+
+
+def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str, list[bytes]]:
+    """Every figure in every kind, drawn in one browser."""
+    from choreographer.errors import BrowserClosedError, BrowserFailedError
+    from kaleido import Kaleido
+    from kaleido.errors import JavascriptError, KaleidoError
+
+    async def drawn() -> dict[str, list[bytes]]:
+        async with Kaleido(n=1, mathjax=False, proxy_server=_NO_NETWORK) as browser:
+            return {kind: [await browser.calc_fig(each, opts=_size(each, kind)) for each in figures] for kind in kinds}
+
+    try:
+        with ThreadPoolExecutor(1) as pool:  # there may be a loop of events in this thread
+            return pool.submit(asyncio.run, drawn()).result()
+    except (BrowserClosedError, BrowserFailedError, JavascriptError, KaleidoError, OSError) as error:
+        reason = " ".join(str(error).split())[:300] or type(error).__name__
+        raise CrashfuseError(f"The browser {_browser()} did not draw the figures: {reason}") from error
+
+
+def _size(figure: dict[str, Any], kind: str) -> dict[str, Any]:
+    layout = figure["layout"]
+    width, height = layout.get("width") or _WIDTH_PX, layout.get("height") or _HEIGHT_PX
+    return {"format": kind, "width": width, "height": height, "scale": _DENSITY if kind == "png" else 1}
+
+
+def _slides(report: FiguresOfReport, images: Sequence[bytes]) -> bytes:
+    """Slides in 16:9: a title with the notice on the data, then a figure each below its heading."""
+    from pptx import Presentation
+    from pptx.enum.text import PP_ALIGN
+    from pptx.util import Emu, Inches, Pt
+
+    deck = Presentation()
+    deck.slide_width, deck.slide_height = Inches(13.333), Inches(7.5)
+    only_title = deck.slide_layouts[5]
+    left, width = Inches(0.6), Inches(12.1)
+
+    def write(shape: Any, text: str, top: float, height: float, size: int) -> None:  # noqa: ANN401 - two classes
+        shape.left, shape.top, shape.width, shape.height = left, Inches(top), width, Inches(height)
+        shape.text_frame.word_wrap = True
+        paragraph = shape.text_frame.paragraphs[0]
+        paragraph.alignment, run = PP_ALIGN.LEFT, paragraph.add_run()
+        run.text, run.font.size = text, Pt(size)
+
+    def below(slide: Any, text: str, top: float, height: float, size: int) -> None:  # noqa: ANN401 - a factory there
+        write(slide.shapes.add_textbox(0, 0, 0, 0), text, top, height, size)
+
+    first = deck.slides.add_slide(only_title)
+    write(first.shapes.title, report.title, 2.4, 1.6, 32)
+    below(first, report.notice, 4.2, 1.2, 18)
+    top, height = Inches(1.15), Inches(5.75)
+    for figure, image in zip(report.figures, images, strict=True):
+        slide = deck.slides.add_slide(only_title)
+        write(slide.shapes.title, figure.title, 0.3, 0.75, 20)
+        picture = slide.shapes.add_picture(io.BytesIO(image), left, top)
+        scale = min(width / picture.width, height / picture.height)
+        picture.width, picture.height = Emu(int(picture.width * scale)), Emu(int(picture.height * scale))
+        picture.left = Emu(left + (width - picture.width) // 2)
+        picture.name = figure.title
+        below(slide, f"{report.title}. {report.notice}".strip(), 6.95, 0.4, 11)
+    stream = io.BytesIO()
+    deck.save(stream)
+    return stream.getvalue()

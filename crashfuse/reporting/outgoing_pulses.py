@@ -1,0 +1,177 @@
+"""Predicted pulses for an occupant model: what is exported, how, and as which files.
+
+The expected pulse of each approach goes out, and as many whole draws as are asked for. The edges of the band do not:
+each of their points is an extreme of its own, so together they are a pulse that no vehicle has.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.reporting.isomme_prediction import isomme_pulse
+from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve, solver_include
+from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
+from crashfuse.study.estimate import Estimate
+from crashfuse.units import MPH, MS, G
+from crashfuse.version import __version__
+
+PulseFormat = Literal["isomme", "lsdyna", "radioss"]
+PULSE_FORMATS: tuple[PulseFormat, ...] = ("isomme", "lsdyna", "radioss")
+"""ISO-MME, and includes for LS-DYNA and Radioss; each is a folder of the results."""
+
+PulseFiles = Mapping[PulseFormat, Mapping[str, bytes]]
+"""Content by format, and by path below the format's folder."""
+
+LOCATION = "10VEHC000000"
+"""Test object 1, no position, the vehicle, no fine location: the first 12 characters of an ISO-MME channel code."""
+
+_REST_G = 0.5  # more at the end of the record is worth a remark
+_LOCATION = re.compile(r"[0-9A-Z]{12}")
+
+
+@dataclass(frozen=True, slots=True)
+class PulseExport:
+    """Which pulses go out, and how.
+
+    Parameters
+    ----------
+    formats : tuple of str
+        Some of :data:`PULSE_FORMATS`.
+    draws : int
+        Number of whole draws beside the expected pulse, of approaches that have a band.
+    seed : int
+        Decides which draws; they are equally likely.
+    location : str
+        The first 12 characters of the ISO-MME channel codes: test object, position, main and fine locations.
+    curve : SolverCurve, optional
+        Units, sign, start, scale and id of a solver's curve; needed for the solvers' formats.
+
+    Raises
+    ------
+    UsageError
+        If a format is unknown, a solver's has no curve, the location is no code, or the number of draws is negative.
+    """
+
+    formats: tuple[PulseFormat, ...] = ("isomme",)
+    draws: int = 0
+    seed: int = 0
+    location: str = LOCATION
+    curve: SolverCurve | None = None
+
+    def __post_init__(self) -> None:
+        if unknown := [name for name in self.formats if name not in PULSE_FORMATS]:
+            raise UsageError(f"A pulse is exported as {', '.join(PULSE_FORMATS)}, not as {unknown[0]}.")
+        if self.curve is None and set(self.formats) & set(SOLVERS):
+            raise UsageError("A curve for a solver needs the unit system of its model.")
+        if not _LOCATION.fullmatch(self.location):
+            raise UsageError(
+                "An ISO-MME location has 12 digits and capitals (test object, position, main location, three fine "
+                f"locations), such as {LOCATION} or 10BPILLERE00, not {self.location!r}."
+            )
+        if self.draws < 0:
+            raise UsageError(f"The number of draws is 0 or more, not {self.draws}.")
+
+    def files(self, campaign: Campaign, estimates: Sequence[Estimate], remarks: Sequence[str] = ()) -> PulseFiles:
+        """The files of each format that is asked for; each states these remarks, besides its own.
+
+        Raises
+        ------
+        UsageError
+            If an approach has fewer draws than asked for, or no approach has any.
+        """
+        written: dict[PulseFormat, dict[str, bytes]] = {name: {} for name in self.formats}
+        cfc = campaign.channel_filter_class
+        origin = (
+            f"From the campaign {campaign.name}, SHA-256 {campaign.fingerprint}.",
+            f"Its records are {'taken as they are' if cfc is None else f'filtered with CFC {cfc:g}'}; the pulse is as "
+            "band-limited as these.",
+            campaign.notice,
+        )
+        for pulse in outgoing(estimates, self.draws, self.seed):
+            comments = (*pulse.comments, *remarks, *filter(None, origin))
+            for name, files in written.items():
+                if name == "isomme":
+                    files |= isomme_pulse(
+                        campaign, pulse.condition, pulse.accel_mps2, pulse.name, self.location, comments
+                    )
+                elif self.curve is not None:
+                    path = f"{pulse.name}{SOLVERS[name].suffix}"
+                    files[path] = solver_include(name, pulse.title, comments, pulse.accel_mps2, self.curve)
+        return written
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class OutgoingPulse:
+    """One whole pulse of a prediction, with its name and what has to be said about it."""
+
+    approach: str
+    draw: int | None
+    condition: Condition
+    accel_mps2: FloatArray = field(repr=False)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name for files: ``fused_expected``, or ``fused_draw_037``."""
+        return f"{self.approach}_{'expected' if self.draw is None else f'draw_{self.draw:03d}'}"
+
+    @property
+    def title(self) -> str:
+        """Name for a reader."""
+        which = "expected pulse" if self.draw is None else f"draw {self.draw}"
+        return f"{LABELS[self.approach]}, {which}, {self.condition.speed_mps / MPH:.4g} mph"
+
+    @property
+    def comments(self) -> tuple[str, ...]:
+        """That it is predicted, by what, at which condition."""
+        return (
+            f"Predicted by crashfuse {__version__}, not measured: {self.title}.",
+            f"Condition: {self.condition}.",
+            *self.remarks,
+        )
+
+
+def outgoing(estimates: Sequence[Estimate], draws: int, seed: int) -> Iterator[OutgoingPulse]:
+    """The expected pulse of each approach, then this many of its draws, chosen at random by the seed.
+
+    Raises
+    ------
+    UsageError
+        If an approach has fewer draws than asked for, or no approach has any.
+    """
+    with_draws = [estimate.prediction.draws_mps2 for estimate in estimates]
+    if draws and all(own is None for own in with_draws):
+        raise UsageError(f"There are no draws of {', '.join(each.approach for each in estimates)}: no band.")
+    for estimate, own in zip(estimates, with_draws, strict=True):
+        prediction = estimate.prediction
+        pulses: list[tuple[int | None, FloatArray, str]] = [(None, prediction.accel_mps2, "The expected pulse.")]
+        if draws and own is not None:
+            if draws > len(own):
+                raise UsageError(f"The approach {estimate.approach} has {len(own)} draws; ask for at most these.")
+            chosen = np.sort(np.random.default_rng(seed).choice(len(own), draws, replace=False))
+            one_of = f"One of {len(own)} whole pulses, all equally likely."
+            pulses += [(int(number) + 1, own[number], one_of) for number in chosen]
+        for draw, pulse, remark in pulses:
+            accel = np.asarray(pulse, dtype=np.float64)
+            remarks = (remark, *_unfinished(accel, prediction.condition), *prediction.notes)
+            yield OutgoingPulse(estimate.approach, draw, prediction.condition, accel, remarks)
+
+
+def _unfinished(accel_mps2: FloatArray, condition: Condition) -> tuple[str, ...]:
+    """What a model that goes on after the record has to know about its end."""
+    motion = kinematics(accel_mps2, condition.speed_mps, DT_S)
+    end, speed, last_g = (
+        f"The pulse ends at {accel_mps2.size * DT_S / MS:g} ms",
+        motion.velocity_mps[-1],
+        accel_mps2[-1] / G,
+    )
+    if not np.isfinite(motion.t0_s):
+        return (f"{end}, while the vehicle still moves forward at {speed:.3g} m/s.",)
+    return (f"{end} with {last_g:.1f} g left.",) if abs(last_g) > _REST_G else ()

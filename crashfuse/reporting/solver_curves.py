@@ -1,0 +1,164 @@
+"""Pulses as curves of LS-DYNA and Radioss: include files for an occupant or sled model.
+
+An include holds one curve, so that pulses are exchanged by naming another file; the model keeps its curve id::
+
+    *KEYWORD                                   # comments
+    $ comments                                 /FUNCT/1
+    *DEFINE_CURVE_TITLE                        title
+    title                                      #                  X                   Y
+    $#    lcid      sidr       sfa ...           time, 20 columns; acceleration, 20 columns
+             1         0       1.0 ...
+      time, 20 columns; acceleration, 20 columns
+    *END
+
+Both solvers continue a curve beyond its ends by the slope there, and LS-DYNA samples it anew at ``LCINT`` even steps.
+So the points are evenly spaced, as many as ``LCINT`` says, and the curve begins before contact, if that is later than
+time zero, and ends with two points at zero.
+
+Sources: LS-DYNA Keyword User's Manual, Vol. I, ``*DEFINE_CURVE``; OpenRadioss, ``hm_cfg_files``, ``CURVE/funct.cfg``.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from textwrap import wrap
+from typing import Literal
+
+import numpy as np
+
+from crashfuse.errors import UsageError
+from crashfuse.signals.pulse import DT_S, FloatArray
+from crashfuse.units import MS
+
+_WIDTH = 78  # of a comment; a line of either solver has 80 characters
+_LATEST_S = 10.0
+_MOST_ID = 99_999_999  # eight digits, which every solver's fields hold
+
+
+@dataclass(frozen=True, slots=True)
+class UnitSystem:
+    """Units of a solver's model: their names, and the factors to them from s and m/s²."""
+
+    time: str
+    acceleration: str
+    per_s: float
+    per_mps2: float
+
+
+UNIT_SYSTEMS: Mapping[str, UnitSystem] = {
+    "mm-ms-kg": UnitSystem("ms", "mm/ms²", 1 / MS, 1e-3),
+    "mm-s-t": UnitSystem("s", "mm/s²", 1.0, 1e3),
+    "m-s-kg": UnitSystem("s", "m/s²", 1.0, 1.0),
+}
+"""The unit systems that crash models are built in, by their units of length, time and mass."""
+
+
+@dataclass(frozen=True, slots=True)
+class SolverCurve:
+    """How a pulse becomes a curve.
+
+    Parameters
+    ----------
+    unit_system : str
+        One of :data:`UNIT_SYSTEMS`.
+    deceleration_sign : {"negative", "positive"}
+        Sign of braking; negative as everywhere else.
+    start_s : float
+        Time of contact in the solver's model.
+    scale : float
+        Factor on the accelerations.
+    number : int
+        Id of the curve.
+
+    Raises
+    ------
+    UsageError
+        If there is no such unit system, or a number makes no sense.
+    """
+
+    unit_system: str
+    deceleration_sign: Literal["negative", "positive"] = "negative"
+    start_s: float = 0.0
+    scale: float = 1.0
+    number: int = 1
+
+    def __post_init__(self) -> None:
+        if self.unit_system not in UNIT_SYSTEMS:
+            raise UsageError(f"The unit system is one of {', '.join(UNIT_SYSTEMS)}, not {self.unit_system!r}.")
+        if not 0 <= self.start_s <= _LATEST_S:
+            raise UsageError(f"A curve starts between 0 and {_LATEST_S / MS:g} ms, not at {self.start_s / MS:g} ms.")
+        if not 0 < self.scale < np.inf:
+            raise UsageError(f"A curve is scaled by a number above 0, not by {self.scale:g}; the sign is set apart.")
+        if not 1 <= self.number <= _MOST_ID:
+            raise UsageError(f"The id of a curve is between 1 and {_MOST_ID}, not {self.number}.")
+
+    def points(self, accel_mps2: FloatArray) -> FloatArray:
+        """Time and acceleration in the units of the model, shape (n, 2), evenly spaced; zero before and after."""
+        before = int(self.start_s / DT_S + 1e-9)
+        units = UNIT_SYSTEMS[self.unit_system]
+        sign = -1.0 if self.deceleration_sign == "positive" else 1.0
+        values = np.concatenate([np.zeros(before), accel_mps2, np.zeros(2)])
+        time_s = self.start_s + (np.arange(values.size) - before) * DT_S
+        time_s[np.abs(time_s) < 1e-9] = 0.0  # s; a rest of the subtraction
+        return np.column_stack([time_s * units.per_s, values * (sign * self.scale * units.per_mps2)])
+
+    def comments(self) -> tuple[str, ...]:
+        """What a reader of the file has to know about its numbers."""
+        units = UNIT_SYSTEMS[self.unit_system]
+        return (
+            f"Units {self.unit_system}: time in {units.time}, acceleration in {units.acceleration}.",
+            f"Braking is {self.deceleration_sign}.",
+            f"Contact is at {self.start_s * units.per_s:g} {units.time}; the curve ends at zero.",
+            *((f"Accelerations are scaled by {self.scale:g}.",) if self.scale != 1 else ()),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Solver:
+    """A solver: its name, the ending of its include files, and what writes one."""
+
+    label: str
+    suffix: str
+    include: Callable[[int, str, Sequence[str], FloatArray], Iterable[str]]
+
+
+def solver_include(
+    solver: str, title: str, comments: Sequence[str], accel_mps2: FloatArray, curve: SolverCurve
+) -> bytes:
+    """An include file for a solver of :data:`SOLVERS` that holds one pulse, in m/s², as a curve."""
+    said = [line for text in (*comments, *curve.comments()) for line in wrap(_plain(text), _WIDTH)]
+    lines = SOLVERS[solver].include(curve.number, _plain(title)[:_WIDTH], said, curve.points(accel_mps2))
+    return "".join(f"{line}\n" for line in lines).encode("ascii")
+
+
+def _plain(text: str) -> str:
+    """In ASCII and on one line: a name with a line break in it would write keywords."""
+    readable = text.replace("²", "^2").replace("–", "-").replace("·", "*")
+    return " ".join(readable.encode("ascii", "replace").decode().split())
+
+
+def _lsdyna(number: int, title: str, comments: Sequence[str], points: FloatArray) -> Iterator[str]:
+    yield "*KEYWORD"
+    yield from (f"$ {comment}" for comment in comments)
+    yield from ("*DEFINE_CURVE_TITLE", title)
+    yield "$#    lcid      sidr       sfa       sfo      offa      offo    dattyp     lcint"
+    yield f"{number:>10}{0:>10}{1.0:>10}{1.0:>10}{0.0:>10}{0.0:>10}{0:>10}{len(points):>10}"
+    yield "$#                a1                  o1"
+    yield from _pairs(points)
+    yield "*END"
+
+
+def _radioss(number: int, title: str, comments: Sequence[str], points: FloatArray) -> Iterator[str]:
+    yield from (f"# {comment}" for comment in comments)
+    yield from (f"/FUNCT/{number}", title, "#                  X                   Y")
+    yield from _pairs(points)
+
+
+def _pairs(points: FloatArray) -> Iterator[str]:
+    return (f"{x:20.12E}{y:20.12E}" for x, y in points.tolist())
+
+
+SOLVERS: Mapping[str, Solver] = {
+    "lsdyna": Solver("LS-DYNA", ".k", _lsdyna),
+    "radioss": Solver("Radioss", ".inc", _radioss),
+}
+"""The solvers that a pulse can be written for."""

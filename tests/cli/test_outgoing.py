@@ -1,0 +1,93 @@
+"""Pulses for an occupant model, as the commands predict and sweep write them."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from crashfuse import cli
+from crashfuse.units import MS, G
+
+WEIGHTS = ["--front-weight-lb", "2060", "--rear-weight-lb", "1520"]
+LSDYNA = ["--export", "lsdyna", "--unit-system", "mm-ms-kg"]
+
+
+def names(folder: Path) -> set[str]:
+    """The files in a folder and below, by relative path."""
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_predict_exports_the_pulse_that_stands_in_its_table(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In the units, with the sign and the id that were asked for; a later export leaves nothing of an earlier one."""
+    command = ["predict", str(campaign_on_disk), "--speed-mph", "30", *WEIGHTS, "--out", str(tmp_path)]
+    command += ["--approach", "displacement_domain", "--deceleration-sign", "positive", "--curve-id", "90"]
+    everything = ["--export", "lsdyna", "radioss", "isomme", "--unit-system", "mm-ms-kg", "--draws", "2"]
+    assert cli.main([*command, *everything, "--isomme-location", "11SEATLERE00"]) == cli.DONE
+    said = capsys.readouterr().out
+    assert said.endswith("metrics.csv, report.html, isomme/, lsdyna/, radioss/, prediction.json\n")
+    for folder, suffix in (("lsdyna", ".k"), ("radioss", ".inc")):
+        assert len([name for name in names(tmp_path / folder) if name.endswith(suffix)]) == 3
+    assert len(list((tmp_path / "isomme").iterdir())) == 3
+    assert "11SEATLERE00ACXS" in next((tmp_path / "isomme").rglob("*.001")).read_text(encoding="latin-1")
+
+    lines = (tmp_path / "lsdyna" / "displacement_domain_expected.k").read_text(encoding="ascii").splitlines()
+    assert any(line.startswith("        90         0") for line in lines)
+    points = np.array([list(map(float, line.split())) for line in lines[-1253:-1]])
+    table = pd.read_csv(tmp_path / "pulses.csv")
+    np.testing.assert_allclose(points[:-2, 0], table["time_ms"], rtol=1e-5)
+    np.testing.assert_allclose(points[:-2, 1], -table["acceleration_g"] * G * MS, rtol=1e-4, atol=1e-8)
+
+    assert cli.main([*command, *LSDYNA]) == cli.DONE
+    assert names(tmp_path / "lsdyna") == {"displacement_domain_expected.k"}
+    assert not (tmp_path / "radioss").exists()
+    assert not (tmp_path / "isomme").exists()
+    assert "radioss" not in capsys.readouterr().out
+
+
+def test_a_sweep_exports_the_pulses_at_each_speed(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder for each speed, in each format; without --export none."""
+    command = ["sweep", str(campaign_on_disk), "--out", str(tmp_path), "--approach", "cae"]
+    command += ["--speed-mph", "24.95", "27", *WEIGHTS]
+    assert cli.main([*command, *LSDYNA]) == cli.DONE
+    assert names(tmp_path / "lsdyna") == {f"{speed}mph/cae_expected.k" for speed in ("24.95", "25", "26", "27")}
+    assert "25 mph" in (tmp_path / "lsdyna/25mph/cae_expected.k").read_text(encoding="ascii")
+    assert capsys.readouterr().out.endswith(f"Written to {tmp_path}: lsdyna/, report.html, sweep.csv\n")
+    assert cli.main(command) == cli.DONE
+    assert names(tmp_path) == {"report.html", "sweep.csv"}
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--export", "lsdyna"], "Name the units of the solver's model with --unit-system, one of mm-ms-kg, mm-s-t"),
+        (["--start-ms", "5"], "--start-ms is about curves of a solver; add --export lsdyna"),
+        ([*LSDYNA, "--isomme-location", "10VEHC000000"], "add --export isomme"),
+        ([*LSDYNA, "--scale", "0"], "scaled by a number above 0"),
+        ([*LSDYNA, "--start-ms", "nan"], "not at nan ms"),
+        ([*LSDYNA, "--draws", "-2"], "0 or more"),
+        ([*LSDYNA, "--draws", "2"], "no draws of cae"),
+        (["--isomme-location", "VEHC"], "12 digits and capitals"),
+    ],
+)
+def test_an_export_that_is_impossible_is_one_sentence(
+    campaign_on_disk: Path, tmp_path: Path, options: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And nothing is written."""
+    command = ["predict", str(campaign_on_disk), "--speed-mph", "30", *WEIGHTS, "--out", str(tmp_path / "out")]
+    assert cli.main([*command, "--approach", "cae", *options]) == cli.WRONG_USAGE
+    assert sentence in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_draws_of_a_sweep_need_a_format(
+    campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Which exports none unless it is asked to."""
+    command = ["sweep", str(campaign_on_disk), *WEIGHTS, "--out", str(tmp_path / "out"), "--draws", "3"]
+    assert cli.main(command) == cli.WRONG_USAGE
+    assert "name their format with --export" in capsys.readouterr().err

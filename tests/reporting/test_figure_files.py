@@ -1,0 +1,150 @@
+"""The figures of a report come out as files that other programs read."""
+
+import io
+import re
+import struct
+import threading
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from xml.etree import ElementTree
+
+import plotly.graph_objects as go
+import pytest
+
+from crashfuse.errors import CrashfuseError, DataError, UsageError
+from crashfuse.reporting import figure_files as module
+from crashfuse.reporting.figure_files import (
+    FiguresOfReport,
+    ReportFigure,
+    figure_files,
+    figures_of,
+    missing_for,
+    read_figures,
+)
+
+needs_browser = pytest.mark.skipif(bool(missing_for(("pptx",))), reason=missing_for(("pptx",)))
+
+
+def drawn(name: str, height: int) -> go.Figure:
+    """A figure of one curve."""
+    return go.Figure(go.Scatter(x=[0, 1], y=[0, 1], name=name), {"height": height, "showlegend": True})
+
+
+def page(*parts: str) -> str:
+    """A report: title, notice, and what stands below."""
+    return f"<h1>Tiny: a study</h1><p class=notice>Made <b>up</b> &amp; small.</p>{''.join(parts)}"
+
+
+def div(figure: go.Figure, number: int) -> str:
+    """A figure as a report holds it."""
+    return str(figure.to_html(full_html=False, include_plotlyjs=False, div_id=f"figure-{number}"))
+
+
+REPORT = page(
+    "<script>function other() { Plotly.newPlot(a, b) }</script>",
+    "<h2>Result</h2>", div(drawn("a </script> b", 300), 1), "<h3>By <i>test</i></h3>", div(drawn("c", 500), 2),
+    "<h2>Limits</h2>", div(drawn("d", 400), 3),
+)  # fmt: skip
+
+
+def test_figures_are_read_from_a_report_with_their_headings() -> None:
+    """Each with the headings above it; nothing of the page is run."""
+    report = figures_of(REPORT)
+    assert (report.title, report.notice) == ("Tiny: a study", "Made up & small.")
+    assert [figure.title for figure in report.figures] == ["Result", "Result: By test", "Limits"]
+    assert [figure.drawn["layout"]["height"] for figure in report.figures] == [300, 500, 400]
+    assert [figure.drawn["data"][0]["name"] for figure in report.figures] == ["a </script> b", "c", "d"]
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (b"", "no figure"),
+        (b"<h1>Nothing here</h1>", "no figure"),
+        (b"\xff\xfe\x00", "cannot be read as one"),
+        (b'<script>Plotly.newPlot("figure-1", [{"x": 1</script>', "cannot be read as one"),
+        (b'<script>Plotly.newPlot("figure-1", ' + b"[" * 100_000 + b"</script>", "cannot be read as one"),
+    ],
+)
+def test_what_is_no_report_is_one_sentence(tmp_path: Path, content: bytes, found: str) -> None:
+    """Empty, another page, not text, damaged, nested without end."""
+    (tmp_path / "report.html").write_bytes(content)
+    with pytest.raises(DataError, match=found):
+        read_figures(tmp_path / "report.html")
+
+
+def test_a_report_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
+    """With what to do."""
+    with pytest.raises(DataError, match="no such file"):
+        read_figures(tmp_path / "report.html")
+
+
+@needs_browser
+@pytest.mark.slow
+def test_figures_become_files_in_every_format() -> None:
+    """SVG with its size and its words, PNG at twice the size, and slides that python-pptx reads."""
+    import pptx
+
+    files = figure_files(figures_of(REPORT), ("svg", "png", "pptx"))
+    names = ["01-result", "02-result-by-test", "03-limits"]
+    assert set(files) == {f"{name}.{kind}" for name in names for kind in ("svg", "png")} | {"figures.pptx"}
+    svg = ElementTree.fromstring(files["02-result-by-test.svg"])  # noqa: S314 - our own
+    assert (svg.get("width"), svg.get("height")) == ("960", "500")
+    assert "c" in [element.text for element in svg.iter("{http://www.w3.org/2000/svg}text")]
+    png = files["02-result-by-test.png"]
+    assert png.startswith(b"\x89PNG")
+    assert struct.unpack(">II", png[16:24]) == (1920, 1000)
+    slides = pptx.Presentation(io.BytesIO(files["figures.pptx"])).slides
+    assert [slide.shapes.title.text for slide in slides] == ["Tiny: a study", "Result", "Result: By test", "Limits"]
+    assert [shape.text_frame.text for shape in slides[0].shapes][-1] == "Made up & small."
+    for slide in list(slides)[1:]:
+        (picture,) = [shape for shape in slide.shapes if hasattr(shape, "image")]
+        assert picture.left >= 0
+        assert picture.top + picture.height <= 7.5 * 914400
+        assert "Made up & small." in [shape.text_frame.text for shape in slide.shapes if shape.has_text_frame][-1]
+    assert next(shape for shape in slides[2].shapes if hasattr(shape, "image")).image.blob == png
+
+
+@needs_browser
+@pytest.mark.slow
+def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a figure, or the browser itself, would fetch goes to a proxy that is not there, but for this test."""
+    asked: list[str] = []
+
+    class Proxy(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            self.send_error(404)
+
+        def do_CONNECT(self) -> None:
+            self.do_GET()
+
+        def log_message(self, *_: object) -> None:
+            return
+
+    image = {"source": "http://crash.test/picture.png", "xref": "paper", "yref": "paper", "sizex": 1, "sizey": 1}
+    figure = ReportFigure("F", {"data": [], "layout": {"height": 200, "images": [image]}})
+    with HTTPServer(("127.0.0.1", 0), Proxy) as proxy:
+        thread = threading.Thread(target=proxy.serve_forever)
+        thread.start()
+        assert module._NO_NETWORK == "127.0.0.1:9"
+        monkeypatch.setattr(module, "_NO_NETWORK", f"127.0.0.1:{proxy.server_port}")
+        with suppress(CrashfuseError):  # a picture that cannot be loaded may end the drawing
+            figure_files(FiguresOfReport("T", "", (figure,)), ("svg",))
+        proxy.shutdown()
+        thread.join()
+    assert "http://crash.test/picture.png" in asked
+
+
+def test_what_a_format_needs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The extra if it is not installed, then a browser; the report itself can do without both."""
+    report = figures_of(REPORT)
+    with pytest.raises(UsageError, match="svg, png, pptx, not as pdf"):
+        figure_files(report, ("pdf",))  # type: ignore[arg-type]
+    monkeypatch.setattr(module, "_browser", lambda: None)
+    with pytest.raises(UsageError, match="Chrome, Chromium or Edge, and none was found"):
+        figure_files(report, ("svg",))
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "pptx" else object())
+    with pytest.raises(UsageError, match=re.escape('python -m pip install "crashfuse[pptx]"')):
+        figure_files(report, ("pptx",))

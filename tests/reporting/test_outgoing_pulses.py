@@ -1,0 +1,286 @@
+"""The pulse that goes on to an occupant model is the predicted one, and says that it was predicted."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.readers.isomme import read_isomme
+from crashfuse.reporting.outgoing_pulses import PulseExport, PulseFormat, outgoing
+from crashfuse.reporting.solver_curves import UNIT_SYSTEMS, SolverCurve
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
+from crashfuse.study.estimate import Estimate
+from tests.conftest import OTHER_READERS, needs_other_readers
+
+SPEED_MPS, T0_S, N_DRAWS = 15.0, 0.06, 40
+CONDITION = Condition(SPEED_MPS, 950.0, 700.5)
+PULSE = np.where(GRID_S <= T0_S, -SPEED_MPS / T0_S, 0.0)
+SHIFTS = np.linspace(-30, 30, N_DRAWS)
+ANY = SolverCurve("m-s-kg")
+
+
+@pytest.fixture
+def estimates() -> list[Estimate]:
+    """Two approaches, one with draws: a constant deceleration that stops the vehicle at t0, and parallels of it."""
+    note = "Extrapolation: the front weight 2237 lb lies outside the CAE runs' 1922–2185 lb."
+    return [
+        Estimate("cae", Prediction(CONDITION, PULSE * 1.1), {}, 0.1),
+        Estimate("fused", Prediction(CONDITION, PULSE, PULSE + SHIFTS[:, None], (note,)), {}, 0.2),
+    ]
+
+
+def written(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> Path:
+    """The folder into which an export was written."""
+    for name, files in export.files(campaign, estimates).items():
+        for path, content in files.items():
+            (folder / name / path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name / path).write_bytes(content)
+    return folder
+
+
+def columns(path: Path) -> FloatArray:
+    """The points of an include: lines of two numbers in columns of 20."""
+    lines = path.read_text(encoding="ascii").splitlines()
+    start = max(number for number, line in enumerate(lines) if line.startswith(("$#", "#  "))) + 1
+    numbers = [line for line in lines[start:] if line != "*END"]
+    assert {len(line) for line in numbers} == {40}
+    return np.array([(float(line[:20]), float(line[20:])) for line in numbers])
+
+
+def asked_of(reader: str, program: str, *paths: Path) -> Any:
+    """What a program of others, in a process of its own, prints as JSON; ``paths`` are its arguments."""
+    env = {**os.environ, "PYTHONPATH": str(OTHER_READERS)}
+    command = [
+        sys.executable,
+        "-W",
+        "ignore",
+        "-c",
+        f"import json, sys\n{reader}\nprint(json.dumps({program}))",
+        *map(str, paths),
+    ]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize(
+    ("system", "time", "accel"), [("mm-ms-kg", 1e3, 1e-3), ("mm-s-t", 1.0, 1e3), ("m-s-kg", 1.0, 1.0)]
+)
+def test_a_curve_is_in_the_units_of_the_model(system: str, time: float, accel: float) -> None:
+    """Time in ms or s; 1 m/s² is 0.001 mm/ms² or 1000 mm/s²; two zeros follow the pulse, half a step on and on."""
+    points = SolverCurve(system).points(PULSE)
+    np.testing.assert_allclose(points[:-2, 0], GRID_S * time, rtol=1e-12)
+    np.testing.assert_allclose(points[:-2, 1], PULSE * accel, rtol=1e-12)
+    np.testing.assert_array_equal(points[-2:, 1], 0.0)
+    assert set(UNIT_SYSTEMS) == {"mm-ms-kg", "mm-s-t", "m-s-kg"}
+
+
+@pytest.mark.parametrize("start_s", [0.0, 0.01, 0.00997, 0.00003, 1.0])
+def test_a_curve_that_starts_later_is_zero_until_then_in_even_steps(start_s: float) -> None:
+    """From time zero, or within a step of it: LS-DYNA samples curves anew in even steps, as many as LCINT says."""
+    points = SolverCurve("m-s-kg", start_s=start_s).points(PULSE)
+    np.testing.assert_allclose(np.diff(points[:, 0]), DT_S, rtol=1e-6)
+    assert 0 <= points[0, 0] < DT_S
+    contact = np.flatnonzero(points[:, 1])[0]
+    assert points[contact, 0] == pytest.approx(start_s, abs=1e-12)
+    np.testing.assert_array_equal(points[contact : contact + PULSE.size, 1], PULSE)
+
+
+def test_sign_and_scale_of_a_curve_are_chosen() -> None:
+    """Braking positive, in g with the scale that makes it so."""
+    points = SolverCurve("m-s-kg", deceleration_sign="positive", scale=1 / 9.80665).points(PULSE)
+    assert points[0, 1] == pytest.approx(SPEED_MPS / T0_S / 9.80665)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"unit_system": "in-s-lb"}, "one of mm-ms-kg, mm-s-t, m-s-kg"),
+        ({"start_s": -0.01}, "not at -10 ms"),
+        ({"start_s": float("nan")}, "not at nan ms"),
+        ({"scale": -1.0}, "the sign is set apart"),
+        ({"scale": float("inf")}, "not by inf"),
+        ({"number": 0}, "between 1 and 99999999"),
+    ],
+)
+def test_a_curve_that_makes_no_sense_is_refused(wrong: dict[str, Any], sentence: str) -> None:
+    """In one sentence."""
+    with pytest.raises(UsageError, match=sentence):
+        SolverCurve(**{"unit_system": "m-s-kg", **wrong})
+
+
+def test_whole_draws_go_out_and_no_edges_of_the_band(estimates: list[Estimate]) -> None:
+    """Each pulse but the expected ones is one of the draws, and bears its number; the seed decides which."""
+    pulses = list(outgoing(estimates, 5, seed=3))
+    assert [pulse.name for pulse in pulses[:2]] == ["cae_expected", "fused_expected"]
+    drawn = [pulse for pulse in pulses if pulse.draw]
+    assert len(drawn) == len({pulse.draw for pulse in drawn}) == 5
+    for pulse in drawn:
+        assert pulse.draw is not None
+        np.testing.assert_array_equal(pulse.accel_mps2, PULSE + SHIFTS[pulse.draw - 1])
+    numbers = [[pulse.draw for pulse in outgoing(estimates, 5, seed)] for seed in (3, 4)]
+    assert numbers[0] == [pulse.draw for pulse in pulses] != numbers[1]
+
+
+def test_more_draws_than_there_are_is_one_sentence(estimates: list[Estimate]) -> None:
+    """So are draws of approaches that have no band."""
+    with pytest.raises(UsageError, match="fused has 40 draws"):
+        list(outgoing(estimates, 41, 0))
+    with pytest.raises(UsageError, match="no draws of cae"):
+        list(outgoing(estimates[:1], 1, 0))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"formats": ("csv",)}, "not as csv"),
+        ({"formats": ("lsdyna",)}, "unit system"),
+        ({"location": "VEHC"}, "12 digits and capitals"),
+        ({"location": "10VEHC000000ACXD"}, "12 digits and capitals"),
+        ({"draws": -1}, "0 or more"),
+    ],
+)
+def test_an_export_that_is_impossible_is_refused(wrong: dict[str, Any], sentence: str) -> None:
+    """Before anything is written."""
+    with pytest.raises(UsageError, match=sentence):
+        PulseExport(**wrong)
+
+
+@pytest.mark.parametrize(("kind", "suffix"), [("lsdyna", "k"), ("radioss", "inc")])
+def test_an_include_holds_one_curve_in_columns_of_twenty(
+    campaign: Campaign, estimates: list[Estimate], tmp_path: Path, kind: PulseFormat, suffix: str
+) -> None:
+    """Every file has the same id, so that another pulse is another file; the numbers are exact to 12 digits."""
+    curve = SolverCurve("mm-s-t", start_s=0.01, number=4711)
+    folder = written(campaign, estimates, tmp_path, PulseExport((kind,), draws=2, curve=curve)) / kind
+    assert len(list(folder.iterdir())) == 4
+    for pulse in outgoing(estimates, 2, 0):
+        path = folder / f"{pulse.name}.{suffix}"
+        np.testing.assert_allclose(columns(path), curve.points(pulse.accel_mps2), rtol=1e-12, atol=1e-12)
+        assert max(map(len, path.read_text(encoding="ascii").splitlines())) <= 80
+        assert "4711" in path.read_text(encoding="ascii")
+
+
+def test_the_includes_say_what_they_hold(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
+    """Origin, condition, notes, units, sign; a line break in a name writes no keyword."""
+    named = replace(campaign, name="Tiny\n*INCLUDE\n/etc/passwd ü", channel_filter_class=60.0)
+    curve = SolverCurve("mm-ms-kg", deceleration_sign="positive", start_s=0.02, scale=1.5)
+    folder = written(named, estimates, tmp_path, PulseExport(("lsdyna", "radioss"), curve=curve))
+    for path, mark in ((folder / "lsdyna/fused_expected.k", "$ "), (folder / "radioss/fused_expected.inc", "# ")):
+        lines = path.read_text(encoding="ascii").splitlines()
+        comments = " ".join(line.removeprefix(mark) for line in lines if line.startswith(mark))
+        for said in (
+            "not measured: Fused, expected pulse, 33.55 mph.",
+            "Condition: 33.6 mph",
+            "Extrapolation: the front weight 2237 lb",
+            "filtered with CFC 60",
+            "Units mm-ms-kg: time in ms, acceleration in mm/ms^2. Braking is positive. Contact is at 20 ms;",
+            "scaled by 1.5",
+            campaign.fingerprint,
+        ):
+            assert said in comments
+        keywords = [line for line in lines if line.startswith(("*", "/"))]
+        assert keywords in (["*KEYWORD", "*DEFINE_CURVE_TITLE", "*END"], ["/FUNCT/1"])
+
+
+def test_what_happens_at_the_end_of_the_record_is_said() -> None:
+    """A vehicle that has not stopped, or is still accelerated, matters to a model that runs for longer."""
+    stopped = 1.05 * PULSE
+    said = []
+    for pulse in (PULSE / 2, np.where(GRID_S > 0.09, 20.0, stopped), stopped):
+        (one,) = outgoing([Estimate("cae", Prediction(CONDITION, pulse), {}, 0.1)], 0, 0)
+        said.append(" ".join(one.comments))
+    assert "ends at 100 ms, while the vehicle still moves forward at 7.5" in said[0]
+    assert "ends at 100 ms with 2.0 g left" in said[1]
+    assert "ends at" not in said[2]
+
+
+def test_iso_mme_holds_acceleration_velocity_and_displacement_at_a_chosen_location(
+    campaign: Campaign, estimates: list[Estimate], tmp_path: Path
+) -> None:
+    """A test for each pulse, so that channel codes are those that a program looks for; CFC in code and header."""
+    filtered = replace(campaign, channel_filter_class=60.0)
+    folder = written(filtered, estimates, tmp_path, PulseExport(draws=3, location="10BPILLERE00")) / "isomme"
+    assert len(list(folder.iterdir())) == 2 + 3
+    channels = {channel.code: channel for channel in read_isomme(folder / "fused_expected").channels}
+    assert {code: channel.unit for code, channel in channels.items()} == {
+        "10BPILLERE00ACXD": "m/(s*s)",
+        "10BPILLERE00VEXD": "m/s",
+        "10BPILLERE00DVXD": "m",
+    }
+    for channel in channels.values():
+        assert (channel.start_s, channel.interval_s, channel.values.size) == (0.0, DT_S, 1250)
+    np.testing.assert_array_equal(channels["10BPILLERE00ACXD"].values, PULSE)
+    velocity, displacement = channels["10BPILLERE00VEXD"].values, channels["10BPILLERE00DVXD"].values
+    assert velocity[0] == SPEED_MPS
+    assert velocity[GRID_S > T0_S + 1e-4] == pytest.approx(0.0, abs=0.02)
+    assert displacement.max() == pytest.approx(SPEED_MPS * T0_S / 2, rel=1e-3)
+    header = (folder / "fused_expected/Channel/fused_expected.002").read_text(encoding="latin-1")
+    assert "Channel frequency class     :60\n" in header
+
+
+def test_the_iso_mme_files_say_that_nothing_was_measured(
+    campaign: Campaign, estimates: list[Estimate], tmp_path: Path
+) -> None:
+    """Header and channels name crashfuse, campaign, fingerprint, approach and notes; speed in m/s, masses in kg."""
+    named = replace(campaign, name="Tiny\nDate of the test :2024-01-01")
+    test = read_isomme(written(named, estimates, tmp_path, PulseExport()) / "isomme/fused_expected")
+    comments = [value for name, value in test.descriptors if name == "Comments"]
+    assert test.descriptor("Subtype of the test") == "Prediction, no vehicle was crashed"
+    assert test.descriptor("Date of the test") is None
+    assert campaign.fingerprint in "".join(comments)
+    assert test.descriptor("Velocity test object 1") == "15"
+    assert test.descriptor("Mass test object 1") == "1650.5"
+    assert test.descriptor(".Rear weight test object 1") == "700.5"
+    for channel in test.channels:
+        assert channel.source == "simulation"
+        assert channel.code[-1] == "S", "records taken as they are"
+        assert "not measured: Fused, expected pulse" in " ".join(channel.comments)
+        assert "Extrapolation: the front weight 2237 lb" in " ".join(channel.comments)
+
+
+@needs_other_readers
+@pytest.mark.slow
+def test_pydyna_reads_the_ls_dyna_include(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
+    """The keyword reader of LS-DYNA's vendor finds one curve, its id and LCINT, and every point."""
+    curve = SolverCurve("mm-ms-kg", start_s=0.005, number=77)
+    path = written(campaign, estimates, tmp_path, PulseExport(("lsdyna",), curve=curve)) / "lsdyna/fused_expected.k"
+    reader = "from ansys.dyna.core import Deck\ndeck = Deck()\ndeck.loads(open(sys.argv[1]).read())"
+    program = "[(k.get_title(), k.lcid, k.lcint, k.sfa, k.sfo, k.curves.values.tolist()) for k in deck.keywords]"
+    ((keyword, number, lcint, sfa, sfo, points),) = asked_of(reader, program, path)
+    assert keyword == "*DEFINE_CURVE_TITLE"
+    assert (number, lcint, sfa, sfo) == (77, len(points), 1.0, 1.0)
+    pulse = next(iter(outgoing(estimates[1:], 0, 0)))
+    np.testing.assert_allclose(points, curve.points(pulse.accel_mps2), rtol=1e-12, atol=1e-15)
+
+
+@needs_other_readers
+@pytest.mark.slow
+def test_pyisomme_reads_the_iso_mme_test(campaign: Campaign, estimates: list[Estimate], tmp_path: Path) -> None:
+    """Codes, units, filter class, time and every sample of all three channels."""
+    filtered = replace(campaign, channel_filter_class=60.0)
+    path = written(filtered, estimates, tmp_path, PulseExport()) / "isomme/fused_expected/fused_expected.mme"
+    reader = "import pyisomme\nread = pyisomme.Isomme().read(sys.argv[1])"
+    program = (
+        "[(c.code, str(c.unit), c.get_info('Channel frequency class'), c.data.index.tolist(),"
+        " c.data.iloc[:, 0].tolist()) for c in read.channels]"
+    )
+    channels = {code: more for code, *more in asked_of(reader, program, path)}
+    assert set(channels) == {"10VEHC000000ACXD", "10VEHC000000VEXD", "10VEHC000000DVXD"}
+    assert [channels[f"10VEHC000000{name}XD"][0] for name in ("AC", "VE", "DV")] == ["m / s2", "m / s", "m"]
+    for _, cfc, time_s, values in channels.values():
+        assert float(cfc) == 60
+        np.testing.assert_allclose(time_s, GRID_S, atol=1e-9)
+        assert len(values) == 1250
+    np.testing.assert_array_equal(channels["10VEHC000000ACXD"][3], PULSE)
