@@ -1,6 +1,6 @@
 """Import sources: format detection and reading of the records."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -28,7 +28,7 @@ class Reading:
     Parameters
     ----------
     source : Path
-        A file, a folder (of one test or run, or of several), or a zip or tar archive of it.
+        A file, a folder (of one test or run, or of several), a zip or tar archive of it, or a folder of such archives.
     fmt : str, optional
         A key of :data:`crashfuse.readers.formats.FORMATS`; by default the result of :func:`format_of`.
     columns : tuple of ColumnChoice
@@ -62,7 +62,7 @@ def format_of(source: Path) -> str:
     """
     if not source.exists():
         raise DataError(Problem(str(source), "a file or folder to import", "nothing there", "check the path"))
-    found = formats_of(_names(source))
+    found = formats_of(_names(source)) or formats_of(name for inner in _archives(source) for name in _names(inner))
     if found == [TABLES] and any(map(is_time_history_csv, tables_of(source))):
         return "radioss"
     if not found:
@@ -109,9 +109,10 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         raise UsageError("Only tables have columns to map.")
     if reading.travel is not None and not FORMATS[fmt].axes:
         raise UsageError(f"{FORMATS[fmt].label} says itself which channels are along X; remove --travel.")
-    if is_archive(source.name) and source.is_file() and _has_to_be_unpacked(source, fmt):
+    unpacked = [source] if _has_to_be_unpacked(source, fmt) else _archives(source)
+    if unpacked:
         with TemporaryDirectory() as scratch:  # the tables in it tell of which format they are
-            yield from each_record(replace(reading, source=_unpacked(source, Path(scratch))), problems)
+            yield from each_record(replace(reading, source=_unpacked(unpacked, Path(scratch))), problems)
         return
     extra = [] if reading.conditions is None else [reading.conditions]
     paths = tables_of(source) if fmt == TABLES else []
@@ -152,18 +153,24 @@ def _names(source: Path) -> Iterable[PurePath]:
 
 
 def _has_to_be_unpacked(source: Path, fmt: str) -> bool:
-    """Whether an archive is a tar, holds tables, or several tests in a format whose reader takes only one."""
-    return (
+    """Whether a source is a tar, or a zip of tables or of several tests in a format whose reader takes only one."""
+    return (source.is_file() and is_archive(source.name)) and (
         is_tar(source.name)
         or fmt == TABLES
         or (FORMATS[fmt].one_a_file and sum(map(FORMATS[fmt].has, _names(source))) > 1)
     )
 
 
-def _unpacked(source: Path, into: Path) -> Path:
-    if source.stat().st_size > DEFAULT_LIMITS.total_bytes:
-        raise too_much(source.name, DEFAULT_LIMITS)
-    return lay_out_source([(source.name, source.read_bytes())], into)
+def _archives(folder: Path) -> list[Path]:
+    """The archives in a folder that holds nothing else to import, as laboratories offer them for download."""
+    files = _files(folder, lambda path: is_archive(path.name))
+    return [] if files and formats_of(_names(folder)) else files
+
+
+def _unpacked(archives: Sequence[Path], into: Path) -> Path:
+    if sum(archive.stat().st_size for archive in archives) > DEFAULT_LIMITS.total_bytes:
+        raise too_much(archives[0].parent.name if len(archives) > 1 else archives[0].name, DEFAULT_LIMITS)
+    return lay_out_source([(archive.name, archive.read_bytes()) for archive in archives], into)
 
 
 def _of_homes(source: Path, fmt: str, travel: Travel | None, problems: list[Problem]) -> Iterator[Record]:

@@ -91,6 +91,19 @@ def test_a_zip_of_several_gives_them_all(tmp_path: Path) -> None:
     assert [each["id"] for each in imported(tmp_path / "campaign")] == ["A", "B", "C", "D"]
 
 
+def test_a_folder_of_archives_gives_the_tests_in_them(tmp_path: Path) -> None:
+    """A zip for each test, as they are downloaded, in a folder with nothing else to import."""
+    downloads = tmp_path / "downloads"
+    downloads.mkdir()
+    (downloads / "notes.pdf").write_bytes(b"")
+    for number in ("M1", "M2"):
+        with zipfile.ZipFile(downloads / f"{number}.zip", "w") as archive:
+            for name, content in isomme(number).items():
+                archive.writestr(name, content)
+    assert format_of(downloads) == "isomme"
+    assert [record.id for record in read_records(Reading(downloads))] == ["M1", "M2"]
+
+
 def test_formats_are_not_mixed_without_a_word(tmp_path: Path) -> None:
     """A folder of two formats is refused, or read as the one that is named; tables may lie beside any."""
     write(tmp_path / "mixed", {**isomme("A"), "notes.csv": b"Name;Value\nA;B\n"})
