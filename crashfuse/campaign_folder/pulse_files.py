@@ -4,8 +4,10 @@ Tables are read in batches and their samples go straight into the float32 array 
 100,000 runs needs little more memory than the array itself.
 """
 
+import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray
 from crashfuse.units import MS
 
+_composed = partial(unicodedata.normalize, "NFC")
 _ENDINGS = (".csv", ".parquet")
 _MOST_STRANGERS = 3  # named in the warning
 
@@ -90,9 +93,9 @@ class PulseFiles:
             self.problems.append(unreadable(f"{folder.name}/", error))
             self._unreadable = True
             return
-        there = set(names)
+        there = {_composed(name): name for name in names}  # some systems write accents apart
         for run_id in ids:
-            files = [name for ending in _ENDINGS if (name := f"{run_id}{ending}") in there]
+            files = [there[name] for ending in _ENDINGS if (name := _composed(f"{run_id}{ending}")) in there]
             record, where = None, f"{folder.name}/{files[0] if files else ''}"
             if len(files) > 1:
                 found, advice = " and ".join(files), "keep one of them"
@@ -102,10 +105,10 @@ class PulseFiles:
                     record = whole_record(folder / files[0], where, self.problems)
             if files:
                 yield run_id, where, record
-        known = set(ids)
+        known = set(map(_composed, ids))
         for name in names:
             stem, dot, ending = name.rpartition(".")
-            if f"{dot}{ending}" in _ENDINGS and stem not in known:
+            if f"{dot}{ending}" in _ENDINGS and _composed(stem) not in known:
                 yield stem, name, None
 
     def _from_table(self, path: Path) -> Iterator[tuple[str, str, RecordedPulse | None]]:
