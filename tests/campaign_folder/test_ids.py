@@ -71,7 +71,7 @@ def test_an_addition_is_refused_that_a_file_system_takes_for_one_that_is_there(c
     test = load_campaign(campaign_folder).tests[0]
     condition = Condition(test.condition.speed_mps, test.condition.front_weight_kg, test.condition.rear_weight_kg)
     for ids in (["t1"], [COMPOSED, APART]):
-        with pytest.raises(DataError, match="not there yet|each id once"):
+        with pytest.raises(DataError, match=r"not there yet|each id once"):
             add_to_campaign(campaign_folder, "tests", [Addition(run_id, condition, test.pulse) for run_id in ids])
     assert folded(COMPOSED) == folded(APART)
 
