@@ -78,7 +78,7 @@ HOSTILE: dict[str, tuple[Callable[[], str], str]] = {
     ),
     "elements within elements": (lambda: sheet("<a>" * 4_100_000), "at most 2000000 elements and 4000000 attributes"),
     "attributes": (
-        lambda: sheet("<a " + "".join(f"b{i}='' " for i in range(99_999)) + "/>"),
+        lambda: sheet("<a " + 'b="" ' * 99_999 + "/>"),
         "an element without an end",
     ),
 }
@@ -87,12 +87,12 @@ HOSTILE: dict[str, tuple[Callable[[], str], str]] = {
 def test_a_gap_of_a_few_rows_is_a_gap(tmp_path: Path) -> None:
     """What the file declares of its size doesn't matter, nor that a row lacks its last cell."""
     text = sheet(rows(40) + rows(40, first=50), '<dimension ref="A1:XFD2000000000"/>')
-    text = text.replace('<c r="B2"><v>5</v></c>', "", 1)
+    text = text.replace('<c r="B60"><v>3</v></c>', "", 1)
     (table,) = read_sheets(workbook(tmp_path / "gap.xlsx", text))
     assert table.columns == ("Time [ms]", "g")
     assert len(table.cells) == 88
-    assert table.cells[1].tolist()[:2] == ["", "4"]
-    assert table.cells[1].tolist()[40:49] == [""] * 8 + ["6"]
+    assert table.cells[1].tolist()[57:60] == ["4", "", "2"]
+    assert table.cells[1].tolist()[39:49] == ["1", *[""] * 8, "6"]
 
 
 @pytest.mark.parametrize(("worksheet", "sentence"), HOSTILE.values(), ids=HOSTILE)
