@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.atomic import replacing
 from crashfuse.files.csv_output import original, write_rows
+from crashfuse.files.parquet_pages import check_size
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import ACCELERATION, TIME
 
@@ -33,6 +34,7 @@ def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
 def _append_parquet(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
     with pq.ParquetFile(path) as file:
         schema = file.schema_arrow
+        check_size(path, path.name, schema.names)
         new = pa.array([run_id for run_id, _ in pulses], pa.string())
         with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
             for batch in file.iter_batches():
