@@ -6,7 +6,6 @@ import json
 import logging
 import os
 import time
-import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, is_dataclass
@@ -18,6 +17,7 @@ import numpy.typing as npt
 import platformdirs
 from filelock import FileLock, Timeout
 
+from crashfuse.errors import Cancelled
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.files.atomic import write_atomically
 from crashfuse.version import __version__
@@ -26,9 +26,6 @@ log = logging.getLogger(__name__)
 
 Entry = dict[str, npt.NDArray[Any]]
 T = TypeVar("T")
-
-_WRONG_CONTENT = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
-"""What reading an entry raises that is whole but is not what it should be."""
 
 _PATIENCE_S = 3600.0  # wait for another process computing the same entry; then compute it here, too
 _GLANCE_S = 0.2
@@ -108,7 +105,10 @@ class Cache:
             return None
         try:
             return restore(entry)
-        except _WRONG_CONTENT:
+        except Cancelled:
+            raise
+        except Exception as error:  # whatever is wrong with it, it is computed again
+            log.info("An entry of %s was not what it should be: %r", kind, error)
             self.drop(kind, key)
             return None
 
@@ -124,7 +124,7 @@ class Cache:
                 raise ValueError("damaged")
             with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
                 entry = {name: arrays[name] for name in arrays.files}
-        except (ValueError, zipfile.BadZipFile):  # also if something else wrote a file of this name
+        except Exception:  # whatever a damaged archive of arrays raises, or what something else wrote
             self.drop(kind, key)
             return None
         self.used.add(self._name(path))
