@@ -188,6 +188,24 @@ class Cache:
             self.used.add(self._name(path))
 
 
+def numbers(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:
+    """The real numbers of an entry under a name; raises if they are not of this shape (None: of any length)."""
+    array = entry[name]
+    if array.dtype.kind != "f" or array.ndim != len(shape):
+        raise ValueError(f"{name}: not numbers in {len(shape)} dimensions")
+    if any(wanted not in (None, found) for wanted, found in zip(shape, array.shape, strict=True)):
+        raise ValueError(f"{name}: shape {array.shape} instead of {shape}")
+    return array
+
+
+def finite(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:
+    """The same; raises also if one of them is infinite or NaN."""
+    array = numbers(entry, name, *shape)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: numbers without a value")
+    return array
+
+
 def _acquire(lock: FileLock, watch: Watch) -> None:
     """Wait for a lock, with a time limit."""
     step, start = "Waiting for another process that computes the same", time.monotonic()
