@@ -9,7 +9,7 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Sequence
-from typing import TextIO
+from typing import Literal, TextIO
 
 import pandas as pd
 
@@ -56,7 +56,7 @@ def csv_text(rows: Iterable[Sequence[object]]) -> str:
     return stream.getvalue()
 
 
-def write_rows(stream: TextIO, rows: Iterable[Sequence[object]], quoting: int = csv.QUOTE_MINIMAL) -> None:
+def write_rows(stream: TextIO, rows: Iterable[Sequence[object]], quoting: Literal[0, 2] = csv.QUOTE_MINIMAL) -> None:
     """Write rows as CSV to a stream, one by one."""
     writer = csv.writer(stream, lineterminator="\n", quoting=quoting)
     writer.writerows([_neutral(cell) for cell in row] for row in rows)
