@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save, save_file
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
@@ -196,7 +196,9 @@ def test_a_model_of_one_process_is_read_by_another(campaign_on_disk: Path, tmp_p
         assert (tmp_path / "saved" / name).read_bytes() == (tmp_path / "trained" / name).read_bytes()
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "null", "[]", '{"crashfuse": []}', '{"crashfuse": NaN, "fingerprint": 1}'])
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, "null", "[]", '{"crashfuse": []}', '{"crashfuse": NaN, "fingerprint": 1}']
+)
 def test_a_header_that_means_harm_is_a_sentence(campaign: Campaign, tmp_path: Path, text: str) -> None:
     """Its checksum is right."""
     path = tmp_path / "m.safetensors"

@@ -5,6 +5,7 @@ which takes many times its bytes; while it is parsed, rows and cells count by th
 """
 
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -29,14 +30,19 @@ _NO_VALUE = re.compile(rb"<f\b[^<]*(?:/>|</f>)\s*(?:</c>|<v\s*/>|<v></v>)")
 
 def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
     """Read every sheet that holds a table."""
+    with path.open("rb") as stream:
+        budget = Budget(limits, path.stat().st_size)
+        uncalculated = [_examined(member, budget) for member in zip_members(stream, path.name, limits)]
+    with warnings.catch_warnings(action="ignore"):  # what openpyxl leaves out is no table
+        return _sheets(path, calculated=not any(uncalculated))
+
+
+def _sheets(path: Path, *, calculated: bool) -> tuple[Sheet, ...]:
     try:
         from openpyxl import load_workbook
     except ImportError:
         advice = "install crashfuse[excel], or save the sheet as CSV"
         raise DataError(Problem(path.name, "openpyxl to read workbooks with", "none installed", advice)) from None
-    with path.open("rb") as stream:
-        budget = Budget(limits, path.stat().st_size)
-        uncalculated = [_examined(member, budget) for member in zip_members(stream, path.name, limits)]
     problems: list[Problem] = []
     found = []
     cells = 0
@@ -57,7 +63,7 @@ def read_workbook(path: Path, limits: Limits) -> tuple[Sheet, ...]:
                     try:
                         found.append(_grid_sheet(rows, name, hidden))
                     except DataError as error:
-                        problems.extend(_explained(problem, rows, any(uncalculated)) for problem in error.problems)
+                        problems.extend(_explained(problem, rows, calculated=calculated) for problem in error.problems)
         finally:
             book.close()
     except (BadZipFile, KeyError, ValueError, TypeError, AttributeError, IndexError, SyntaxError, OSError) as error:
@@ -144,13 +150,13 @@ def _grid_sheet(rows: list[list[str]], name: str, hidden: Sequence[str]) -> Shee
     return sheet_of(name, header, cells, decimal, *([f"Left out as hidden: {', '.join(hidden)}."] if hidden else []))
 
 
-def _explained(problem: Problem, rows: list[list[str]], uncalculated: bool) -> Problem:
+def _explained(problem: Problem, rows: list[list[str]], *, calculated: bool) -> Problem:
     """The problem, with the reason why visible numbers were not found: text, or formulas never calculated."""
     text = next((cell for row in rows for cell in row if "," in cell and is_number(cell, ",")), None)
     if text is not None:
         advice = "turn them into numbers (in Excel: Data, Text to Columns), or save the sheet as CSV"
         return replace(problem, found=f"numbers kept as text, such as {text!r}", advice=advice)
-    if uncalculated:
+    if not calculated:
         advice = "open the workbook in Excel and save it, or save the sheet as CSV"
         return replace(problem, found="formulas whose values are not in the file", advice=advice)
     return problem
