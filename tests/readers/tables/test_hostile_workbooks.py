@@ -3,6 +3,7 @@
 import random
 import subprocess
 import sys
+import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -131,3 +132,13 @@ def test_too_much_in_all_sheets_is_refused(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr("crashfuse.readers.tables.workbook._MOST_CELLS_IN_ALL", 100)
     with pytest.raises(DataError, match="at most 100 cells, found more; save the sheet as CSV"):
         read_sheets(workbook(tmp_path / "t.xlsx", sheet(rows(60))))
+
+
+def test_a_text_of_a_hundred_thousand_columns_is_refused_early(tmp_path: Path) -> None:
+    """Before each of its cells is tried as a number with each delimiter."""
+    path = tmp_path / "wide.csv"
+    path.write_text("\n".join([",".join(["1"] * 120_000)] * 200))
+    began = time.process_time()
+    with pytest.raises(DataError, match="at most 2000 columns, found 120000"):
+        read_sheets(path)
+    assert time.process_time() - began < 10
