@@ -106,6 +106,19 @@ class UsageError(CrashfuseError):
     """The request refers to something that does not exist, or is invalid (exit code 2)."""
 
 
+def out_of_memory(error: BaseException) -> bool:
+    """Whether an exception says that memory ran out; PyTorch has no class of its own for it."""
+    return isinstance(error, MemoryError) or (
+        isinstance(error, RuntimeError) and ("allocate memory" in str(error) or "out of memory" in str(error))
+    )
+
+
+OUT_OF_MEMORY = (
+    "Memory ran out. Close other programs, or ask for less at once: fewer workers, fewer CAE runs, a shorter record. "
+    "Whatever was finished is in the cache."
+)
+
+
 class NotFittedError(CrashfuseError):
     """An approach was used before it was fitted."""
 

@@ -81,3 +81,11 @@ def test_no_module_imports_itself_in_a_circle() -> None:
     """Whoever changes a module has to look at those above it, and at no other."""
     graph = {_name(path): set(_imports(path)) - {_name(path)} for path in PACKAGE.rglob("*.py")}
     assert len(list(TopologicalSorter(graph).static_order())) >= len(graph)  # raises CycleError where there is one
+
+
+def test_one_module_alone_writes_csv() -> None:
+    """So that no table goes out with a formula from a laboratory in it."""
+    writes = re.compile(r"\.to_csv\(|csv\.(writer|DictWriter)\(|\.to_clipboard\(")
+    pages = [ROOT / "app.py", *(ROOT / "pages").glob("*.py")]
+    found = {path.name for path in (*MODULES, *pages) if writes.search(path.read_text(encoding="utf-8"))}
+    assert found == {"csv_output.py"}

@@ -17,9 +17,9 @@ from threadpoolctl import threadpool_limits
 from crashfuse.campaign import CaeLibrary
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
-from crashfuse.execution.cache import Entry
+from crashfuse.execution.cache import Entry, finite
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 
 _NOISE = np.geomspace(1e-6, 2.0, 30)  # candidate ratios of a mode's noise variance to its signal variance
 _LOG_NOISE_PRIOR = -0.5 * (np.log(_NOISE / 1e-3) / 3.0) ** 2
@@ -142,10 +142,13 @@ class Emulator:
         """The fitted state, for the cache."""
         return {name: getattr(self, name) for name in _LEARNED}
 
-    def restore(self, learned: Entry) -> Self:
-        """Restore a fitted state."""
+    def restore(self, learned: Entry, cae: CaeLibrary) -> Self:
+        """Restore a fitted state; raises if it cannot be that of this library."""
         for name in _LEARNED:
-            setattr(self, name, learned[name])
+            setattr(self, name, finite(learned, name, *(None,) * learned[name].ndim))
+        pulse, largest = self.predict(cae.conditions[0]), 10 * np.abs(cae.accel_mps2).max()
+        if self.speed_range_.shape != (2,) or pulse.shape != (N_SAMPLES,) or not (np.abs(pulse) <= largest).all():
+            raise ValueError("not the emulator of this library")
         return self
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from crashfuse.cae.emulator import Emulator
 from crashfuse.campaign import CaeLibrary
 from crashfuse.condition import Condition
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import LoadingPhase, loading_phase
@@ -95,9 +95,11 @@ class CaeModel:
             emulator.fit(cae, watch)
             return self
         key = {"cae": cae.fingerprint, "config": emulator.config, "code": code_digest(Emulator.__module__)}
-        self.cache.get_or_compute(
-            "emulator", key, lambda: (emulator.fit(cae, watch), emulator.arrays()), emulator.restore, watch
-        )
+
+        def compute() -> tuple[Emulator, Entry]:
+            return emulator.fit(cae, watch), emulator.arrays()
+
+        self.cache.get_or_compute("emulator", key, compute, lambda entry: emulator.restore(entry, cae), watch)
         return self
 
     def pulse(self, condition: Condition) -> CaePulse:

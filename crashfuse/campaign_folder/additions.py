@@ -12,13 +12,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.condition_tables import Role, read_conditions
+from crashfuse.campaign_folder.ids import folded
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
-from crashfuse.campaign_folder.writer import check_ids, csv_text, pulse_csv, quality_columns, table_row, toml_text
+from crashfuse.campaign_folder.writer import check_ids, pulse_csv, quality_columns, table_row, toml_text
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.atomic import new_folder, write_atomically
+from crashfuse.files.csv_output import csv_text
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import Pulse
 
@@ -58,8 +61,9 @@ def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> 
     """
     ids = [addition.id for addition in additions]
     check_ids(ids, role)
-    if twice := next((run_id for run_id, times in Counter(ids).items() if times > 1), None):
-        raise DataError(Problem(role, "each id once", f"{twice!r} twice", "give one of them another id"))
+    names = Counter(map(folded, ids))
+    if twice := [run_id for run_id in ids if names[folded(run_id)] > 1]:
+        raise DataError(Problem(role, "each id once", listed(twice[:2]), "give one of them another id"))
     if folder.is_dir() and any(folder.iterdir()) and not any((folder / name).is_file() for name in _MARKS):
         found, advice = "other files", "name a campaign, or a folder that does not exist yet"
         raise DataError(Problem(str(folder), "a campaign folder, or an empty one", found, advice))
@@ -113,9 +117,8 @@ def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> t
     known = read_conditions(table, standstill_allowed=role == "cae", problems=problems)
     if known is None:
         raise DataError(problems)
-    there = {run_id.casefold() for run_id in known.ids}
-    # case-insensitive file systems would lose one of V1 and v1
-    twice = [addition.id for addition in additions if addition.id.casefold() in there]
+    there = set(map(folded, known.ids))
+    twice = [addition.id for addition in additions if folded(addition.id) in there]
     if twice:
         advice = "give it another id, or remove the one that is there"
         raise DataError([Problem(table.name, "an id that is not there yet", repr(i), advice, "id") for i in twice[:20]])

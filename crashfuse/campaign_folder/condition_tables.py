@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.campaign_folder.columns import MOST_PROBLEMS, count_rest, find_column, listed, not_a_number
+from crashfuse.campaign_folder.ids import folded, id_trouble, same_name
 from crashfuse.campaign_folder.quality_columns import read_quality
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, printable, shortened
-from crashfuse.files.archive import name_trouble
 from crashfuse.files.csv_text import read_rows
 from crashfuse.run_quality import QUANTITIES as QUALITIES
 from crashfuse.run_quality import RunQuality
@@ -25,7 +25,6 @@ _SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: 
 _LARGEST = {"speed": 500.0, "front_weight": 1e5, "rear_weight": 1e5}  # m/s, kg: more must be in another unit
 _MOST_CANDIDATES = 1000  # each costs a prediction
 _LONGEST_FACTOR = 200
-_FORMULA = ("=", "+", "-", "@")
 
 T = TypeVar("T")
 
@@ -140,43 +139,27 @@ def _read_text(path: Path, problems: list[Problem]) -> pd.DataFrame | None:
 
 
 def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> None:
-    seen: set[str] = set()
+    seen: dict[str, str] = {}
     count = 0
     for row, run_id in ids.items():
         trouble = id_trouble(run_id)
-        if trouble is None and run_id in seen:
-            trouble = ("each id once", f"{printable(run_id, 60)!r} a second time", "rename or remove the row")
+        name = folded(run_id)
+        if trouble is None and name in seen:
+            trouble = same_name(run_id, seen[name])
         if trouble is not None:
             count += 1
             if count <= MOST_PROBLEMS:
                 problems.append(Problem(where, *trouble, "id", row))
-        seen.add(run_id)
+        seen.setdefault(name, run_id)
     count_rest(count, MOST_PROBLEMS, "ids that are not fit", where, "id", problems)
 
 
-def id_trouble(run_id: str) -> tuple[str, str, str] | None:
-    """Expected, found and advice for an id that is not a valid file name or would be a spreadsheet formula."""
-    if not run_id:
-        return "an id in each row", "an empty cell", "name the test or run"
-    found = repr(printable(run_id, 60))
-    unsafe = ("", "a slash", "") if "/" in run_id else name_trouble(run_id)
-    if unsafe is not None:
-        return "an id that can name a file", f"{found}, {unsafe[1]}", "rename it"
-    if run_id.startswith(_FORMULA):
-        return "an id that no spreadsheet takes for a formula", found, "let it begin with a letter or a digit"
-    return None
-
-
 def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> None:
-    """Reject text that cannot be displayed verbatim: control characters, spreadsheet formulas, overlong text."""
-    expected = f"plain text of at most {_LONGEST_FACTOR} characters, no formula"
+    """Reject text that cannot be displayed verbatim: control characters, overlong text."""
+    expected = f"plain text of at most {_LONGEST_FACTOR} characters"
     for column in cells.columns:
         texts = [(1, column), *cells[column].items()]
-        bad = [
-            (row, text)
-            for row, text in texts
-            if len(text) > _LONGEST_FACTOR or printable(text) != text or text.startswith(("=", "@"))
-        ]
+        bad = [(row, text) for row, text in texts if len(text) > _LONGEST_FACTOR or printable(text) != text]
         shown = printable(column, 60)
         for row, text in bad[:MOST_PROBLEMS]:
             problems.append(Problem(where, expected, repr(printable(text, 60)), "correct the cell", shown, row))

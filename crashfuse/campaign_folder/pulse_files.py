@@ -4,8 +4,10 @@ Tables are read in batches and their samples go straight into the float32 array 
 100,000 runs needs little more memory than the array itself.
 """
 
+import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +21,9 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray
 from crashfuse.units import MS
 
+_composed = partial(unicodedata.normalize, "NFC")
 _ENDINGS = (".csv", ".parquet")
+_MOST_RECORDS = 500_000
 _MOST_STRANGERS = 3  # named in the warning
 
 
@@ -44,10 +48,12 @@ class PulseFiles:
         accel = np.zeros((len(ids), N_SAMPLES), dtype=np.float32)
         row_of = {run_id: row for row, run_id in enumerate(ids)}
         missing = set(ids)
-        strangers: dict[str, None] = {}
+        strangers, named = 0, list[str]()
         for run_id, where, record in self._records(ids):
             if run_id not in row_of:
-                strangers[run_id] = None
+                strangers += 1
+                if strangers <= _MOST_STRANGERS:
+                    named.append(printable(run_id, 60))
             elif run_id in missing:
                 missing.remove(run_id)
                 if record is None:
@@ -62,10 +68,9 @@ class PulseFiles:
             for expected in (f"a pulse for {printable(run_id, 60)}" for run_id in ids if run_id in missing):
                 self.problems.append(Problem(f"{self.role}.csv", expected, found, advice, "id"))
         if strangers:
-            named = ", ".join(printable(run_id, 60) for run_id in list(strangers)[:_MOST_STRANGERS])
-            more = f" and {len(strangers) - _MOST_STRANGERS} more" if len(strangers) > _MOST_STRANGERS else ""
+            more = f" and {strangers - _MOST_STRANGERS} more" if strangers > _MOST_STRANGERS else ""
             self.warnings.append(
-                f"{self.role}: pulses without a row in {self.role}.csv are left out, namely {named}{more}."
+                f"{self.role}: pulses without a row in {self.role}.csv are left out, namely {', '.join(named)}{more}."
             )
         return accel
 
@@ -90,9 +95,9 @@ class PulseFiles:
             self.problems.append(unreadable(f"{folder.name}/", error))
             self._unreadable = True
             return
-        there = set(names)
+        there = {_composed(name): name for name in names}  # some systems write accents apart
         for run_id in ids:
-            files = [name for ending in _ENDINGS if (name := f"{run_id}{ending}") in there]
+            files = [there[name] for ending in _ENDINGS if (name := _composed(f"{run_id}{ending}")) in there]
             record, where = None, f"{folder.name}/{files[0] if files else ''}"
             if len(files) > 1:
                 found, advice = " and ".join(files), "keep one of them"
@@ -102,10 +107,10 @@ class PulseFiles:
                     record = whole_record(folder / files[0], where, self.problems)
             if files:
                 yield run_id, where, record
-        known = set(ids)
+        known = set(map(_composed, ids))
         for name in names:
             stem, dot, ending = name.rpartition(".")
-            if f"{dot}{ending}" in _ENDINGS and stem not in known:
+            if f"{dot}{ending}" in _ENDINGS and _composed(stem) not in known:
                 yield stem, name, None
 
     def _from_table(self, path: Path) -> Iterator[tuple[str, str, RecordedPulse | None]]:
@@ -125,6 +130,9 @@ class PulseFiles:
                         pending = []
                     pending_id = run_id
                     pending.append(rows_of[start:stop])
+                    if len(finished) > _MOST_RECORDS:
+                        found, advice = "more", "check its ids, or leave runs out"
+                        raise DataError(Problem(path.name, f"at most {_MOST_RECORDS:,} runs", found, advice, "id"))
                     if run_id in finished:
                         del self.problems[so_far:]  # problems of records split between batches are not real
                         found = f"rows of {printable(run_id, 60)} in two places"

@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ import pyarrow.parquet as pq
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.atomic import replacing
+from crashfuse.files.csv_output import original, write_rows
+from crashfuse.files.parquet_pages import check_size
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import ACCELERATION, TIME
 
@@ -31,6 +34,7 @@ def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
 def _append_parquet(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
     with pq.ParquetFile(path) as file:
         schema = file.schema_arrow
+        check_size(path, path.name, schema.names)
         new = pa.array([run_id for run_id, _ in pulses], pa.string())
         with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
             for batch in file.iter_batches():
@@ -61,20 +65,19 @@ def _append_csv(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]
         path.open(encoding="utf-8-sig", newline="") as old,
         temporary.open("w", encoding="utf-8", newline="") as stream,
     ):
-        rows, writer = csv.reader(old, skipinitialspace=True), csv.writer(stream, lineterminator="\n")
-        header = [cell.strip() for cell in next(rows, [])]
+        rows = csv.reader(old, skipinitialspace=True)
+        header = [original(cell.strip()) for cell in next(rows, [])]
         if "id" not in header:
             raise DataError(Problem(path.name, "a column id", "none", "repair it first"))
-        writer.writerow(header)
         at = header.index("id")
-        writer.writerows(row for row in rows if len(row) <= at or row[at].strip() not in new)
+        kept = ([*map(original, row)] for row in rows if len(row) <= at or row[at].strip() not in new)
+        write_rows(stream, chain([header], kept))
         for run_id, pulse in pulses:
             columns = _columns(header, pulse, path.name)
             numbers = {name: [repr(value) for value in values.tolist()] for name, values in columns.items()}
-            for i in range(pulse.time_s.size):
-                writer.writerow(
-                    [run_id if name == "id" else numbers[name][i] if name in numbers else "" for name in header]
-                )
+            of_name = {"id": [run_id] * pulse.time_s.size, **numbers}
+            empty = [""] * pulse.time_s.size
+            write_rows(stream, zip(*(of_name.get(name, empty) for name in header), strict=True))
 
 
 def _columns(names: Sequence[str], pulse: Pulse, where: str) -> Mapping[str, FloatArray]:

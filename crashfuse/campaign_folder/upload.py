@@ -2,7 +2,6 @@
 
 import io
 import shutil
-import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
@@ -11,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from crashfuse.campaign_folder.condition_tables import read_conditions
+from crashfuse.campaign_folder.ids import folded
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import (
     DEFAULT_LIMITS,
@@ -126,9 +126,9 @@ def _targets(members: Sequence[Member], root: PurePosixPath, name: str) -> dict[
         else:
             expected, advice = "a file of one campaign folder", "put pulses into tests/ or cae/ and leave out the rest"
             problems.append(Problem(member.where, expected, "a file elsewhere", advice))
-    times = Counter(map(_folded, targets.values()))
+    times = Counter(folded(str(target)) for target in targets.values())
     for member, target in targets.items():
-        if (found_times := times[_folded(target)]) > 1:
+        if (found_times := times[folded(str(target))]) > 1:
             expected = "names that differ by more than capitals"
             problems.append(Problem(member.where, expected, f"{found_times} of this name", "keep one"))
     refuse(problems, name)
@@ -153,11 +153,6 @@ def _in_a_campaign(path: PurePosixPath) -> bool:
         case (role, _):
             return role in _ROLES and path.suffix in _PULSES
     return False
-
-
-def _folded(path: PurePosixPath) -> str:
-    """The name as seen by a file system that ignores case and Unicode normalisation."""
-    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", str(path)).casefold())
 
 
 def _place(folder: Path, at_the_top: Sequence[PurePosixPath]) -> None:

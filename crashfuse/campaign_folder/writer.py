@@ -1,7 +1,5 @@
 """Writing a whole campaign folder, and the text of its files."""
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,12 +9,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.condition_tables import id_trouble
+from crashfuse.campaign_folder.ids import id_trouble
 from crashfuse.campaign_folder.occupant_settings import occupant_lines
 from crashfuse.campaign_folder.quality_columns import QualitySettings
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.atomic import new_folder
+from crashfuse.files.csv_output import csv_text
 from crashfuse.run_quality import QUANTITIES, RunQuality
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import MASS, SPEED
@@ -82,13 +81,6 @@ def table_row(header: Sequence[str], run_id: str, condition: Condition, quality:
             exact = factor == 1.0
             cells[f"{quantity}_{unit}"] = float(value) if exact else float(f"{value / factor:.12g}")
     return [cells.get(column, "") for column in header]
-
-
-def csv_text(rows: Sequence[Sequence[object]]) -> str:
-    """Rows as CSV; every text is quoted, so that leading and trailing spaces survive."""
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC).writerows(rows)
-    return stream.getvalue()
 
 
 def pulse_csv(pulse: Pulse) -> str:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
-from operator import itemgetter
 from typing import Self
 
 import numpy as np
@@ -13,11 +12,11 @@ from crashfuse.approaches.metric_calibration import Distribution, metric_distrib
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
-from crashfuse.execution.cache import Cache, Entry
+from crashfuse.execution.cache import Cache, Entry, finite, numbers
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.estimate import Fit
 
@@ -75,10 +74,11 @@ class Forecast:
     def restored(cls, entry: Entry) -> Self:
         """Restore from :attr:`entry`."""
         values, distributions = {}, {}
-        for name, (value, *own) in zip(entry["names"].tolist(), entry["numbers"].tolist(), strict=True):
+        rows = numbers(entry, "numbers", None, None).tolist()
+        for name, (value, *own) in zip(entry["names"].tolist(), rows, strict=True):
             values[name] = None if np.isnan(value) else value
             distributions[name] = None if np.isnan(own[0]) else Distribution(*own)
-        return cls(entry["accel_mps2"], values, distributions)
+        return cls(finite(entry, "accel_mps2", N_SAMPLES), values, distributions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,10 @@ class Forecaster:
                 found = rate(window)
                 return found, {"rated": found}
 
-            rated[window] = cache.get_or_compute("left-out ratings", key, compute, itemgetter("rated"))
+            def restore(entry: Entry) -> FloatArray:
+                return numbers(entry, "rated", 2, len(fit.left_out))
+
+            rated[window] = cache.get_or_compute("left-out ratings", key, compute, restore)
         return cls(fit, rated)
 
     def at(self, condition: Condition) -> Forecast:

@@ -12,6 +12,7 @@ import pandas as pd
 from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, shortened
+from crashfuse.files.csv_output import csv_bytes
 from crashfuse.study.estimate import FASTEST_MPS, HEAVIEST_KG
 from crashfuse.units import LB, MPH
 
@@ -74,7 +75,7 @@ class Matrix:
         """Create from a table with the columns of ``matrix.csv``; raises as :meth:`read`."""
         with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
             path = Path(folder, "matrix.csv")
-            frame.to_csv(path, index=False)
+            path.write_bytes(csv_bytes(frame, float_format=None))
             return cls.read(path, factors)
 
     @classmethod

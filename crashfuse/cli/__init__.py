@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from crashfuse.cli.arguments import parser
-from crashfuse.errors import CrashfuseError, DataError, UsageError, printable
+from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, DataError, UsageError, out_of_memory, printable
 from crashfuse.readers.axes import TRAVELS
 
 __all__ = ["main", "parser"]
@@ -45,6 +45,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return WRONG_DATA
     except OSError as error:
         _say(f"crashfuse: {_about_the_system(error)}")
+        return WRONG_DATA
+    except (MemoryError, RuntimeError) as error:
+        if not out_of_memory(error):
+            raise
+        _say(f"crashfuse: {OUT_OF_MEMORY}")
         return WRONG_DATA
     except KeyboardInterrupt:
         _say(

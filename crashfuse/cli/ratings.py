@@ -16,12 +16,14 @@ _SCORES = ("overall", "corridor", "phase", "magnitude", "slope")
 
 def rate(arguments: argparse.Namespace) -> None:
     """Rate one file against another, the pairs of a table, or two ISO-MME tests channel by channel."""
+    from crashfuse.files.csv_output import csv_bytes
+
     table = _rated(arguments)
     if arguments.json:
         rows = table.drop(columns=[name for name in table if (table[name] == "").all()]).to_dict("records")
         print(json.dumps([{name: _plain(value) for name, value in row.items()} for row in rows], indent=2))
     elif arguments.csv:
-        print(table.to_csv(index=False, float_format="%.6g", lineterminator="\n"), end="")
+        print(csv_bytes(table).decode(), end="")
     else:
         _print(table)
     if lacking := int((table["note"] != "").sum()):

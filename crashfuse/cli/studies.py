@@ -147,17 +147,17 @@ def _write_series(folder: Path, tables: Sequence["pd.DataFrame"]) -> None:
     """Write the series so far, and keep the results of earlier series in this folder."""
     import pandas as pd
 
-    study = ["campaign", "preset", "seed"]
+    from crashfuse.files.csv_output import csv_bytes, original
+
+    study, texts = ["campaign", "preset", "seed"], ["campaign", "held_out"]
     fresh, path = pd.concat(tables), folder / "studies.csv"
     kept = fresh.iloc[:0]
     with suppress(OSError, ValueError, KeyError):  # there is none, or it can't be read
-        older = pd.read_csv(path, dtype={"campaign": str, "held_out": str})
+        older = pd.read_csv(path, dtype=dict.fromkeys(texts, str))
+        older[texts] = older[texts].map(original)
         kept = older[~pd.MultiIndex.from_frame(older[study]).isin(pd.MultiIndex.from_frame(fresh[study]))]
     with writing(folder, last="studies.csv") as staging:
-        text = pd.concat([kept, fresh] if len(kept) else [fresh]).to_csv(
-            index=False, float_format="%.6g", lineterminator="\n"
-        )
-        (staging / "studies.csv").write_text(text, encoding="utf-8", newline="")
+        (staging / "studies.csv").write_bytes(csv_bytes(pd.concat([kept, fresh] if len(kept) else [fresh])))
 
 
 def _summary(tables: Sequence["pd.DataFrame"]) -> str:

@@ -6,7 +6,6 @@ import json
 import logging
 import os
 import time
-import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, is_dataclass
@@ -18,6 +17,7 @@ import numpy.typing as npt
 import platformdirs
 from filelock import FileLock, Timeout
 
+from crashfuse.errors import Cancelled
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.files.atomic import write_atomically
 from crashfuse.version import __version__
@@ -26,9 +26,6 @@ log = logging.getLogger(__name__)
 
 Entry = dict[str, npt.NDArray[Any]]
 T = TypeVar("T")
-
-_WRONG_CONTENT = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
-"""What reading an entry raises that is whole but is not what it should be."""
 
 _PATIENCE_S = 3600.0  # wait for another process computing the same entry; then compute it here, too
 _GLANCE_S = 0.2
@@ -108,7 +105,10 @@ class Cache:
             return None
         try:
             return restore(entry)
-        except _WRONG_CONTENT:
+        except Cancelled:
+            raise
+        except Exception as error:  # whatever is wrong with it, it is computed again
+            log.info("An entry of %s was not what it should be: %r", kind, error)
             self.drop(kind, key)
             return None
 
@@ -124,7 +124,7 @@ class Cache:
                 raise ValueError("damaged")
             with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
                 entry = {name: arrays[name] for name in arrays.files}
-        except (ValueError, zipfile.BadZipFile):  # also if something else wrote a file of this name
+        except Exception:  # whatever a damaged archive of arrays raises, or what something else wrote
             self.drop(kind, key)
             return None
         self.used.add(self._name(path))
@@ -186,6 +186,24 @@ class Cache:
             log.warning("A result could not be kept in %s: %s", self.folder, error)
         else:
             self.used.add(self._name(path))
+
+
+def numbers(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:
+    """The real numbers of an entry under a name; raises if they are not of this shape (None: of any length)."""
+    array = entry[name]
+    if array.dtype.kind != "f" or array.ndim != len(shape):
+        raise ValueError(f"{name}: not numbers in {len(shape)} dimensions")
+    if any(wanted not in (None, found) for wanted, found in zip(shape, array.shape, strict=True)):
+        raise ValueError(f"{name}: shape {array.shape} instead of {shape}")
+    return array
+
+
+def finite(entry: Entry, name: str, *shape: int | None) -> npt.NDArray[Any]:
+    """The same; raises also if one of them is infinite or NaN."""
+    array = numbers(entry, name, *shape)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: numbers without a value")
+    return array
 
 
 def _acquire(lock: FileLock, watch: Watch) -> None:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from crashfuse.errors import DataError, Problem, printable
+from crashfuse.files.csv_output import original
 
 _BLOCK = 4 << 20  # characters
 _LONGEST_LINE = 100_000
@@ -134,7 +135,7 @@ def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[
             if any(map(str.strip, cells)):
                 if any(map(str.strip, cells[len(names) :])):
                     raise DataError(too_wide(where, len(names), cells, number))
-                rows.append([*cells[: len(names)], *[""] * (len(names) - len(cells))])
+                rows.append([*map(original, cells[: len(names)]), *[""] * (len(names) - len(cells))])
                 numbers.append(number)
     except csv.Error as error:
         expected = "cells of a comma-separated table"
@@ -144,7 +145,7 @@ def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[
 
 def header_names(cells: Sequence[str], where: str) -> list[str]:
     """The column names; a DataError if there are none or too many, or if they are not separated by commas."""
-    names = [cell.strip() for cell in cells]
+    names = [original(cell.strip()) for cell in cells]
     while names and not names[-1]:
         names.pop()  # a comma at the end of each line
     if not names:

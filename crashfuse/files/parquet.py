@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.csv_text import require_file
+from crashfuse.files.parquet_pages import check_size
 
 _BATCH_ROWS = 1_000_000
 
@@ -33,7 +34,10 @@ class ParquetTable:
         require_file(path, where)
         try:
             yield cls(path, where)
-        except (pa.ArrowException, OSError, MemoryError, UnicodeDecodeError) as error:
+        except MemoryError:
+            expected, found = "a table that fits into memory", "one that does not, or is damaged"
+            raise DataError(Problem(where, expected, found, "close other programs, or export fewer runs")) from None
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             found = f"a damaged or another one ({printable(' '.join(str(error).split()), 80)})"
             raise DataError(Problem(where, "a sound Parquet file", found, "export it again")) from None
 
@@ -44,17 +48,25 @@ class ParquetTable:
         that is neither, or occurs twice, raises a DataError.
         """
         texts = [name for name in columns if self._is_text(name)]
+        written_out = check_size(self._path, self._where, columns)
         row = 2
-        plain = [name for name in texts if not pa.types.is_dictionary(self._schema.field(name).type)]
+        plain = [name for name in texts if name not in written_out | self._dictionaries()]
         with pq.ParquetFile(self._path, read_dictionary=plain) as file:
             for batch in file.iter_batches(batch_size=_BATCH_ROWS, columns=list(columns)):
                 arrays = {
-                    name: batch.column(name) if name in texts else batch.column(name).cast(pa.float64(), safe=False)
+                    name: batch.column(name).cast(pa.float64(), safe=False)
+                    if name not in texts
+                    else batch.column(name).dictionary_encode()
+                    if name in written_out
+                    else batch.column(name)
                     for name in columns
                 }
                 yield pa.table(arrays).to_pandas(), row + np.arange(batch.num_rows)
                 row += batch.num_rows
         pa.default_memory_pool().release_unused()  # it would keep 60 MB of a small file's blocks for the next one
+
+    def _dictionaries(self) -> set[str]:
+        return {field.name for field in self._schema if pa.types.is_dictionary(field.type)}
 
     def _is_text(self, name: str) -> bool:
         if self.names.count(name) > 1:

@@ -7,7 +7,8 @@ from itertools import islice
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 
-from crashfuse.errors import DataError, Problem, UsageError, collecting
+from crashfuse.campaign_folder.ids import safe_id
+from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
 from crashfuse.files.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
 from crashfuse.files.tarball import is_tar, tar_members
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral, read_tables
@@ -132,9 +133,18 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
                 raise UsageError(f"One id is not enough: {source.name} holds several records.")
             record = replace(record, id=reading.record_id)
         ids.append(record.id)
-        yield tables.given_to(record)
+        yield _with_safe_id(tables.given_to(record), reading)
     if whole:  # else ids of unreadable records may be missing
         tables.check_ids(ids)
+
+
+def _with_safe_id(record: Record, reading: Reading) -> Record:
+    """The record with an id that can name a file, unless the user named it."""
+    name = safe_id(record.id)
+    if reading.record_id is not None or name == record.id:
+        return record
+    told = f"Its id is {name}, because {printable(record.id, 60)!r} cannot name a file on every system."
+    return replace(record, id=name, steps=(*record.steps, told))
 
 
 def tables_of(source: Path) -> list[Path]:

@@ -12,6 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
+from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_tables import certification_table, track_record_table
 from crashfuse.reporting.exports import parquet_bytes
@@ -265,46 +266,44 @@ def _metrics(campaign: Campaign, estimates: Sequence[Estimate]) -> pd.DataFrame:
     return metrics_table((("", estimate.approach, estimate.metrics) for estimate in estimates), campaign)
 
 
-def _csv(table: pd.DataFrame) -> bytes:
-    return str(table.to_csv(index=False, float_format="%.6g", lineterminator="\n")).encode()
-
-
 def _json(values: Mapping[str, object]) -> bytes:
     return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 _STUDY: Mapping[str, Callable[[Study], Content]] = {
-    "scores.csv": lambda study: _csv(scores_table(study)),
-    "speed_groups.csv": lambda study: None if study.speed_groups is None else _csv(scores_table(study.speed_groups)),
-    "pulses.csv": lambda study: _csv(pulses_table((f.held_out, e) for f in study.folds for e in f.estimates)),
-    "metrics.csv": lambda study: _csv(study_metrics(study)),
+    "scores.csv": lambda study: csv_bytes(scores_table(study)),
+    "speed_groups.csv": lambda study: (
+        None if study.speed_groups is None else csv_bytes(scores_table(study.speed_groups))
+    ),
+    "pulses.csv": lambda study: csv_bytes(pulses_table((f.held_out, e) for f in study.folds for e in f.estimates)),
+    "metrics.csv": lambda study: csv_bytes(study_metrics(study)),
     "report.html": lambda study: study_report(study).encode(),
     "study.json": lambda study: _json(_study_record(study)),
 }
 _PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig, PulseFiles], Content]] = {
-    "pulses.csv": lambda _, estimates, *__: _csv(_pulses(estimates)),
+    "pulses.csv": lambda _, estimates, *__: csv_bytes(_pulses(estimates)),
     "pulses.parquet": lambda _, estimates, *__: parquet_bytes(_pulses(estimates)),
-    "metrics.csv": lambda campaign, estimates, *_: _csv(_metrics(campaign, estimates)),
+    "metrics.csv": lambda campaign, estimates, *_: csv_bytes(_metrics(campaign, estimates)),
     "report.html": lambda *result: prediction_report(*result[:3]).encode(),
     **{f"{name}/": (lambda *result, name=name: result[3].get(name)) for name in PULSE_FORMATS},
     "prediction.json": lambda *result: _json(_prediction_record(*result[:3])),
 }
 _SWEEP: Mapping[str, Callable[[Campaign, Sequence[Sweep], StudyConfig], Content]] = {
     "report.html": lambda *result: sweep_report(*result).encode(),
-    "sweep.csv": lambda campaign, sweeps, _: _csv(sweep_table(sweeps, campaign)),
+    "sweep.csv": lambda campaign, sweeps, _: csv_bytes(sweep_table(sweeps, campaign)),
 }
 _NEXT_TESTS: Mapping[str, Callable[[Campaign, ConditionRange, Sequence[NextTest], StudyConfig], Content]] = {
     "report.html": lambda *result: next_test_report(*result).encode(),
-    "next_tests.csv": lambda _, __, ranked, ___: _csv(next_tests_table(ranked)),
+    "next_tests.csv": lambda _, __, ranked, ___: csv_bytes(next_tests_table(ranked)),
 }
 _CERTIFICATION: Mapping[str, Callable[[Certification], Content]] = {
-    "certification.csv": lambda certification: _csv(certification_table(certification)),
-    "track_record.csv": lambda certification: _csv(track_record_table(certification)),
+    "certification.csv": lambda certification: csv_bytes(certification_table(certification)),
+    "track_record.csv": lambda certification: csv_bytes(track_record_table(certification)),
     "report.html": lambda certification: certification_report(certification).encode(),
     "certification.json": lambda certification: _json(certification_record(certification)),
 }
 _LEARNING_CURVE: Mapping[str, Callable[[LearningCurve, Cost | None], Content]] = {
-    "learning_curve.csv": lambda curve, _: _csv(curve.table.assign(basis=curve.campaign.rating_basis)),
+    "learning_curve.csv": lambda curve, _: csv_bytes(curve.table.assign(basis=curve.campaign.rating_basis)),
     "report.html": lambda *result: learning_curve_report(*result).encode(),
     "learning_curve.json": lambda *result: _json(_learning_curve_record(*result)),
 }

@@ -16,12 +16,12 @@ from crashfuse.approaches.metric_calibration import Errors, calibrated_metrics, 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.execution.cache import Cache, Entry
+from crashfuse.execution.cache import Cache, Entry, finite, numbers
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.metrics import Metric
+from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
-from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
 
@@ -105,7 +105,11 @@ class Fit:
             return errors, errors
 
         key = {**settings(learned), "campaign": campaign.fingerprint, "code": code_digest(__name__)}
-        errors = cache.get_or_compute(_JUDGED, key, judge, dict[str, FloatArray], watch)
+
+        def restore(entry: Entry) -> Errors:
+            return {name: numbers(entry, name, len(left_out)) for name in METRIC_LABELS}
+
+        errors = cache.get_or_compute(_JUDGED, key, judge, restore, watch)
         return cls(learned, config, seconds, left_out, errors, campaign.occupant)
 
     @cached_property
@@ -217,12 +221,16 @@ def _entry(estimate: Estimate) -> Entry:
 
 def _restored(condition: Condition, approach: str, occupant: OccupantModel, entry: Entry) -> Estimate:
     text = json.loads(str(entry["text"]))
-    prediction = Prediction(condition, entry["accel_mps2"], entry.get("draws_mps2"), tuple(text["notes"]))
+    draws = finite(entry, "draws_mps2", None, N_SAMPLES) if "draws_mps2" in entry else None
+    notes = tuple(note for note in text["notes"] if isinstance(note, str))
+    prediction = Prediction(condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes)
     left_out, errors = (
-        {name.removeprefix(prefix): entry[name] for name in entry if name.startswith(prefix)}
-        for prefix in (_LEFT_OUT, _ERRORS)
+        {name.removeprefix(prefix): check(entry, name, length) for name in entry if name.startswith(prefix)}
+        for prefix, check, length in ((_LEFT_OUT, finite, N_SAMPLES), (_ERRORS, numbers, None))
     )
-    return Estimate(approach, prediction, text["state"], text["seconds"], left_out, errors, occupant)
+    if not isinstance(text["state"], dict) or errors.keys() != METRIC_LABELS.keys():
+        raise ValueError("no estimate")
+    return Estimate(approach, prediction, text["state"], float(text["seconds"]), left_out, errors, occupant)
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:

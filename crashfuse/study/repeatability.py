@@ -13,7 +13,7 @@ import numpy as np
 
 from crashfuse.approaches.displacement_domain.scatter import Scatter
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.execution.cache import Cache, Entry
+from crashfuse.execution.cache import Cache, Entry, numbers
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, FloatArray
@@ -107,7 +107,9 @@ def repeatability(
             rated = _rated(scatter[0], campaign, number, windows, np.random.default_rng([seed, number]))
             return rated, {"rated": rated}
 
-        rated = cache.get_or_compute(_KIND, {**shared, "test": test_id}, compute, lambda entry: entry["rated"], watch)
+        rated = cache.get_or_compute(
+            _KIND, {**shared, "test": test_id}, compute, lambda entry: numbers(entry, "rated", len(windows), 3), watch
+        )
         found[test_id] = _told(campaign.tests[number], campaign, windows, rated)
     watch.report("Repeatability", len(chosen), len(chosen))
     return found

@@ -7,12 +7,13 @@ from collections.abc import Callable, Mapping
 import pandas as pd
 import streamlit as st
 
+from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.figure_files import figure_files, figures_of, missing_for
 
 
 def download_table(name: str, table: Callable[[], pd.DataFrame]) -> None:
     """Button that downloads a table as a CSV file of this name."""
-    download_bytes(name, lambda: table().to_csv(index=False).encode(), mime="text/csv")
+    download_bytes(name, lambda: csv_bytes(table(), float_format=None), mime="text/csv")
 
 
 def download_report(write: Callable[[], str], name: str = "report.html") -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, TypeVar
 
-from crashfuse.errors import Cancelled, CrashfuseError
+from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
@@ -105,6 +105,9 @@ class Job(Generic[T]):
         except CrashfuseError as error:
             self.message, self.state = str(error), "failed"
         except Exception as error:
+            if out_of_memory(error):
+                self.message, self.state = OUT_OF_MEMORY, "failed"
+                return
             log.exception("%s failed", self.title)
             self.message = f"This should not have happened ({type(error).__name__}: {error}); the log has the details."
             self.state = "failed"

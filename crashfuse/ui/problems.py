@@ -9,12 +9,12 @@ import pandas as pd
 import streamlit as st
 
 from crashfuse.errors import Problem
+from crashfuse.files.csv_output import csv_bytes
 from crashfuse.ui.text import plain
 
 _MOST_ROWS = 50  # shown; the downloaded file has all
 _INSIDE = r"(?:[^()]|\([^()]*\))*"  # of parentheses: a channel's name may have its own
 _OPTION = re.compile(rf" \({_INSIDE}--{_INSIDE}\)")
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def problem_table(problems: Sequence[Problem]) -> pd.DataFrame:
@@ -75,15 +75,10 @@ def show_problems(
         st.caption(f"The first {_MOST_ROWS}; problems.csv has all.")
     st.download_button(
         "problems.csv",
-        problem_table(problems).map(_no_formula).to_csv(index=False).encode(),
+        csv_bytes(problem_table(problems)),
         file_name="problems.csv",
         mime="text/csv",
         icon=":material/download:",
         on_click="ignore",
         key=f"problems {place} {hash((what, *problems))}",
     )
-
-
-def _no_formula(cell: str) -> str:
-    """A cell that no spreadsheet takes for a formula: it may hold a file name from an untrusted source."""
-    return f"'{cell}" if cell.startswith(_FORMULA) else cell

@@ -112,8 +112,9 @@ def test_no_run_is_an_error_that_says_so() -> None:
 
 def test_what_was_learned_can_be_kept_and_restored() -> None:
     """A restored emulator predicts the same to the bit."""
-    emulator, restored = Emulator().fit(half_sines(30)), Emulator()
-    restored.restore(emulator.arrays())
+    library = half_sines(30)
+    emulator, restored = Emulator().fit(library), Emulator()
+    restored.restore(emulator.arrays(), library)
     condition = Condition(11.0, 930.0, 710.0)
     np.testing.assert_array_equal(restored.predict(condition), emulator.predict(condition))
 

@@ -92,7 +92,7 @@ def test_an_id_that_is_there_is_refused_and_nothing_changes(campaign_folder: Pat
 @pytest.mark.parametrize(
     ("condition", "message"),
     [
-        (replace(CONDITION, factors=(("drive", "=cmd"),)), "drive, row 6: expected plain text"),
+        (replace(CONDITION, factors=(("drive", "a\x1bb"),)), "drive, row 6: expected plain text"),
         (replace(CONDITION, speed_mps=0.01), "speed_mph, row 6: expected a number of at least"),
         (replace(CONDITION, rear_weight_kg=1e6), "rear_weight_lb, row 6: expected a number up to"),
     ],

@@ -292,7 +292,7 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "factor that a terminal obeys": (
         _set("tests.csv", 0, "drive", "\x1b[2J"),
-        "tests.csv, column drive, row 2: expected plain text of at most 200 characters, no formula, found '\\\\x1b[2J'",
+        "tests.csv, column drive, row 2: expected plain text of at most 200 characters, found '\\\\x1b[2J'",
     ),
     "column twice": (
         lambda f: (f / "tests.csv").write_text("id,speed_mph,id\nT1,20,T1\n"),

@@ -296,6 +296,26 @@ def test_a_name_that_the_terminal_cannot_show_is_no_traceback(campaign_folder: P
     assert done.stdout.startswith("\\u540d\\u524d: 4 tests, 24 CAE runs.")
 
 
+def test_memory_that_runs_out_is_a_sentence(
+    campaign_on_disk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not a traceback; other errors of the program stay what they are."""
+
+    def allocate(*_: object, **__: object) -> None:
+        np.zeros(1 << 50)
+
+    monkeypatch.setattr("crashfuse.campaign_folder.folder.read_conditions", allocate)
+    assert cli.main(["check", str(campaign_on_disk)]) == cli.WRONG_DATA
+    assert capsys.readouterr().err.startswith("crashfuse: Memory ran out. Close other programs")
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("another")
+
+    monkeypatch.setattr("crashfuse.campaign_folder.folder.read_conditions", lambda *_, **__: fail())
+    with pytest.raises(RuntimeError, match="another"):
+        cli.main(["check", str(campaign_on_disk)])
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes end in another way there")
 @pytest.mark.slow
 def test_a_reader_that_has_seen_enough_is_no_error(campaign_on_disk: Path) -> None:

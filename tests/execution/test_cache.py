@@ -14,8 +14,8 @@ import numpy.typing as npt
 import platformdirs
 import pytest
 
-from crashfuse.errors import Cancelled
-from crashfuse.execution.cache import Cache
+from crashfuse.errors import Cancelled, DataError, Problem
+from crashfuse.execution.cache import Cache, finite, numbers
 from crashfuse.execution.progress import Progress, Watch
 
 
@@ -308,3 +308,24 @@ def test_what_is_packed_can_be_unpacked_elsewhere(tmp_path: Path) -> None:
     damaged = Cache(tmp_path / "damaged")
     damaged.unpack({name: content[:-1]})
     assert damaged.get("kind", {"x": 2}) is None
+
+
+def test_an_entry_that_blames_the_data_is_computed_again(tmp_path: Path) -> None:
+    """What is wrong is the entry: the user's data are not at fault."""
+
+    def restore(_: object) -> str:
+        raise DataError(Problem("tests.csv", "a pulse", "none", "add it"))
+
+    cache = Cache(tmp_path)
+    cache.put("kind", {}, {"x": 1.0})
+    assert cache.get_or_compute("kind", {}, lambda: ("computed", {"x": 1.0}), restore) == "computed"
+
+
+@pytest.mark.parametrize("wrong", [np.ones(3), np.ones((2, 3)), np.array("text"), np.ones((3, 2), int), np.float64(1)])
+def test_numbers_of_another_form_are_no_entry(wrong: npt.NDArray[np.float64]) -> None:
+    """Nor are those without a value, where each has one."""
+    with pytest.raises(ValueError, match="rated"):
+        numbers({"rated": wrong}, "rated", None, 2)
+    assert numbers({"rated": np.full((5, 2), np.nan)}, "rated", None, 2).shape == (5, 2)
+    with pytest.raises(ValueError, match="rated: numbers without a value"):
+        finite({"rated": np.full((5, 2), np.nan)}, "rated", 5, 2)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save, save_file
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
@@ -194,3 +194,24 @@ def test_a_model_of_one_process_is_read_by_another(campaign_on_disk: Path, tmp_p
     assert names == {"cae.safetensors", "displacement_domain.safetensors"}
     for name in ("pulses.csv", "metrics.csv"):
         assert (tmp_path / "saved" / name).read_bytes() == (tmp_path / "trained" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, "null", "[]", '{"crashfuse": []}', '{"crashfuse": NaN, "fingerprint": 1}']
+)
+def test_a_header_that_means_harm_is_a_sentence(campaign: Campaign, tmp_path: Path, text: str) -> None:
+    """Its checksum is right."""
+    path = tmp_path / "m.safetensors"
+    path.write_bytes(save({}, {"crashfuse": text, "sha256": models._digest(text, {})}))
+    with pytest.raises(DataError, match=r"m\.safetensors: expected a model"):
+        load_model(path, campaign)
+
+
+@pytest.mark.parametrize("kind", ["F8_E4M3", "F8_E5M2", "BF16", "X9"])
+def test_numbers_that_numpy_lacks_are_a_sentence(campaign: Campaign, tmp_path: Path, kind: str) -> None:
+    """Eight-bit floats, say."""
+    header = json.dumps({"a": {"dtype": kind, "shape": [2], "data_offsets": [0, 2 * (1 + (kind == "BF16"))]}}).encode()
+    path = tmp_path / "m.safetensors"
+    path.write_bytes(len(header).to_bytes(8, "little") + header + bytes(2 * (1 + (kind == "BF16"))))
+    with pytest.raises(DataError, match=r"m\.safetensors: expected a model as crashfuse saved it"):
+        load_model(path, campaign)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import OUT_OF_MEMORY, DataError, Problem
 from crashfuse.execution.progress import Watch
 from crashfuse.ui.jobs import Job, Jobs
 
@@ -130,6 +130,18 @@ def test_an_unforeseen_error_is_logged_and_shown_without_a_traceback(caplog: pyt
     assert "ZeroDivisionError" in job.message
     assert "Traceback" not in job.message
     assert "Traceback" in caplog.text
+
+
+@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("DefaultCPUAllocator: can't allocate memory: 9 bytes")])
+def test_memory_that_runs_out_is_a_sentence(error: Exception) -> None:
+    """Whoever ran out of it: Python, NumPy or PyTorch."""
+
+    def fail(_: Watch) -> None:
+        raise error
+
+    job = Jobs().start("a", "A", fail)
+    assert ended(job)
+    assert (job.state, job.message) == ("failed", OUT_OF_MEMORY)
 
 
 def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar, Protocol
@@ -78,7 +79,7 @@ def minimise(
     """
     n_steps, columns = objectives[0].n_steps, objectives[0].columns
     runs = [_Run(network, objective) for network, objective in zip(networks, objectives, strict=True)]
-    start = _resume(runs, checkpoint.load())
+    start = _resume(runs, checkpoint, n_steps)
     saved = reported = time.monotonic()
     pause = _CHECKPOINT_S
     with quick_threads(networks[0]), Crew(len(runs)) as crew:
@@ -145,10 +146,28 @@ def _state(runs: Sequence[_Run], done: int) -> Entry:
     return state
 
 
-def _resume(runs: Sequence[_Run], state: Entry | None) -> int:
-    """Restore a checkpoint; returns the number of steps done."""
+def _resume(runs: Sequence[_Run], checkpoint: Checkpoint, n_steps: int) -> int:
+    """Restore a checkpoint; returns the number of steps done. One that cannot be of this training is dropped."""
+    state = checkpoint.load()
     if state is None:
         return 0
+    begun = [(deepcopy(weights_of(run.network)), run.curve.clone()) for run in runs]
+    try:
+        done = _restore(runs, state)
+        if not 0 < done < n_steps:
+            raise ValueError("more steps than there are")
+    except Exception:  # whatever is wrong with it, the training begins anew
+        for run, (weights, curve) in zip(runs, begun, strict=True):
+            load_weights(run.network, weights)
+            run.curve.copy_(curve)
+            run.optimiser.load_state_dict({**run.optimiser.state_dict(), "state": {}})
+        checkpoint.drop()
+        return 0
+    return done
+
+
+def _restore(runs: Sequence[_Run], state: Entry) -> int:
+    """Restore the state of each run; raises if it is not one."""
     for number, run in enumerate(runs):
         own = {key.removeprefix(f"{number} "): value for key, value in state.items() if key.startswith(f"{number} ")}
         run.curve.copy_(torch.from_numpy(own["curve"]))
@@ -157,6 +176,9 @@ def _resume(runs: Sequence[_Run], state: Entry | None) -> int:
         for key, value in own.items():
             if key.startswith("moment "):
                 _, place, name = key.split(" ")
+                weight = run.optimiser.param_groups[0]["params"][int(place)]
+                if name != "step" and value.shape != tuple(weight.shape):
+                    raise ValueError(f"{key}: shape {value.shape}")
                 moments.setdefault(int(place), {})[name] = torch.from_numpy(value)
         run.optimiser.load_state_dict({**run.optimiser.state_dict(), "state": moments})
     return int(state["done"])

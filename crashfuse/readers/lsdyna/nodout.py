@@ -12,6 +12,7 @@ from crashfuse.readers.lsdyna.histories import MOST_NODES, MOST_VALUES, Historie
 from crashfuse.readers.lsdyna.text import lines_of, number
 from crashfuse.readers.travel import axis_of_travel
 
+_LONGEST_ID = 19  # digits
 _TIME = re.compile(rb"at time\s*([-+.\dEeDd]+)")
 _ROW = re.compile(rb"\s*(\d+)(?=[\s+-]|$)(.*)", re.DOTALL)  # a negative number may directly follow the node number
 _NUMBER = re.compile(rb"[-+]?\d+\.\d*(?:[EeDd][-+]?\d+|[-+]\d+)?")
@@ -54,7 +55,7 @@ class _Nodout:
             self._in_legend = b"BEGIN" in line
         elif self._in_legend:
             node, _, text = line.decode("latin-1").strip().partition(" ")
-            if node.isdecimal() and len(self._titles) < MOST_NODES:
+            if node.isdecimal() and len(node) <= _LONGEST_ID and len(self._titles) < MOST_NODES:
                 self._titles[str(int(node))] = printable(text.strip())
         elif b"at time" in line and (header := _TIME.search(line)) is not None:
             self._columns, self._now = [], number(header.group(1).decode(), self._where)

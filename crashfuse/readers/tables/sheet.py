@@ -13,6 +13,7 @@ import pandas as pd
 
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.archive import Limits
+from crashfuse.files.csv_output import original
 from crashfuse.readers.unit_spelling import unit_named
 from crashfuse.signals.pulse import FloatArray
 
@@ -61,7 +62,7 @@ class Sheet:
 
     def text(self, column: str) -> list[str]:
         """The cells of a column, stripped of surrounding spaces."""
-        return [str(cell).strip() for cell in self.cells.iloc[:, self.columns.index(column)]]
+        return [original(str(cell).strip()) for cell in self.cells.iloc[:, self.columns.index(column)]]
 
     def parsed(self, column: str) -> FloatArray:
         """A column as float64, NaN where a cell is not a number."""
@@ -189,7 +190,7 @@ def _unique(header: Sequence[str]) -> tuple[str, ...]:
     names: list[str] = []
     seen: set[str] = set()
     for number, cell in enumerate(header, start=1):
-        name = " ".join(cell.split())[:_LONGEST_HEADER] or f"column {number}"
+        name = original(" ".join(cell.split()))[:_LONGEST_HEADER] or f"column {number}"
         while name in seen:
             name += f" ({number})"
         seen.add(name)

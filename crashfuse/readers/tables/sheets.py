@@ -22,6 +22,7 @@ from crashfuse.readers.tables.side_by_side import parted
 from crashfuse.readers.tables.workbook import read_workbook
 
 _MOST_CELLS, _LONGEST_LINE = 20_000_000, 1 << 18
+_LARGEST_SAMPLE = 4 << 20  # characters
 _AGAIN = "export it again as CSV"
 _BETWEEN_NAMES = (r"\s{2,}|\t", r"(?<=[)\]])\s+", r"\s+(?![\[(])", r"\s+")  # the likeliest first
 _DIALECTS = (
@@ -60,10 +61,11 @@ def _text_sheet(path: Path, limits: Limits) -> Sheet:
     del content, text
     if max(map(len, lines)) > _LONGEST_LINE:
         raise DataError(Problem(path.name, f"lines of at most {_LONGEST_LINE} characters", "a longer one", _AGAIN))
-    delimiter, decimal = _dialect([line for line in lines[:SAMPLE] if line.strip()], path.name)
-    grid = [_split(line, delimiter) for line in lines[:SAMPLE]]
+    sample = lines[: max(1, min(SAMPLE, _LARGEST_SAMPLE // (1 + max(map(len, lines[:SAMPLE])))))]
+    delimiter, decimal = _dialect([line for line in sample if line.strip()], path.name)
+    grid = [_split(line, delimiter) for line in sample]
     if delimiter == " ":
-        grid = _with_whole_names(lines[:SAMPLE], grid, decimal)
+        grid = _with_whole_names(sample, grid, decimal)
     names = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
     form = f"Columns separated by {names[delimiter]}, decimal {names.get(decimal, 'point')}."
     header = header_of(grid, decimal, path.name)

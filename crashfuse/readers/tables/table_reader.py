@@ -54,7 +54,7 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
     def record(name: str, uses: tuple[ColumnUse, ...], rows: Rows) -> Record:
         channels = tuple(channel(use, rows) for use in uses)
         steps = (*sheet.steps, *(_told(use) for use in (*times, *ids, *uses)), *filter(None, [mapping.travel]), *told)
-        return Record(_as_id(name), sheet.name, PartialCondition(), channels, tuple(c.name for c in channels), steps)
+        return Record(name, sheet.name, PartialCondition(), channels, tuple(c.name for c in channels), steps)
 
     rows = np.flatnonzero(np.isfinite(time))
     if ids:
@@ -181,11 +181,6 @@ def _groups(names: list[str], rows: Rows) -> Iterator[tuple[str, Rows]]:
     for name, indices in of.items():
         if name:
             yield name, np.array(indices)
-
-
-def _as_id(name: str) -> str:
-    """Return the name as a valid file name."""
-    return re.sub(r"[/\\:\x00-\x1f]", "_", name).strip(" .") or "record"
 
 
 def _told(use: ColumnUse) -> str:

@@ -6,6 +6,7 @@ import streamlit as st
 from crashfuse.campaign import Campaign
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError, UsageError
+from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.certification_tables import matrix_table
 from crashfuse.ui.certify.files import show_wrong, uploaded
 from crashfuse.ui.frame import View
@@ -38,7 +39,7 @@ def choose_matrix(view: View) -> Matrix | None:
     speeds = [condition.speed_mps / MPH for condition in matrix.conditions]
     n = f"{len(speeds):,} conditions" if len(speeds) > 1 else "1 condition"
     with st.expander(f"{n}, {min(speeds):.1f} to {max(speeds):.1f} mph", icon=":material/table:"):
-        st.dataframe(matrix_table(matrix).round(2), hide_index=True, alt="The conditions to judge")
+        st.dataframe(without_formulas(matrix_table(matrix)).round(2), hide_index=True, alt="The conditions to judge")
     return matrix
 
 

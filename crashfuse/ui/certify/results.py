@@ -9,6 +9,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.track_record import largest_share
 from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.condition import Condition
+from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.certification_sentences import to_test
 from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name, verdict_matrix
@@ -60,7 +61,7 @@ def show_table(certification: Certification) -> None:
         "Verdicts", WORDS, selection_mode="multi", default=WORDS, key="verdicts", bind="query-params",
         persist_state="session",
     )  # fmt: skip
-    table = _table(certification)
+    table = without_formulas(_table(certification))  # the page offers it as CSV
     table = table[table["Verdict"].isin(words)]
     st.dataframe(
         _coloured(table),

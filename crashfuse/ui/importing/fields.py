@@ -9,6 +9,7 @@ from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import DataError, UsageError
+from crashfuse.files.csv_output import without_formulas
 from crashfuse.importing import Choices, ColumnChoice, Reading, Settled, settle
 from crashfuse.importing.sources import tables_of
 from crashfuse.importing.table_forms import TableForm
@@ -111,7 +112,7 @@ def _columns(form: TableForm, source_key: str) -> tuple[ColumnChoice, ...]:
     rest = f" and {len(form.names) - 1} more with the same columns" if len(form.names) > 1 else ""
     with st.container(border=True):
         st.markdown(f"**{plain(form.names[0])}**{rest}")
-        st.dataframe(form.head.iloc[:, :_MOST_COLUMNS], hide_index=True, height="content")
+        st.dataframe(without_formulas(form.head.iloc[:, :_MOST_COLUMNS]), hide_index=True, height="content")
         holds = st.segmented_control(
             "It holds",
             ["pulses", "conditions", "neither"],

@@ -1,0 +1,89 @@
+"""Tables that crashfuse writes hold no formula, and read back to the text that went in."""
+
+import io
+
+import numpy as np
+import openpyxl
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crashfuse.files.csv_output import csv_bytes, csv_text, neutral, original, without_formulas
+from crashfuse.files.csv_text import read_rows
+
+FORMULAS = (
+    '=HYPERLINK("http://example.org")',
+    "+cmd|' /C calc'!A0",
+    "-1+cmd|' /C calc'!A0",
+    "@SUM(1+1)*cmd|' /C calc'!A0",
+    "\t=1+1",
+    "\r=1+1",
+    "\n=1+1",
+    "  =1+1",
+    "=1+1",
+)
+cells = st.text(alphabet="=+-@\t\r\n;' \"1.e,aé＝", max_size=12)
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_no_formula_begins_a_cell(text: str) -> None:
+    """Nor after what a spreadsheet may cut off, nor where one separates by semicolons."""
+    assert neutral(text).lstrip(" ").startswith("'")
+    assert all(not part.lstrip(' "').startswith(("=", "+", "@")) for part in neutral(f"a;{text}").split(";"))
+
+
+@pytest.mark.parametrize("text", ["-1", "-1.5e-3", "+3", "-.5", "-", "plain", "it's", "a-b", "AWD", "a; -5; b", ""])
+def test_numbers_and_plain_text_stay_as_they_are(text: str) -> None:
+    """Negative numbers in a column of text are numbers to whoever opens the table."""
+    assert neutral(text) == text
+
+
+@given(text=cells)
+def test_every_text_comes_back(text: str) -> None:
+    """Apostrophes that were there before included."""
+    assert original(neutral(text)) == text
+
+
+@given(texts=st.lists(st.text("=+-@';a1é", min_size=1), min_size=1))
+def test_a_table_that_was_written_is_read_to_the_same_text(
+    texts: list[str], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """By the reader of condition tables; the header too."""
+    path = tmp_path_factory.mktemp("table") / "t.csv"
+    header = ["id", "=1+1", "+a;=b"]
+    path.write_text(csv_text([header, *(["r", text, "n"] for text in texts)]), encoding="utf-8", newline="")
+    names, rows, _ = read_rows(path, "t.csv")
+    assert names == header
+    assert [row[1] for row in rows] == texts
+
+
+def test_a_frame_keeps_its_numbers_and_loses_its_formulas() -> None:
+    """In texts, categories, mixed columns and names; the frame itself is unchanged."""
+    frame = pd.DataFrame(
+        {
+            "=name": ["=1+1", None, "plain"],
+            "value": [-1.5, np.nan, 2.0],
+            "kind": pd.Categorical(["+cmd", "-1", "+cmd"]),
+            "mixed": [-3, "@x", None],
+        }
+    )
+    before = frame.copy(deep=True)
+    read = pd.read_csv(io.BytesIO(csv_bytes(frame)), dtype=str, keep_default_na=False)
+    assert list(read) == ["'=name", "value", "kind", "mixed"]
+    assert read.to_numpy().tolist() == [
+        ["'=1+1", "-1.5", "'+cmd", "-3"],
+        ["", "", "-1", "'@x"],
+        ["plain", "2", "'+cmd", ""],
+    ]
+    pd.testing.assert_frame_equal(frame, before)
+    assert without_formulas(frame)["value"].dtype == np.float64
+
+
+def test_a_spreadsheet_program_sees_text() -> None:
+    """What a workbook library would store as a formula is stored as a string once it is neutral."""
+    book = openpyxl.Workbook()
+    assert book.active is not None
+    for row, text in enumerate(FORMULAS[-3:], start=1):
+        cell = book.active.cell(row, 1, neutral(text).strip())
+        assert cell.data_type == "s"
