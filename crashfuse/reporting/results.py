@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from crashfuse.reporting.certification_tables import certification_table, track_
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport, PulseFiles
 from crashfuse.reporting.provenance import provenance
+from crashfuse.reporting.records import learning_curve_record, prediction_record, study_record
 from crashfuse.reporting.report import (
     certification_report,
     learning_curve_report,
@@ -31,11 +32,8 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.nearest import nearest_sentences
 from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table
-from crashfuse.study.one_more_test import gains, one_more, sentences
 from crashfuse.study.plan import StudyPlan
-from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
 from crashfuse.study.sweep import Sweep, sweep_table
 from crashfuse.units import MPH
@@ -172,92 +170,6 @@ def _write(files: Mapping[str, Callable[..., Content]], folder: str | Path, *res
                 write_atomically(Path(folder, name, path), own)
 
 
-def _study_record(study: Study) -> dict[str, object]:
-    campaign, config = study.campaign, study.config
-    window = max(config.windows_ms)
-    tests = {}
-    for fold in study.folds:
-        rest, condition = config.training_campaign(campaign, fold.held_out), campaign.test(fold.held_out).condition
-        advice = recommend_for(fold.estimates, rest, condition, window)
-        tests[fold.held_out] = {
-            "approach": advice.approach,
-            "sentences": list(advice.sentences),
-            "expected_rating": None if advice.expected is None else asdict(advice.expected),
-            "rating": fold.ratings[advice.approach][window].overall,
-        }
-    verdict = recommend(study)
-    return {
-        **provenance(campaign, [fold.held_out for fold in study.folds], config),
-        "finished": True,
-        "seconds": {key: round(value, 3) for key, value in study.seconds.items()},
-        "recommendation": {
-            "campaign": {"approach": verdict.approach, "sentences": list(verdict.sentences)},
-            "tests": tests,
-        },
-        "coverage": {name: found.counts for name, found in study.coverage.items()},
-        "speed_groups": None
-        if (groups := study.speed_groups) is None
-        else {
-            "mean_rating": {name: round(groups.mean_rating(name, window), 4) for name in config.approaches},
-            "coverage": {name: found.counts for name, found in groups.coverage.items()},
-        },
-        "rating_intervals": {
-            fold.held_out: {
-                name: {f"{w:g}": [round(end, 4) for end in fold.rating_interval(name, w)] for w in config.windows_ms}
-                for name in fold.with_band
-            }
-            for fold in study.folds
-        },
-        "repeatability": {
-            fold.held_out: {
-                f"{w:g}": {end: round(getattr(repeat, end), 4) for end in ("value", "lower", "upper")}
-                for w, repeat in study.repeatability.get(fold.held_out, {}).items()
-            }
-            for fold in study.folds
-        },
-        "fits": [
-            {"held_out": fold.held_out, **_fit_record(estimate)} for fold in study.folds for estimate in fold.estimates
-        ],
-    }
-
-
-def _prediction_record(campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> dict[str, object]:
-    condition = estimates[0].prediction.condition
-    advice = recommend_for(estimates, campaign, condition)
-    return {
-        **provenance(campaign, (), config),
-        "condition": asdict(condition),
-        "extrapolation": list(campaign.cae.extrapolation(condition)),
-        "nearest": list(nearest_sentences(campaign, condition)),
-        "recommendation": {"approach": advice.approach, "sentences": list(advice.sentences)},
-        "expected_rating": None if advice.expected is None else asdict(advice.expected),
-        "fits": [_fit_record(estimate) for estimate in estimates],
-    }
-
-
-def _learning_curve_record(curve: LearningCurve, cost: Cost | None) -> dict[str, object]:
-    more = one_more(curve)
-    return {
-        **provenance(curve.campaign, curve.campaign.test_ids, curve.config),
-        "repeats": curve.repeats,
-        "seconds": round(curve.seconds, 3),
-        "approach": curve.judged,
-        "sentences": list(sentences(curve, cost)),
-        "gains": [asdict(gain) for gain in gains(curve)],
-        "one_more_test": None if more is None else asdict(more),
-        "cost_per_test": None if cost is None else asdict(cost),
-    }
-
-
-def _fit_record(estimate: Estimate) -> dict[str, object]:
-    return {
-        "approach": estimate.approach,
-        "seconds": round(estimate.seconds, 3),
-        "notes": list(estimate.prediction.notes),
-        "state": estimate.state,
-    }
-
-
 def _pulses(estimates: Sequence[Estimate]) -> pd.DataFrame:
     return pulses_table(("", estimate) for estimate in estimates)
 
@@ -278,7 +190,7 @@ _STUDY: Mapping[str, Callable[[Study], Content]] = {
     "pulses.csv": lambda study: csv_bytes(pulses_table((f.held_out, e) for f in study.folds for e in f.estimates)),
     "metrics.csv": lambda study: csv_bytes(study_metrics(study)),
     "report.html": lambda study: study_report(study).encode(),
-    "study.json": lambda study: _json(_study_record(study)),
+    "study.json": lambda study: _json(study_record(study)),
 }
 _PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig, PulseFiles], Content]] = {
     "pulses.csv": lambda _, estimates, *__: csv_bytes(_pulses(estimates)),
@@ -286,7 +198,7 @@ _PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig, P
     "metrics.csv": lambda campaign, estimates, *_: csv_bytes(_metrics(campaign, estimates)),
     "report.html": lambda *result: prediction_report(*result[:3]).encode(),
     **{f"{name}/": (lambda *result, name=name: result[3].get(name)) for name in PULSE_FORMATS},
-    "prediction.json": lambda *result: _json(_prediction_record(*result[:3])),
+    "prediction.json": lambda *result: _json(prediction_record(*result[:3])),
 }
 _SWEEP: Mapping[str, Callable[[Campaign, Sequence[Sweep], StudyConfig], Content]] = {
     "report.html": lambda *result: sweep_report(*result).encode(),
@@ -305,7 +217,7 @@ _CERTIFICATION: Mapping[str, Callable[[Certification], Content]] = {
 _LEARNING_CURVE: Mapping[str, Callable[[LearningCurve, Cost | None], Content]] = {
     "learning_curve.csv": lambda curve, _: csv_bytes(curve.table.assign(basis=curve.campaign.rating_basis)),
     "report.html": lambda *result: learning_curve_report(*result).encode(),
-    "learning_curve.json": lambda *result: _json(_learning_curve_record(*result)),
+    "learning_curve.json": lambda *result: _json(learning_curve_record(*result)),
 }
 RESULT_FILES = {
     "series of studies": ("studies.csv",),

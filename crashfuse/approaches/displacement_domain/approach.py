@@ -1,7 +1,7 @@
 """The displacement-domain approach: correct the CAE over displacement, then integrate the motion (Sect. 3.2)."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Self, cast
 
@@ -9,7 +9,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
-from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
+from crashfuse.approaches.calibration import Calibration
+from crashfuse.approaches.displacement_domain.band_check import LEAST_CHECKED, Unseen, checked
 from crashfuse.approaches.displacement_domain.bias import (
     BiasDraws,
     BiasPart,
@@ -24,7 +25,7 @@ from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
 from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
-from crashfuse.approaches.left_out import LeftOut, speed_groups
+from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.settings import Settings
 from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.campaign import Campaign, CrashTest
@@ -38,8 +39,6 @@ from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 _SHARES = np.linspace(0.0, 1.0, 101)  # shares of the impact speed at which velocity-dependent parts are drawn
 _CHECK_DRAWS = 200  # for each test used to check the band
 _CHECK_STRIDE = 5  # samples: at 0.4 ms the motion differs by less than draws do
-_MOST_CHECKED = 20  # tests; more would not change the widening
-_LEAST_CHECKED = 3  # tests; with fewer, too little is left to learn from
 
 
 def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
@@ -221,44 +220,13 @@ class DisplacementDomain(Approach):
 
     def _calibrate(self, campaign: Campaign, watch: Watch) -> Calibration:
         """Check the band on each test, predicted from the others with the same hyperparameters; widen it if needed."""
-        tests = campaign.tests
-        if isinstance(self.bias_, Table4Bias) or len(tests) < _LEAST_CHECKED:
+        if isinstance(self.bias_, Table4Bias) or len(campaign.tests) < LEAST_CHECKED:
             self.left_out_ = self.left_out_groups_ = LeftOut.of({})
             return Calibration(1.0, ())
-        checked = np.unique(np.linspace(0, len(tests) - 1, min(len(tests), _MOST_CHECKED)).astype(int)).tolist()
-        left_out = {}
-        for done, number in enumerate(checked):
-            watch.report("Check of the band", done, len(checked))
-            left_out[number] = self._without(number, [number])
-
-        pulses: dict[int, FloatArray] = {}
-
-        def check(widening: float) -> list[Coverage]:
-            for number, unseen in left_out.items():
-                watch.report("Check of the band", len(checked), len(checked))  # makes it cancellable
-                pulses[number] = unseen(widening)
-            return [Coverage.of(tests[number], drawn[1:]) for number, drawn in pulses.items()]
-
-        calibration = calibrate(check)
-        self.left_out_ = LeftOut.of(pulses)
-        self.left_out_groups_ = LeftOut.of(self._left_out_groups(campaign, pulses, calibration.widening, watch))
+        calibration, self.left_out_, self.left_out_groups_ = checked(campaign, self._without, watch)
         return calibration
 
-    def _left_out_groups(
-        self, campaign: Campaign, left_out: Mapping[int, FloatArray], widening: float, watch: Watch
-    ) -> dict[int, FloatArray]:
-        """Pulses for these tests, each predicted from the tests at other speeds; none if there are no others."""
-        pulses, groups = {}, speed_groups(campaign)
-        for number, alone in left_out.items():
-            watch.report("Check of the band", len(left_out), len(left_out))
-            group = groups[number]
-            if len(group) == 1:
-                pulses[number] = alone
-            elif len(group) < len(campaign.tests):
-                pulses[number] = self._without(number, group)(widening)
-        return pulses
-
-    def _without(self, number: int, left_out: Sequence[int]) -> Callable[[float], FloatArray]:
+    def _without(self, number: int, left_out: Sequence[int]) -> Unseen:
         """Prediction of a test from all but these, hyperparameters kept: a function of the widening."""
         view, rng = self._views[number], np.random.default_rng([self.seed, number])
         model = cast(HierarchicalBias, self.bias_).without(*left_out)  # Table 4 is not checked
