@@ -157,21 +157,23 @@ class _Block:
 
 
 def _blocks(grid: Sequence[Sequence[str]], decimal: str, least: float) -> list[_Block]:
-    """The blocks of at least five rows, or fewer at the end of the grid; empty rows are part of a block."""
+    """The blocks of at least five rows, or fewer at the end of the grid; rows with gaps in them are part of a block."""
     found: list[_Block] = []
     rows: list[list[bool | None]] = []
-    begin = 0
+    begin: int | None = None
     for number, row in enumerate([*grid, ["end"]]):
         cells = [is_number(cell, decimal) if cell.strip() else None for cell in row]
         filled = [cell for cell in cells if cell is not None]
         if len(filled) > 1 and sum(filled) >= least * len(filled):
-            begin = begin if rows else number
+            begin = number if begin is None else begin
             rows.append(cells)
+        elif len(row) > 1 and filled == [True]:  # of two columns, one has a gap here
+            begin = number if begin is None else begin
         elif filled:
-            if len(rows) >= _RUN or (rows and number == len(grid)):
+            if begin is not None and (len(rows) >= _RUN or (rows and number == len(grid))):
                 counts = [sum(cell is True for cell in column) for column in zip_longest(*rows)]
                 found.append(_Block(begin, number, sum(counts), tuple(2 * count > len(rows) for count in counts)))
-            rows = []
+            rows, begin = [], None
     return [block for block in found if block.begin < _LONGEST_PREAMBLE]
 
 

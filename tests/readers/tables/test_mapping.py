@@ -76,6 +76,17 @@ def test_without_headers_the_clock_is_found(tmp_path: Path) -> None:
         assert (channel.values[1], channel.unit) == (6.5, None)
 
 
+@pytest.mark.parametrize("missing", [{0}, {0, 1, 2}, {2}, {1, 7, 50}])
+def test_a_missing_cell_among_the_first_rows_loses_no_header(tmp_path: Path, missing: set[int]) -> None:
+    """The sensor answered late, or not always: the names stay, and so does the unit in them."""
+    rows = [f"{0.1 * i:g},{'' if i in missing else -i}" for i in range(100)]
+    sheet = one_sheet(tmp_path / "T1.csv", "\n".join(["time (ms),accel x (g)", *rows]))
+    assert (sheet.columns, sheet.first_row) == (("time (ms)", "accel x (g)"), 2)
+    (channel,) = one_record(sheet).channels
+    assert channel.unit == "g"
+    np.testing.assert_array_equal(channel.values, [-i for i in range(100) if i not in missing])
+
+
 def test_columns_are_records_or_channels_of_one(tmp_path: Path) -> None:
     """Several pulses beside one time are records named by their headers, or channels where the user says so."""
     text = "t [ms],T1 [g],T2 [g]\n0,0,0\n1,-1,-2\n2,-2,-4\n3,-1,\n"
