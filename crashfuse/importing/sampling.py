@@ -10,6 +10,7 @@ from crashfuse.readers.record import RecordedChannel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
+_SHORTEST_STEP_S = 1e-9  # below any solver's time step
 _GAP = 3.0  # steps
 _FEWEST = 20
 
@@ -32,6 +33,9 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
     if steps.min() <= 0:
         raise DataError(_backwards(place, time, steps))
     step = float(np.median(steps))
+    if step < _SHORTEST_STEP_S:
+        expected, found = "steps of a nanosecond or more", f"steps of {step:.3g} s"
+        raise DataError(Problem(place, expected, found, "check the unit of time"))
     if steps.max() > _GAP * step:
         found = f"a step of {steps.max() / MS:.4g} ms among steps of {step / MS:.4g} ms"
         raise DataError(Problem(place, "evenly sampled time", found, "export the record without gaps"))
