@@ -37,7 +37,7 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
         expected, found = "steps of a nanosecond or more", f"steps of {step:.3g} s"
         raise DataError(Problem(place, expected, found, "check the unit of time"))
     if steps.max() > _GAP * step:
-        found = f"a step of {steps.max() / MS:.4g} ms among steps of {step / MS:.4g} ms"
+        found = f"a step of {float(steps.max()) / MS:.4g} ms among steps of {step / MS:.4g} ms"
         raise DataError(Problem(place, "evenly sampled time", found, "export the record without gaps"))
     clock = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
     if clock.size == time.size and np.abs(steps - step).max() <= UNEVEN * step:
