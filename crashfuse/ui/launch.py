@@ -8,6 +8,8 @@ from streamlit.web.cli import main
 _PACKAGE = Path(__file__).resolve().parents[1]
 _PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in a checkout
 
+_HOSTS = ("localhost", "127.0.0.1")  # else a page elsewhere reaches the server under a name of its own (DNS rebinding)
+
 
 def launch(port: int, campaign: Path | None) -> None:
     """Serve the dashboard on 127.0.0.1 until interrupted; ``campaign`` is a folder to open at start-up."""
@@ -25,4 +27,7 @@ def launch(port: int, campaign: Path | None) -> None:
         "browser.gatherUsageStats": "false",
         "client.showErrorDetails": "none",
     }
-    main(["run", "app.py", *(f"--{name}={value}" for name, value in options.items())], standalone_mode=False)
+    given = [
+        (name, one) for name, value in options.items() for one in (value if isinstance(value, tuple) else (value,))
+    ]
+    main(["run", "app.py", *(f"--{name}={value}" for name, value in given)], standalone_mode=False)

@@ -23,7 +23,7 @@ def tarred(*files: tuple[str | tarfile.TarInfo, bytes], form: int = tarfile.PAX_
             info = tarfile.TarInfo(name) if isinstance(name, str) else name
             info.size = len(content)
             archive.addfile(info, io.BytesIO(content))
-    return gzip.compress(stream.getvalue()) if packed else stream.getvalue()
+    return gzip.compress(stream.getvalue(), mtime=0) if packed else stream.getvalue()
 
 
 def unpacked(content: bytes, limits: Limits = DEFAULT_LIMITS) -> dict[str, bytes]:

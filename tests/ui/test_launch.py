@@ -1,5 +1,7 @@
 """`crashfuse app` serves the dashboard, on this machine only, and ends with its process."""
 
+import contextlib
+import http.client
 import json
 import os
 import socket
@@ -16,6 +18,7 @@ from tests.conftest import ROOT
 
 SAFE = {
     "server.address": "127.0.0.1",
+    "server.allowedHosts": ["localhost", "127.0.0.1"],
     "server.enableXsrfProtection": True,
     "server.enableCORS": True,
     "browser.gatherUsageStats": False,
@@ -33,6 +36,21 @@ def _answers(port: int) -> bool:
         return False
 
 
+def _opened(port: int, host: str) -> bool:
+    """Whether a page under this name may open the socket that all of the dashboard goes through."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+    asked = {
+        "Host": f"{host}:{port}",
+        "Origin": f"http://{host}:{port}",
+        "Connection": "Upgrade",
+        "Upgrade": "websocket",
+    }
+    key = {"Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="}
+    connection.request("GET", "/_stcore/stream", headers=asked | key)
+    with contextlib.closing(connection):
+        return connection.getresponse().status == http.HTTPStatus.SWITCHING_PROTOCOLS
+
+
 @pytest.mark.slow
 def test_the_command_serves_until_it_is_ended(campaign_folder: Path, tmp_path: Path) -> None:
     """Started anywhere, with a relative folder: it answers, and nothing is left running behind it."""
@@ -47,10 +65,12 @@ def test_the_command_serves_until_it_is_ended(campaign_folder: Path, tmp_path: P
         while not _answers(port) and server.poll() is None and time.monotonic() < deadline:
             time.sleep(0.1)
         answered = _answers(port)
+        opened = {host: answered and _opened(port, host) for host in ("127.0.0.1", "localhost", "elsewhere.example")}
         server.terminate()
         server.wait(20)
     assert answered, (tmp_path / "log").read_text()
     assert not _answers(port)
+    assert opened == {"127.0.0.1": True, "localhost": True, "elsewhere.example": False}
 
 
 def test_a_campaign_that_is_not_there_is_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
