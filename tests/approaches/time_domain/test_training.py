@@ -17,7 +17,7 @@ from crashfuse.approaches.time_domain.training import weights_of
 from crashfuse.approaches.time_domain.training_data import LfTraining
 from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled
-from crashfuse.execution.cache import Cache
+from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.progress import Progress, Watch
 
 SMALL = TcnConfig(channels=6, dilations=(1, 2), dropout=0.1, epochs=1, min_steps=40, members=3)
@@ -128,6 +128,32 @@ def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
     reports: list[Progress] = []
     LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
     assert reports[0].done == 0
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda state: {name: value for name, value in state.items() if "weight" not in name},
+        lambda state: {name: value[:1] if "moment" in name and value.ndim else value for name, value in state.items()},
+        lambda state: state | {"done": np.array(10_000)},
+        lambda state: state | {"done": np.array("soon")},
+        lambda state: state | {list(state)[-1]: np.array([b"text"])},
+    ],
+    ids=["no weights", "other shapes", "too many steps", "no number", "text"],
+)
+@pytest.mark.slow
+def test_a_checkpoint_of_something_else_is_not_taken(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Entry], Entry]
+) -> None:
+    """Its checksum is right and its content is not: the training begins anew, and nothing of it remains."""
+    _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
+    load = training.Checkpoint.load
+    monkeypatch.setattr(training.Checkpoint, "load", lambda self: spoil(load(self) or {}))
+    reports: list[Progress] = []
+    trained = LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
+    assert reports[0].done == 0
+    monkeypatch.undo()
+    assert _bits(trained.network_) == _bits(LfTcn(SMALL).fit(campaign).network_)
 
 
 def test_without_a_cache_nothing_is_left_on_disk(campaign: Campaign) -> None:
