@@ -75,7 +75,7 @@ def _curve() -> SolverCurve:
         persist_state="session",
     )  # fmt: skip
     number = right.number_input(
-        "SolverCurve id", 1, 99_999_999, 1, key="export id", persist_state="session",
+        "Curve id", 1, 99_999_999, 1, key="export id", persist_state="session",
         help="The same in every file: another pulse is another include.",
     )  # fmt: skip
     left, middle, _ = st.columns(3)
