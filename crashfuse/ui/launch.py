@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from streamlit import net_util
 from streamlit.web.cli import main
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -27,7 +28,7 @@ def launch(port: int, campaign: Path | None) -> None:
         "browser.gatherUsageStats": "false",
         "client.showErrorDetails": "none",
     }
-    given = [
-        (name, one) for name, value in options.items() for one in (value if isinstance(value, tuple) else (value,))
-    ]
+    # on refusing a page of another origin, Streamlit would ask a server on the network for this machine's address
+    net_util._external_ip = ""
+    given = [*(("server.allowedHosts", host) for host in _HOSTS), *options.items()]
     main(["run", "app.py", *(f"--{name}={value}" for name, value in given)], standalone_mode=False)

@@ -12,8 +12,11 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+from streamlit import net_util
+from streamlit.web.server.server_util import is_url_from_allowed_origins
 
 from crashfuse import cli
+from crashfuse.ui import launch as launching
 from tests.conftest import ROOT
 
 SAFE = {
@@ -79,6 +82,17 @@ def test_a_campaign_that_is_not_there_is_wrong_usage(tmp_path: Path, capsys: pyt
     assert "There is no folder" in capsys.readouterr().err
 
 
+def test_a_page_that_is_refused_makes_no_look_up(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A stranger's page that tries the dashboard does not make it ask the network for this machine's own address."""
+    monkeypatch.setattr(launching, "main", lambda *_, **__: None)
+    monkeypatch.setattr(net_util, "_external_ip", None)
+    monkeypatch.setattr(net_util, "_make_blocking_http_get", lambda *_, **__: pytest.fail("it was asked"))
+    monkeypatch.chdir(tmp_path)
+    launching.launch(8501, None)
+    assert not is_url_from_allowed_origins("http://elsewhere.example")
+    assert is_url_from_allowed_origins("http://localhost:8501")
+
+
 def _settings(command: str, folder: Path, environment: dict[str, str]) -> dict[str, object]:
     """What Streamlit makes of its files, the environment and a command line, in a process of its own."""
     program = (
@@ -109,6 +123,7 @@ def test_the_command_is_safe_whatever_the_environment_says() -> None:
     """Settings for other dashboards of the same user do not open this one."""
     open_wide = {
         "STREAMLIT_SERVER_ADDRESS": "0.0.0.0",  # noqa: S104
+        "STREAMLIT_SERVER_ALLOWED_HOSTS": "*",
         "STREAMLIT_SERVER_ENABLE_XSRF_PROTECTION": "false",
         "STREAMLIT_BROWSER_GATHER_USAGE_STATS": "true",
         "STREAMLIT_CLIENT_SHOW_ERROR_DETAILS": "full",
