@@ -1,7 +1,7 @@
 """Histories of nodes and rigid bodies in LS-DYNA's ``binout``: files of several processors, continuations, restarts."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import IO, Any
 
 import numpy as np
@@ -37,9 +37,9 @@ _SAMPLED = 20  # states
 class _Metadata:
     """What a database says of its nodes; a continuation file leaves it to the first of its family."""
 
-    title: str = ""
-    ids: npt.NDArray[np.integer[Any]] = field(default_factory=lambda: np.zeros(0, np.int64))
-    titles: dict[str, str] = field(default_factory=dict)
+    title: str
+    ids: npt.NDArray[np.integer[Any]]
+    titles: dict[str, str]
 
     def labels(self, database: str) -> list[str]:
         """The names of the nodes."""
@@ -178,7 +178,7 @@ def _motion(parts: Sequence[_Part]) -> tuple[FloatArray, FloatArray]:
     fastest = np.zeros(3)
     for part in sorted(parts, key=lambda part: float(part.time[0])):
         first.setdefault((part.database, part.of.ids.tobytes()), part)
-        for place in np.linspace(0, len(part.states) - 1, _SAMPLED, dtype=int).tolist():
+        for place in np.unique(np.linspace(0, len(part.states) - 1, _SAMPLED, dtype=int)).tolist():
             speeds = np.nan_to_num(np.abs(part.velocities(part.states[place])), nan=0.0)
             fastest = np.maximum(fastest, speeds.max(axis=1, initial=0.0))
     return np.concatenate([part.velocities(part.states[0]) for part in first.values()], axis=1), fastest

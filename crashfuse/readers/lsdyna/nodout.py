@@ -44,6 +44,7 @@ class _Nodout:
         self._times: list[float] = []
         self._first: dict[str, list[float]] = {}
         self._start = np.zeros((3, 0))
+        self._at_rest = False
         self._fastest = np.zeros(3)
         self._series: dict[str, tuple[array[float], array[float]]] = {}
         self._places: list[int] = []  # of accelerations and velocities in a row
@@ -108,6 +109,7 @@ class _Nodout:
             return
         begin = np.array(list(self._first.values())).T
         self._start = begin[3:]
+        self._at_rest = not self._start.any()
         self._fastest = np.abs(self._start).max(axis=1)
         axis = self._axis = axis_of_travel(self._start, self._travel)
         kept = kept_of(list(self._first), self._titles, self._most)
@@ -131,7 +133,7 @@ class _Nodout:
             return True
         for into, place in zip(self._series[name], self._places[self._axis :: 3], strict=True):
             into.append(number(values[place].decode(), self._where))
-        if not self._start.any():  # how fast it gets says why it is no vehicle
+        if self._at_rest:  # how fast it gets says why it is no vehicle
             speeds = [abs(number(values[place].decode(), self._where)) for place in self._places[3:]]
             self._fastest = np.maximum(self._fastest, speeds)
         return True

@@ -22,7 +22,6 @@ from crashfuse.readers.lsdyna.unit_system import mass_kg, units_of
 from crashfuse.readers.members import opened_members
 from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record
 from crashfuse.readers.travel import axis_of_travel, checked_travel
-from crashfuse.units import MS
 
 LSDYNA_LIMITS = Limits(total_bytes=1 << 40, member_bytes=64 << 30, members=500_000)
 """Size limits of a library; only the needed part of a binout is read, however long it is."""
@@ -111,7 +110,7 @@ def _record(run_id: str, source: str, run: Histories, travel: Travel | None) -> 
     proposed, why = proposed_nodes(nodes)
     per_second, unit, units_told = units_of(proposed, source)
     # velocity unit = acceleration unit times time unit
-    per_mps = None if unit is None else ACCELERATION_UNITS[unit] * (1.0 if per_second == 1 else MS)
+    per_mps = None if unit is None else ACCELERATION_UNITS[unit] * per_second
     own = float(np.median([abs(node.velocity[0]) for node in proposed]))
     largest = max(float(np.nan_to_num(np.abs(node.velocity)).max()) for node in proposed)
     travels, moves = checked_travel(run.start, (own, largest), run.fastest, per_mps, travel, source)

@@ -12,9 +12,9 @@ from crashfuse.readers.lsdyna.histories import History
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
-_LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # longest duration of a run in either unit
+LONGEST_S, _LONGEST_MS = 2.0, 2000.0  # longest duration of a run in either unit
 _SLOWEST_S = 5e-3  # time step of a run in s; a longer one is in ms, of a run that ended at once
-_FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
+FASTEST_MPS, _SLOWEST_MMPS = 100.0, 3000.0  # in between, the unit could be inch or cm
 
 
 def units_of(nodes: Sequence[History], source: str) -> tuple[float, str | None, str]:
@@ -24,13 +24,13 @@ def units_of(nodes: Sequence[History], source: str) -> tuple[float, str | None, 
         expected = "a crash in seconds or milliseconds"
         raise DataError(Problem(source, expected, f"a run that ends at {end:g}", "choose a run in mm, ms, kg or SI"))
     step = end / max(nodes[0].time.size - 1, 1)
-    seconds = end <= _LONGEST_S and (step <= _SLOWEST_S or fastest >= _SLOWEST_MMPS)
+    seconds = end <= LONGEST_S and (step <= _SLOWEST_S or fastest >= _SLOWEST_MMPS)
     lasts = f"the run ends at {end:.4g} and its nodes move at up to {fastest:.4g}"
     if not seconds:
         return MS, "mm/ms²", f"Units mm and ms: {lasts}."
     if not fastest > 0:  # at rest, or no velocities
         return 1.0, None, f"Unit of length unknown: the run ends at {end:.4g} s, and its velocities do not tell."
-    if fastest <= _FASTEST_MPS:
+    if fastest <= FASTEST_MPS:
         return 1.0, "m/s²", f"SI units: {lasts}."
     if fastest < _SLOWEST_MMPS:
         return 1.0, None, f"Unit of length unknown: {lasts}, too fast for m and too slow for mm."

@@ -10,6 +10,7 @@ run; they are not read.
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 import numpy.typing as npt
@@ -89,6 +90,7 @@ class _File:
         self._groups = [self._group(records) for _ in range(groups)]
         sizes += [group.elements * len(group.codes) for group in self._groups]
         self._blocks = [size for size in sizes if size]
+        self._places = [0, *accumulate(size + 2 for size in self._blocks)]  # of each record in a state, in words
         self._states, self._left_over = self._data(content)
 
     def time_history(self) -> TimeHistory:
@@ -114,10 +116,8 @@ class _File:
         """Nodes and accelerometers, each once, with what is read of it."""
         found: dict[str, dict[str, FloatArray]] = {}
         titles: dict[str, str] = {}
-        at, curves = len(self._blocks) - sum(bool(group.elements and group.codes) for group in self._groups), 0
-        for group in self._groups:
-            if not group.elements or not group.codes:
-                continue
+        groups, curves = [group for group in self._groups if group.elements and group.codes], 0
+        for at, group in enumerate(groups, start=len(self._blocks) - len(groups)):
             read = {
                 name: group.codes.index(code)
                 for code, name in _CURVES.get(group.kind, {}).items()
@@ -134,26 +134,23 @@ class _File:
                 told = found.setdefault(name, {})
                 for curve, column in read.items():
                     told.setdefault(curve, values[:, place, column].astype(np.float64))
-            at += 1
         return tuple(Watched(name, titles[name], time, told) for name, told in found.items())
 
     def _block(self, number: int) -> npt.NDArray[np.float32]:
         """One record of every state, shape (n_states, size)."""
-        start = sum(self._blocks[:number]) + 2 * number + 1
+        start = self._places[number] + 1
         return self._states[:, start : start + self._blocks[number]]
 
     def _data(self, content: bytes) -> tuple[npt.NDArray[np.float32], bool]:
         """All whole states with the frames of their records, shape (n_states, words of a state); and is there more."""
-        words = sum(self._blocks) + 2 * len(self._blocks)
+        words = self._places[-1]
         states, left_over = divmod(len(content) - self._at, 4 * words)
         if not states:
             raise self._damaged("no state")
         raw = np.frombuffer(content, ">i4", count=states * words, offset=self._at).reshape(states, words)
-        place = 0
-        for size in self._blocks:
+        for place, size in zip(self._places[:-1], self._blocks, strict=True):
             if (raw[:, [place, place + size + 1]] != 4 * size).any():
                 raise self._damaged("states that are not alike")
-            place += size + 2
         return raw.view(">f4"), bool(left_over)
 
     def _parts(self, records: Iterator[bytes], count: int) -> int:

@@ -9,17 +9,15 @@ from crashfuse.readers.axes import AXES, Travel
 from crashfuse.readers.energies import quality_sentence
 from crashfuse.readers.lsdyna.accelerometers import on_a_dummy, titled_nodes
 from crashfuse.readers.lsdyna.histories import History, channel_of, integral, is_aliased
-from crashfuse.readers.lsdyna.unit_system import of_a_vehicle, units_of
-from crashfuse.readers.radioss.time_history import ACCELEROMETER, TimeHistory, Watched
+from crashfuse.readers.lsdyna.unit_system import FASTEST_MPS, LONGEST_S, of_a_vehicle, units_of
+from crashfuse.readers.radioss.time_history import ACCELEROMETER, LEAST_CHANGE, MOST_CHANGE, TimeHistory, Watched
 from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record
 from crashfuse.readers.travel import axis_of_travel, checked_travel
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MS
 
 _SAME = 0.01  # of the initial velocity, or of a mass
-_LEAST, _MOST = 0.8, 1.6  # of the initial velocity: ΔV of a vehicle that stops
 _SYSTEMS = {(1e-3, 1e-3): (MS, "mm/ms²"), (1e-3, 1.0): (1.0, "mm/s²"), (1.0, 1.0): (1.0, "m/s²")}
-_LONGEST_S, _FASTEST_MPS = 2.0, 100.0
 _MOST_NODES = 200  # offered as channels
 
 
@@ -143,7 +141,7 @@ def _may_be_the_pulse(node: History, initial: FloatArray | None) -> bool:
         return True
     speed = float(np.abs(node.velocity[0]))
     change = float(np.abs(node.velocity - node.velocity[0]).max())
-    return _LEAST * speed <= change <= _MOST * speed
+    return LEAST_CHANGE * speed <= change <= MOST_CHANGE * speed
 
 
 def _behind(node: History) -> tuple[float, float]:
@@ -161,7 +159,7 @@ def _units(run: TimeHistory, nodes: Sequence[History], source: str) -> tuple[flo
         system = next((own for of, own in _SYSTEMS.items() if np.allclose(of, (length, second), rtol=1e-3)), None)
         fastest = max(float(np.nan_to_num(np.abs(node.velocity)).max()) for node in nodes) * length / second
         lasts = float(nodes[0].time[-1]) * second
-        if system is not None and 0 < lasts <= _LONGEST_S and fastest <= _FASTEST_MPS:
+        if system is not None and 0 < lasts <= LONGEST_S and fastest <= FASTEST_MPS:
             return *system, f"Unit {system[1]}, as the run states its units."
     return units_of(nodes, source)
 

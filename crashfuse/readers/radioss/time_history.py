@@ -23,6 +23,9 @@ MOST_VALUES = 40_000_000
 ACCELEROMETER = "accelerometer "
 """What the names of accelerometers begin with; those of nodes are numbers."""
 
+LEAST_CHANGE, MOST_CHANGE = 0.8, 1.6
+"""ΔV of a vehicle that stops, as a multiple of its initial velocity."""
+
 _STEPS = 5.5  # of output: a longer gap between two parts of a run is one
 _LARGEST_SHARE = 1e-3  # of a momentum, below which a direction counts as none
 
@@ -134,7 +137,7 @@ def joined(parts: Sequence[TimeHistory], names: Sequence[str]) -> TimeHistory:
     """
     whole = parts[0]
     for part, name in zip(parts[1:], names[1:], strict=True):
-        if [(one.name, [*one.curves]) for one in part.watched] != [(one.name, [*one.curves]) for one in whole.watched]:
+        if _what(part) != _what(whole):
             expected = f"the nodes and accelerometers of {names[0]}"
             raise DataError(
                 Problem(name, expected, "others", "import the parts one by one, each in a folder of its own")

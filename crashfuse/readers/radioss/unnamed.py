@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from crashfuse.readers.lsdyna.histories import integral
-from crashfuse.readers.radioss.time_history import ACCELEROMETER, TimeHistory, Watched
+from crashfuse.readers.radioss.time_history import ACCELEROMETER, LEAST_CHANGE, MOST_CHANGE, TimeHistory, Watched
 from crashfuse.signals.pulse import FloatArray
 
 _SAME = 1e-3  # of the initial velocity
 _INTEGRAL, _ALIASED = 0.02, 0.05  # of the range of a displacement, of a velocity
 _NEAR = 0.75  # of the initial velocity: how far a part of a vehicle is from its centre of gravity
 _ALIKE = 0.9  # correlation of an impulse with the velocity
-_LEAST, _MOST = 0.8, 1.6  # of the initial velocity: ΔV of what stops
 
 
 def with_names(history: TimeHistory) -> TimeHistory:
@@ -88,4 +87,4 @@ def _stops(acceleration: FloatArray, vehicle: FloatArray, time: FloatArray) -> b
     change = -change if change[-1] * speed > 0 else change
     largest = float(-(change / speed).min())
     near = bool(np.abs(speed + change - vehicle).max() <= _NEAR * abs(speed))
-    return near and _LEAST <= largest <= _MOST
+    return near and LEAST_CHANGE <= largest <= MOST_CHANGE
