@@ -15,7 +15,7 @@ from crashfuse.run_quality import QualityLimits, RunQuality
 from crashfuse.signals.metrics import Metric, pulse_metrics
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
-from crashfuse.signals.rating import rating_basis
+from crashfuse.signals.rating import filter_class_text, rating_basis
 from crashfuse.units import LB, MPH
 
 _SAME_CONDITION = 1e-4  # relative: rounding in a table, far below weighing accuracy
@@ -153,8 +153,7 @@ class Campaign:
     @property
     def filter_class(self) -> str:
         """The channel filter class of the tests, such as ``CFC 60``, to stand beside ratings and metrics."""
-        cfc = self.channel_filter_class or self.tests_filtered_with
-        return "filtered as supplied" if cfc is None else f"CFC {cfc:g}"
+        return filter_class_text(self.channel_filter_class or self.tests_filtered_with)
 
     @property
     def rating_basis(self) -> str:

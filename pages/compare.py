@@ -75,9 +75,9 @@ if whole:
     advice = recommend_for(fold.estimates, rest, test.condition, window_ms)
     said = advice.sentences
     explanations.show_recommendation(said)
-if whole and window_ms in repeats:
-    rated = fold.ratings[advice.approach][window_ms].overall
-    st.markdown(repeats[window_ms].sentence(rated, LABELS[advice.approach]), help=glossary.REPEAT)
+    if window_ms in repeats:
+        rated = fold.ratings[advice.approach][window_ms].overall
+        st.markdown(repeats[window_ms].sentence(rated, LABELS[advice.approach]), help=glossary.REPEAT)
 left, right = st.columns([3, 2], vertical_alignment="center")
 with left:
     shown = choose("Figure", ["Motion", "Residuals"], key="compared")

@@ -14,6 +14,9 @@ LEVEL = 0.95
 LEVELS: FloatArray = np.linspace(0.05, 0.95, 19)
 """Nominal levels at which the coverage of bands is checked."""
 
+CHECK_STRIDE = 5
+"""Samples between those at which pulses are checked: at 0.4 ms the motion differs by less than draws do."""
+
 WIDENINGS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
 _TINY = 1e-9  # m/s²
 

@@ -40,10 +40,10 @@ def check_size(path: Path, where: str, columns: Sequence[str]) -> set[str]:
     written_out: set[str] = set()
     with pq.ParquetFile(path) as file, path.open("rb") as stream:
         for at in range(file.metadata.num_columns):
-            chunks = [file.metadata.row_group(group).column(at) for group in range(file.metadata.num_row_groups)]
             name = file.metadata.schema.column(at).path.partition(".")[0]
             if name not in columns:
                 continue
+            chunks = [file.metadata.row_group(group).column(at) for group in range(file.metadata.num_row_groups)]
             total, pages, most = 0, 0, max(_HARMLESS, _MOST_BYTES_A_ROW * file.metadata.num_rows)
             for chunk in chunks:
                 first = chunk.dictionary_page_offset or chunk.data_page_offset

@@ -28,7 +28,7 @@ from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import ACCELERATION_UNITS, Record
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import Pulse
-from crashfuse.signals.rating import rate_windows, rating_basis
+from crashfuse.signals.rating import filter_class_text, rate_windows, rating_basis
 from crashfuse.units import ACCELERATION, TIME
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
@@ -38,7 +38,6 @@ COLUMNS = (
 )
 """Of a table of ratings; a note says why there is no rating, and is empty if there is one."""
 
-_AS_SUPPLIED = "filtered as supplied"
 _PAIR_COLUMNS = ("reference", "comparison", "reference_channel", "comparison_channel")
 _MOST_PAIRS = 10_000
 _KEPT = 8  # files in memory, as pairs often share a reference
@@ -199,9 +198,10 @@ def _curve(path: Path, channels: tuple[str, ...], cfc: float | Literal["none"] |
         raise DataError(Problem(str(path), "a pulse file", "no such file", "check the path"))
     if not channels and _is_own(path):
         pulse = read_pulse(path)
-        if cfc in (None, "none"):
-            return Curve(pulse, _AS_SUPPLIED)
-        return Curve(Pulse(pulse.time_s, cfc_filter(pulse.accel_mps2, cfc=float(cfc or 0), dt_s=pulse.dt_s)), _cfc(cfc))
+        if cfc is None or isinstance(cfc, str):
+            return Curve(pulse, filter_class_text(None))
+        filtered = cfc_filter(pulse.accel_mps2, cfc=cfc, dt_s=pulse.dt_s)
+        return Curve(Pulse(pulse.time_s, filtered), filter_class_text(cfc))
     fmt = format_of(path)
     records = read_records(Reading(path, fmt, together=bool(channels)))
     if len(records) != 1:
@@ -212,7 +212,7 @@ def _curve(path: Path, channels: tuple[str, ...], cfc: float | Literal["none"] |
         raise DataError(missing)
     condition = Condition(_speed(record, given), 1.0, 1.0)  # weights do not matter to a pulse
     settled = settled_at(record, given, condition, FORMATS[fmt].role, [], raw=False)
-    return Curve(settled.pulse, _cfc(settled.channel_filter_class))
+    return Curve(settled.pulse, filter_class_text(settled.channel_filter_class))
 
 
 def _is_own(path: Path) -> bool:
@@ -226,10 +226,6 @@ def _is_own(path: Path) -> bool:
                 ]
                 return min(named) > 0 and "id" not in table.names
     return path.suffix == ".parquet"
-
-
-def _cfc(cfc: float | str | None) -> str:
-    return _AS_SUPPLIED if cfc is None else f"CFC {cfc:g}"
 
 
 def _speed(record: Record, choices: Choices) -> float:

@@ -62,8 +62,9 @@ def record_of(test: IsommeTest, source: str) -> Record:
 def _on_a_vehicle(channel: Channel) -> ChannelCode | None:
     """The code of a channel that could be the vehicle's pulse."""
     code = ChannelCode.parsed(channel.code)
-    there = code is not None and code.is_acceleration and code.is_along_x and code.test_object.isdigit()
-    return code if there and code is not None and not code.of_a_dummy else None
+    if code is None or code.of_a_dummy or not (code.is_acceleration and code.is_along_x):
+        return None
+    return code if code.test_object.isdigit() else None
 
 
 def _named(channels: Sequence[tuple[ChannelCode, Channel]]) -> dict[str, tuple[ChannelCode, Channel]]:

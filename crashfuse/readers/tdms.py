@@ -25,13 +25,11 @@ from crashfuse.readers.nhtsa_sensors import (
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
 from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile, parse_tdms
 from crashfuse.readers.tdms_laboratory import laboratory_record
-from crashfuse.readers.tdms_waveform import Told, number_of, text_of, waveform
+from crashfuse.readers.tdms_waveform import MOST_CHANNELS, Told, number_of, text_of, waveform
 from crashfuse.units import KPH
 
 TDMS_LIMITS = Limits(total_bytes=8 << 30, member_bytes=256 << 20)
 """Size limits of a file; a test of 1000 channels of 10,000 samples has 80 MB."""
-
-_MOST_CHANNELS = 200  # per test, that could be its pulse
 
 
 def read_tdms(path: Path, limits: Limits = TDMS_LIMITS) -> tuple[Record, ...]:
@@ -67,7 +65,7 @@ def _record(file: TdmsFile, member: Member) -> Record:
 def _nhtsa_record(file: TdmsFile, told: Sequence[tuple[TdmsChannel, Told]], member: Member) -> Record:
     where = member.where
     sensors = {_sensor(place, said): (channel, said) for place, (channel, said) in enumerate(told, start=1)}
-    candidates = of_first_vehicle(list(sensors))[:_MOST_CHANNELS]
+    candidates = of_first_vehicle(list(sensors))[:MOST_CHANNELS]
     if not candidates:
         found = f"none in {len(told)} channels"
         raise DataError(Problem(where, "X accelerations of the vehicle", found, "download all channels of the test"))

@@ -29,12 +29,11 @@ from crashfuse.readers.tables.headers import (
     why_no_acceleration,
 )
 from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile
-from crashfuse.readers.tdms_waveform import Told, number_of, text_of, waveform
+from crashfuse.readers.tdms_waveform import MOST_CHANNELS, Told, number_of, text_of, waveform
 from crashfuse.readers.unit_spelling import UNITS, number_and_unit, unit_named
 from crashfuse.signals.pulse import FloatArray
 
 _LONGEST_S = 2.0  # a time without a unit is in ms if it lasts longer
-_MOST_CHANNELS = 200  # per test, that could be its pulse
 _MOST_VALUES = 20_000_000  # in all of them
 _MOST_CLOCKS = 1000
 _SPEED = re.compile(r"impact[ _-]*(velocity|speed)", re.IGNORECASE)
@@ -68,7 +67,7 @@ def laboratory_record(file: TdmsFile, record_id: str, where: str) -> Record:
         expected = "accelerations of the vehicle along X, by their units (unit_string) and names"
         raise DataError(Problem(where, expected, f"none of {len(every)}", "export them with their units"))
     found = sorted(found, key=lambda one: likelihood(one.channel.name))
-    channels, unread = _read(file, found[:_MOST_CHANNELS], every, where)
+    channels, unread = _read(file, found[:MOST_CHANNELS], every, where)
     if not channels:
         raise DataError(list(unread.values()))
     condition, steps = _condition(found[0].said)

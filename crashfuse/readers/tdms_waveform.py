@@ -11,6 +11,9 @@ from crashfuse.readers.tdms_container import TdmsChannel, TdmsFile
 from crashfuse.readers.unit_spelling import UNITS, unit_named
 from crashfuse.signals.pulse import FloatArray
 
+MOST_CHANNELS = 200
+"""Limit of a test's channels that could be its pulse."""
+
 Told = Mapping[str, str | float]
 """The properties of a channel, its group and its file."""
 

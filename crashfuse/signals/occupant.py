@@ -31,14 +31,16 @@ class OccupantModel:
     @property
     def olc_words(self) -> str:
         """The distances of the OLC, such as ``100 + 200 mm``; empty if they are the usual ones."""
-        distances = f"{self.olc_free_flight_mm:g} + {self.olc_restraint_mm:g} mm"
-        return "" if distances == "65 + 235 mm" else distances
+        return self._unless_usual("{0.olc_free_flight_mm:g} + {0.olc_restraint_mm:g} mm")
 
     @property
     def vpi_words(self) -> str:
         """The slack and spring of the VPI, such as ``20 mm, 3000 N/m``; empty if they are the usual ones."""
-        spring = f"{self.vpi_slack_mm:g} mm, {self.vpi_stiffness_npm:g} N/m"
-        return "" if spring == "30 mm, 2500 N/m" else spring
+        return self._unless_usual("{0.vpi_slack_mm:g} mm, {0.vpi_stiffness_npm:g} N/m")
+
+    def _unless_usual(self, words: str) -> str:
+        own = words.format(self)
+        return "" if own == words.format(USUAL_OCCUPANT) else own
 
 
 USUAL_OCCUPANT = OccupantModel()

@@ -55,6 +55,11 @@ class Rating:
     grade: str
 
 
+def filter_class_text(cfc: float | None) -> str:
+    """A channel filter class in words, such as ``CFC 60``."""
+    return "filtered as supplied" if cfc is None else f"CFC {cfc:g}"
+
+
 def rating_basis(filter_class: str) -> str:
     """What a rating rests on beside its window: the standard with its edition, the rate, the channel filter class."""
     return f"{STANDARD}, {1e-3 / RATING_DT_S:g} kHz, {filter_class}"

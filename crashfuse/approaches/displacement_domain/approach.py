@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
-from crashfuse.approaches.calibration import Calibration
+from crashfuse.approaches.calibration import CHECK_STRIDE, Calibration
 from crashfuse.approaches.displacement_domain.band_check import LEAST_CHECKED, Unseen, checked
 from crashfuse.approaches.displacement_domain.bias import (
     BiasDraws,
@@ -38,7 +38,6 @@ from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 
 _SHARES = np.linspace(0.0, 1.0, 101)  # shares of the impact speed at which velocity-dependent parts are drawn
 _CHECK_DRAWS = 200  # for each test used to check the band
-_CHECK_STRIDE = 5  # samples: at 0.4 ms the motion differs by less than draws do
 
 
 def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
@@ -235,7 +234,7 @@ class DisplacementDomain(Approach):
 
         def pulses(widening: float) -> FloatArray:
             return self._simulate(
-                view, bias, rebound, np.random.default_rng([self.seed, number, 1]), widening, _CHECK_STRIDE
+                view, bias, rebound, np.random.default_rng([self.seed, number, 1]), widening, CHECK_STRIDE
             )
 
         return pulses

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
+from crashfuse.approaches.calibration import CHECK_STRIDE, Calibration, Coverage, calibrate
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.fine_tuning import Posterior
 from crashfuse.approaches.time_domain.scaling import Scaling
@@ -17,7 +17,6 @@ from crashfuse.execution.progress import Watch
 from crashfuse.signals.pulse import DT_S, FloatArray
 
 _LEAST_FREEDOM = 3  # of the draws; with fewer the variance is infinite
-_CHECK_STRIDE = 5  # samples: 0.4 ms, as the displacement domain
 _HELD = Coverage(np.nan, np.nan, np.nan, crush=True, peak=True)
 
 
@@ -96,7 +95,7 @@ class Band:
             watch.report("Checking the band on left-out tests", 0, 1)
             for number, own in drawn.items():
                 pulses[number] = own(widening, late)
-            return [Coverage.of(tests[number], drawn[1:, ::_CHECK_STRIDE]) for number, drawn in pulses.items()]
+            return [Coverage.of(tests[number], drawn[1:, ::CHECK_STRIDE]) for number, drawn in pulses.items()]
 
         # Wider draws have higher peaks, so a measured peak below its interval is only reported and does not widen the
         # band. The rebound is less certain and has its own factor.
