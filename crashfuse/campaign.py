@@ -12,7 +12,7 @@ import numpy.typing as npt
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.run_quality import QualityLimits, RunQuality
-from crashfuse.signals.metrics import Metric, pulse_metrics
+from crashfuse.signals.metrics import Metric, metric_bases, metric_headings, pulse_metrics
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import filter_class_text, rating_basis
@@ -154,6 +154,16 @@ class Campaign:
     def filter_class(self) -> str:
         """The channel filter class of the tests, such as ``CFC 60``, to stand beside ratings and metrics."""
         return filter_class_text(self.channel_filter_class or self.tests_filtered_with)
+
+    @property
+    def metric_bases(self) -> dict[str, str]:
+        """What each metric rests on, see :func:`crashfuse.signals.metrics.metric_bases`."""
+        return metric_bases(self.filter_class, self.occupant)
+
+    @property
+    def metric_headings(self) -> dict[str, str]:
+        """Labels of the metrics, see :func:`crashfuse.signals.metrics.metric_headings`."""
+        return metric_headings(self.filter_class, self.occupant)
 
     @property
     def rating_basis(self) -> str:

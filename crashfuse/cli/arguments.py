@@ -104,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
     for flag in _AXES:
         predict.add_argument(flag, type=float, required=True, metavar=flag[2].upper())
     _add_prediction_options(predict)
-    outgoing.add_options(predict, default="isomme")
+    outgoing.add_options(predict, "isomme")
 
     train = command("train", models.train, "learn from all tests and CAE runs and save the models")
     train.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the models")
@@ -117,7 +117,7 @@ def parser() -> argparse.ArgumentParser:
     for flag in _AXES[1:]:
         sweep.add_argument(flag, type=float, required=True, metavar=flag[2].upper())
     _add_prediction_options(sweep)
-    outgoing.add_options(sweep, default="none")
+    outgoing.add_options(sweep)
 
     next_test = command("next-test", models.next_test, "rank tests to run next by how much each would narrow the band")
     for flag in _AXES:

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from crashfuse.cli.output import writing
+from crashfuse.cli.output import require_writable, writing
 from crashfuse.errors import UsageError
 
 
@@ -23,8 +23,7 @@ def figures(arguments: argparse.Namespace) -> None:
 
     if missing := missing_for(arguments.format):
         raise UsageError(missing)
-    if arguments.out.exists() and not arguments.out.is_dir():
-        raise UsageError(f"{arguments.out} is a file, not a folder; name another folder for --out.")
+    require_writable(arguments.out)
     files = figure_files(read_figures(arguments.report), arguments.format)
     with writing(arguments.out, last=next(reversed(files))) as folder:
         for name, content in files.items():

@@ -46,7 +46,7 @@ def predict(arguments: argparse.Namespace) -> None:
     from crashfuse.study.recommendation import recommend_for
 
     _require_positive(arguments, "speed_mph", "front_weight_lb", "rear_weight_lb")
-    export = pulse_export(arguments, "isomme")
+    export = pulse_export(arguments)
     require_output(arguments.out, arguments.campaign, "prediction")
     campaign = load_campaign(arguments.campaign)
     condition = _condition(arguments, campaign, arguments.speed_mph)

@@ -13,11 +13,16 @@ _UNIT_SYSTEMS = ("mm-ms-kg", "mm-s-t", "m-s-kg")
 _OF_CURVES = ("unit_system", "deceleration_sign", "start_ms", "scale", "curve_id")
 
 
-def add_options(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add the options to a command; ``default`` says what it exports without them."""
+def add_options(parser: argparse.ArgumentParser, *default: str) -> None:
+    """Add the options to a command; without them it exports the default formats."""
     group = parser.add_argument_group("pulses for an occupant model")
     group.add_argument(
-        "--export", nargs="+", choices=_FORMATS, metavar="FORMAT", help=f"%(choices)s (default: {default})"
+        "--export",
+        nargs="+",
+        choices=_FORMATS,
+        metavar="FORMAT",
+        default=default,
+        help=f"%(choices)s (default: {' '.join(default) or 'none'})",
     )
     group.add_argument(
         "--draws", type=int, metavar="N", help="whole pulses drawn from the band, beside the expected one (default: 0)"
@@ -34,13 +39,13 @@ def add_options(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def pulse_export(arguments: argparse.Namespace, *default: str) -> "PulseExport":
-    """What the options ask for; the formats are the default ones if no other are named."""
+def pulse_export(arguments: argparse.Namespace) -> "PulseExport":
+    """What the options ask for."""
     from crashfuse.reporting.outgoing_pulses import PulseExport
     from crashfuse.reporting.solver_curves import SOLVERS, SolverCurve
     from crashfuse.units import MS
 
-    formats = tuple(dict.fromkeys(arguments.export or default))
+    formats = tuple(dict.fromkeys(arguments.export))
     given = {name: value for name in _OF_CURVES if (value := getattr(arguments, name)) is not None}
     curve = None
     if set(formats) & set(SOLVERS):

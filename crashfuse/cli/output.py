@@ -27,6 +27,11 @@ def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
     for other, (*_, mark) in RESULT_FILES.items():
         if kind not in (None, other) and (out / mark).exists():
             raise UsageError(f"{out} holds a {other} ({mark}); name another folder for the {kind}.")
+    require_writable(out)
+
+
+def require_writable(out: Path) -> None:
+    """Refuse a folder that is a file, lies below one, or is not writable."""
     there = next(path for path in (out.resolve(), *out.resolve().parents) if path.exists())
     if not there.is_dir():
         raise UsageError(f"{there} is a file, not a folder; name another folder for --out.")

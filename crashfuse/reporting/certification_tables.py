@@ -11,7 +11,6 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS
 from crashfuse.condition import Condition
-from crashfuse.signals.metrics import metric_bases
 from crashfuse.units import LB, MPH
 
 
@@ -41,7 +40,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
 
 def _bases(campaign: Campaign) -> dict[str, str]:
     """What each metric, and the rating, rests on."""
-    return {**metric_bases(campaign.filter_class, campaign.occupant), RATING: campaign.rating_basis}
+    return {**campaign.metric_bases, RATING: campaign.rating_basis}
 
 
 def matrix_table(matrix: Matrix) -> pd.DataFrame:

@@ -7,7 +7,7 @@ each of their points is an extreme of its own, so together they are a pulse that
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from crashfuse.units import MPH, MS, G
 from crashfuse.version import __version__
 
 PulseFormat = Literal["isomme", "lsdyna", "radioss"]
-PULSE_FORMATS: tuple[PulseFormat, ...] = ("isomme", "lsdyna", "radioss")
+PULSE_FORMATS: tuple[PulseFormat, ...] = get_args(PulseFormat)
 """ISO-MME, and includes for LS-DYNA and Radioss; each is a folder of the results."""
 
 PulseFiles = Mapping[PulseFormat, Mapping[str, bytes]]

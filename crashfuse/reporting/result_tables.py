@@ -9,7 +9,7 @@ import pandas as pd
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.campaign import Campaign
-from crashfuse.signals.metrics import Metric, metric_bases
+from crashfuse.signals.metrics import Metric
 from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
@@ -59,7 +59,7 @@ def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
 
 def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]], campaign: Campaign) -> pd.DataFrame:
     """Pulse metrics, one per row, from (held-out test, approach or ``test``, metrics)."""
-    bases = metric_bases(campaign.filter_class, campaign.occupant)
+    bases = campaign.metric_bases
     return pd.DataFrame(
         [
             (held_out, approach, m.name, m.value, m.lower, m.upper, m.unit, bases[m.name])

@@ -30,8 +30,8 @@ from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.units import MS
 
 _WIDTH = 78  # of a comment; a line of either solver has 80 characters
-_LATEST_S = 10.0
-_MOST_ID = 99_999_999  # eight digits, which every solver's fields hold
+LATEST_S = 10.0
+MOST_ID = 99_999_999  # eight digits, which every solver's fields hold
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +84,12 @@ class SolverCurve:
     def __post_init__(self) -> None:
         if self.unit_system not in UNIT_SYSTEMS:
             raise UsageError(f"The unit system is one of {', '.join(UNIT_SYSTEMS)}, not {self.unit_system!r}.")
-        if not 0 <= self.start_s <= _LATEST_S:
-            raise UsageError(f"A curve starts between 0 and {_LATEST_S / MS:g} ms, not at {self.start_s / MS:g} ms.")
+        if not 0 <= self.start_s <= LATEST_S:
+            raise UsageError(f"A curve starts between 0 and {LATEST_S / MS:g} ms, not at {self.start_s / MS:g} ms.")
         if not 0 < self.scale < np.inf:
             raise UsageError(f"A curve is scaled by a number above 0, not by {self.scale:g}; the sign is set apart.")
-        if not 1 <= self.number <= _MOST_ID:
-            raise UsageError(f"The id of a curve is between 1 and {_MOST_ID}, not {self.number}.")
+        if not 1 <= self.number <= MOST_ID:
+            raise UsageError(f"The id of a curve is between 1 and {MOST_ID}, not {self.number}.")
 
     def points(self, accel_mps2: FloatArray) -> FloatArray:
         """Time and acceleration in the units of the model, shape (n, 2), evenly spaced; zero before and after."""

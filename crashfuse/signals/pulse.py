@@ -76,7 +76,7 @@ def _trouble(time: FloatArray, accel: FloatArray) -> str | None:
     return None
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Kinematics:
     """Acceleration, and the motion that follows from it and the impact speed; leading axes are draws.
 

@@ -5,7 +5,10 @@ function takes one motion or many (leading dimensions) and returns SI. Where the
 record, the result is infinite on the side where it would lie, or NaN if that is not known.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import wraps
+from typing import NamedTuple, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -19,12 +22,29 @@ _INSTANT_S = 1e-9
 _QUIET_MPS2, _QUIET_S = 0.5 * G, 2e-3  # when nothing throws the vehicle back any more
 
 
+T = TypeVar("T")
+
+
 class TwoStep(NamedTuple):
     """Decelerations before and after the step, in m/s², and its time in s; each of shape (...)."""
 
     g1_mps2: FloatArray
     g2_mps2: FloatArray
     time_s: FloatArray
+
+
+def _once(of_motion: Callable[[Kinematics], T]) -> Callable[[Kinematics], T]:
+    """A function that is computed once for each motion, as several metrics are parts of its result."""
+    known: WeakKeyDictionary[Kinematics, T] = WeakKeyDictionary()
+
+    @wraps(of_motion)
+    def found(motion: Kinematics) -> T:
+        result = known.get(motion)
+        if result is None:
+            result = known[motion] = of_motion(motion)
+        return result
+
+    return found
 
 
 def equivalent_square_wave(motion: Kinematics) -> FloatArray:
@@ -49,6 +69,7 @@ def centroid_time(motion: Kinematics) -> FloatArray:
     return np.where(np.isnan(motion.t0_s), np.inf, motion.displacement_m.max(axis=-1) / speed)
 
 
+@_once
 def two_step(motion: Kinematics) -> TwoStep:
     """The two constant decelerations, one after the other, that come nearest to the pulse up to T by least squares.
 
@@ -136,6 +157,7 @@ def static_crush(motion: Kinematics) -> FloatArray:
     return np.where(left, crush, np.where(np.isfinite(motion.t0_s), -np.inf, np.nan))
 
 
+@_once
 def _separation(motion: Kinematics) -> tuple[FloatArray, npt.NDArray[np.int_]]:
     """Whether the vehicle leaves the barrier within the record, and the sample at which it does."""
     accel, size = motion.accel_mps2, motion.accel_mps2.shape[-1]

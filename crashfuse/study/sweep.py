@@ -10,7 +10,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.metrics import Metric, metric_bases
+from crashfuse.signals.metrics import Metric
 from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate, Fit, estimates_at
@@ -117,7 +117,7 @@ def sweep_table(sweeps: Sequence[Sweep], campaign: Campaign) -> pd.DataFrame:
     Tests have their own weights, not those of the sweep. For the basis see
     :func:`crashfuse.signals.metrics.metric_bases`.
     """
-    bases = metric_bases(campaign.filter_class, campaign.occupant)
+    bases = campaign.metric_bases
     rows = [
         (speed, sweep.approach, metrics)
         for sweep in sweeps

@@ -9,7 +9,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
 from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
-from crashfuse.reporting.solver_curves import SOLVERS, UNIT_SYSTEMS, SolverCurve
+from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui.downloads import download_bytes, zipped
 from crashfuse.units import MS
@@ -75,12 +75,13 @@ def _curve() -> SolverCurve:
         persist_state="session",
     )  # fmt: skip
     number = right.number_input(
-        "Curve id", 1, 99_999_999, 1, key="export id", persist_state="session",
+        "Curve id", 1, MOST_ID, 1, key="export id", persist_state="session",
         help="The same in every file: another pulse is another include.",
     )  # fmt: skip
     left, middle, _ = st.columns(3)
     start_ms = left.number_input(
-        "Contact at (ms)", 0.0, 10_000.0, 0.0, step=1.0, format="%.2f", key="export start", persist_state="session",
+        "Contact at (ms)", 0.0, LATEST_S / MS, 0.0, step=1.0, format="%.2f",
+        key="export start", persist_state="session",
         help="In the time of the occupant model; before it the curve is zero.",
     )  # fmt: skip
     scale = middle.number_input(

@@ -11,7 +11,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.reporting.paper_tables import REPEAT, best, rating_table
 from crashfuse.reporting.plots.display import Unit
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
-from crashfuse.signals.metrics import MAIN_METRICS, Metric, metric_headings
+from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import Rating, grade, rate_windows
 from crashfuse.study.config import WINDOWS_MS
@@ -108,7 +108,7 @@ def metrics(
     columns: Sequence[tuple[str, Sequence[Metric]]], campaign: Campaign, unit: Unit = "g"
 ) -> tuple[Styler, Styler]:
     """Pulse metrics, the main ones and the others, one column each for the test and every approach, with intervals."""
-    headings = metric_headings(campaign.filter_class, campaign.occupant)
+    headings = campaign.metric_headings
     shown = {heading: {metric.name: _in_unit(metric, unit) for metric in own} for heading, own in columns}
     rows = [
         {

@@ -10,7 +10,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.curves import Curve, draw_curves
 from crashfuse.reporting.plots.palette import MEASURED_COLOUR
-from crashfuse.signals.metrics import Metric, metric_headings
+from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.sweep import Sweep, uncovered_speeds
 from crashfuse.units import KPH, LB, MPH
@@ -46,7 +46,7 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign) -> go
     _mark_speeds(figure, campaign, low, high)
     figure.update_layout(hovermode="closest")
     figure.update_xaxes(title="Impact speed (mph)", range=[low / MPH, high / MPH], showspikes=False)
-    figure.update_yaxes(title=metric_headings(campaign.filter_class, campaign.occupant)[metric])
+    figure.update_yaxes(title=campaign.metric_headings[metric])
     return figure
 
 

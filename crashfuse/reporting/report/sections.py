@@ -12,7 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, notes_by_makers
 from crashfuse.reporting.plots.bias import bias_by_speed
-from crashfuse.signals.metrics import MAIN_METRICS, Metric, metric_headings
+from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
@@ -20,7 +20,7 @@ from crashfuse.study.repeatability import Repeatability
 
 def details(campaign: Campaign, estimates: Sequence[Estimate], measured: Sequence[Metric] = ()) -> dict[str, object]:
     """Metrics by approach (and of the test), the main ones and the others; notes of the approaches, their fits."""
-    headings = metric_headings(campaign.filter_class, campaign.occupant)
+    headings = campaign.metric_headings
     columns = [("Measured", measured)] if measured else []
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
     metrics = pd.DataFrame({who: {metric.name: metric.text for metric in own} for who, own in columns})
