@@ -9,7 +9,7 @@ from crashfuse.certification.certify import APPROACH
 from crashfuse.certification.criteria_file import criteria_text
 from crashfuse.reporting.certification_tables import certification_table, matrix_table, track_record_table
 from crashfuse.reporting.report import certification_report
-from crashfuse.ui import explanations, frame
+from crashfuse.ui import address, explanations, frame
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import choose_matrix
 from crashfuse.ui.certify.record import show_domain, show_exceptions, show_record
@@ -29,10 +29,10 @@ st.subheader("Criteria")
 criteria = choose_criteria(view)
 st.subheader("Conditions")
 matrix = choose_matrix(view)
+address.default("approach", APPROACH, APPROACHES)
 approach = st.columns(3)[0].selectbox(
-    "Approach that is judged", APPROACHES, index=APPROACHES.index(APPROACH), format_func=LABELS.__getitem__,
-    key="approach", bind="query-params", persist_state="session",
-)  # fmt: skip
+    "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach", persist_state="session"
+)
 if criteria is None or matrix is None:
     st.stop()
 

@@ -7,11 +7,11 @@ from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
-from crashfuse.ui import frame, page_tables
+from crashfuse.ui import address, frame, page_tables
 from crashfuse.ui.figures import show_cached_figure, show_figure
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import running
-from crashfuse.ui.navigation import pages
+from crashfuse.ui.navigation import show_link
 from crashfuse.ui.opening import show_open_forms
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
@@ -39,15 +39,17 @@ def show_summary(view: frame.View) -> None:
     page, label = "compare", f"Next: predict test {plain(view.held_out.id)} from the others, and compare"
     if len(campaign.tests) == 1:
         page, label = "predict", "Next: predict another condition"
-    st.page_link(pages()[page], label=label, icon=":material/arrow_forward:")
+    show_link(page, label)
 
 
 def show_tests(view: frame.View) -> None:
     """All tests overlaid, as read or filtered."""
     campaign, test = view.campaign, view.held_out
     st.subheader("Tests")
+    options = [AS_READ, *(f"CFC {cfc}" for cfc in CLASSES)]
+    address.default("filter", AS_READ, options)
     choice = st.segmented_control(
-        "Channel filter class (SAE J211-1)", [AS_READ, *(f"CFC {cfc}" for cfc in CLASSES)], default=AS_READ,
+        "Channel filter class (SAE J211-1)", options, default=AS_READ,
         required=True, key="filter", persist_state="session",
         help="For this figure only: approaches are fitted and rated on the pulses as read.",
     )  # fmt: skip

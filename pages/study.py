@@ -28,10 +28,7 @@ view = frame.enter_with_campaign("Study")
 campaign, config = view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
 window = page_tables.window_label(view.display.window_ms)
-if (
-    choose("Question", ["Each test left out", "How many tests are enough"], key="study question")
-    != "Each test left out"
-):
+if choose("Question", ["Each test left out", "How many tests are enough"], key="question") != "Each test left out":
     show_learning_curve(view, config)
     st.stop()
 st.markdown(

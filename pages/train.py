@@ -12,7 +12,7 @@ from crashfuse.ui import explanations, frame, page_tables
 from crashfuse.ui.computation import FitRequest, Fitted, Request, StudyRequest, jobs
 from crashfuse.ui.downloads import download_bytes
 from crashfuse.ui.figures import choose
-from crashfuse.ui.navigation import open_page, pages
+from crashfuse.ui.navigation import open_page, show_link
 from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test
 from crashfuse.ui.settings import choose_settings
 from crashfuse.ui.text import plain
@@ -69,7 +69,7 @@ def show_models(fitted: Fitted) -> None:
         "time; the page Predict answers any condition at once.",
         icon=":material/check_circle:",
     )
-    st.page_link(pages()["predict"], label="Predict a new condition", icon=":material/arrow_forward:")
+    show_link("predict", "Predict a new condition")
     download_bytes("models.zip", partial(fitted.models, campaign))
     st.caption("The files that `crashfuse train` writes, zipped; `crashfuse predict --models` reads their folder.")
 

@@ -7,6 +7,7 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.reporting.plots.canvas import darkened
+from crashfuse.ui import address
 
 _CACHED = 200  # figures of up to half a megabyte
 _IMAGE = "image"  # session key: the format in which the camera saves a figure
@@ -33,10 +34,12 @@ def _tools() -> dict[str, Any]:
 
 
 def choose(label: str, options: Sequence[str], key: str, default: str | None = None) -> str:
-    """Let the user choose one of some figures or tasks, the first by default; the choice lasts for the session."""
+    """Let the user choose one of some figures or tasks, the first by default; the choice stands in the address."""
+    default = default or options[0]
+    address.default(key, default, options)
     choice: str = st.segmented_control(
-        label, options, default=default or options[0], required=True, key=key, persist_state="session",
-        label_visibility="collapsed",
+        label, options, default=default, required=True, key=key, persist_state="session", label_visibility="collapsed",
+        on_change=address.publish,  # the page's own run would, but not a fragment's
     )  # fmt: skip
     return choice
 

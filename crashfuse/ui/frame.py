@@ -1,6 +1,5 @@
 """Frame of every page: page set-up, the sidebar's choices, and the notice that a campaign is synthetic."""
 
-from collections.abc import Iterable
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,13 +8,14 @@ import streamlit as st
 
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import DataError, Problem
-from crashfuse.reporting.plots.display import Display, Unit
+from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS
-from crashfuse.ui import campaigns
+from crashfuse.ui import address, campaigns
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.figures import choose_image_format
-from crashfuse.ui.navigation import navigate, pages
+from crashfuse.ui.navigation import navigate, show_link, show_links
 from crashfuse.ui.problems import show_problems
+from crashfuse.ui.settings import choose_left_out
 from crashfuse.ui.text import plain
 from crashfuse.units import MPH
 
@@ -48,11 +48,13 @@ def route() -> None:
     page = navigate()
     if not page.url_path:  # the address without a page
         page.run()
-    token = _choice.set(_sidebar())
+    address.follow(page.url_path)
+    token = _choice.set(_sidebar(page.url_path))
     try:
         page.run()
     finally:
         _choice.reset(token)
+        address.publish()
 
 
 def enter() -> View | None:
@@ -81,7 +83,7 @@ def enter_with_campaign(title: str) -> View:
     if view is None:
         st.markdown("No campaign is open yet. Open one on the page **Data**, or look around with the sample.")
         offer_sample()
-        st.page_link(pages()["data"], label="Open a campaign of your own", icon=":material/folder_open:")
+        show_link("data", "Open a campaign of your own", ":material/folder_open:")
         st.stop()
     return view
 
@@ -100,88 +102,92 @@ def offer_sample() -> None:
 def choose_campaign(name: str) -> None:
     """Select one of the open campaigns; call it from a callback, before the sidebar is drawn."""
     st.session_state["campaign"] = name
-    _forget()
+    _turn_to_campaign()
 
 
 def choose_held_out(test: CrashTest) -> None:
     """Select the test to hold out; call it from a callback, before the sidebar is drawn."""
-    st.session_state["held_out"] = _label(test)
+    st.session_state["test"] = test.id
     _forget()
 
 
-def _sidebar() -> _Choice:
-    choice = _Choice()
+def _sidebar(page: str) -> _Choice:
+    """Links to the pages, and the choices that act on the open one."""
+    choice, state = _Choice(), st.session_state
     with st.sidebar:
+        links = st.container(gap=None)
         names = list(campaigns.open_campaigns())
-        first = campaigns.at_start()
-        _note_if_missing("campaign", names, "The campaign {} of this link is not open on this server. "
-                 "Open its folder, or upload it, on the page Data.")  # fmt: skip
+        if state["campaign"] not in (None, *names):
+            _note("The campaign {} of this link is not open on this server. Open its folder, or upload it, on the "
+                  "page Data.", state["campaign"])  # fmt: skip
+            state["campaign"] = None
+        if state["campaign"] is None:
+            state["campaign"] = campaigns.at_start()
         name = st.selectbox(
-            "Campaign",
-            names,
-            index=names.index(first) if first else None,
-            placeholder="none open",
-            key="campaign",
-            bind="query-params",
-            on_change=_forget,
-        )
-        if name is None:
-            return choice
-        try:
-            campaign = campaigns.load(name)
-        except DataError as error:
-            choice.problems = error.problems
-            return choice
-        labels = {_label(test): test for test in campaign.tests}
-        _note_if_missing("held_out", labels, "This link holds out {}, but no test here has that name and speed.")
-        held_out = labels[
-            st.selectbox(
-                "Held-out test",
-                list(labels),
-                key="held_out",
-                bind="query-params",
-                on_change=_forget,
-                help="The test to be predicted. Nothing that predicts it sees its pulse.",
-            )
-        ]
-        for note in campaign.cae.extrapolation(held_out.condition):
-            st.caption(f":material/warning: {note}")
-        window = st.segmented_control(
-            "Rated time window",
-            list(WINDOWS_MS),
-            default=WINDOWS_MS[-1],
-            required=True,
-            format_func=lambda ms: f"0–{ms:g} ms",
-            key="window",
-            bind="query-params",
-        )
-        units: list[Unit] = ["g", "m/s²"]
-        unit = st.segmented_control("Unit", units, default="g", required=True, key="unit", bind="query-params")
-        sign = st.segmented_control(
-            "Show as", ["Acceleration", "Deceleration"], default="Acceleration", required=True, key="sign",
-            bind="query-params", help="Braking is negative as an acceleration (SAE J1733), positive as a deceleration.",
+            "Campaign", names, index=None, placeholder="none open", key="campaign", persist_state="session",
+            on_change=_turn_to_campaign,
         )  # fmt: skip
-        choose_image_format()
-        _keep_up(st.context.theme.type)
-    choice.view = View(
-        campaign, campaigns.folder_of(name), held_out, Display(float(window), unit, sign == "Deceleration")
-    )
+        if name is not None:
+            try:
+                choice.view = _choose_view(page, name, campaigns.load(name))
+            except DataError as error:
+                choice.problems = error.problems
+            _keep_up(st.context.theme.type)
+    with links:
+        show_links()
     return choice
 
 
-def _label(test: CrashTest) -> str:
-    return f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph"
+def _choose_view(page: str, name: str, campaign: Campaign) -> View:
+    """The choices for an open campaign; those that do not act on this page are kept, and not asked for."""
+    state = st.session_state
+    tests = {test.id: test for test in campaign.tests}
+    if state["test"] not in (None, *tests):
+        _note("This link holds out {}, but no test here has that name.", state["test"])
+        state["test"] = None
+    if state["test"] is None:
+        state["test"] = campaign.tests[0].id
+    if address.acts("test", page):
+        st.selectbox(
+            "Held-out test",
+            list(tests),
+            format_func=lambda test_id: f"{test_id} · {tests[test_id].condition.speed_mps / MPH:.1f} mph",
+            key="test",
+            persist_state="session",
+            on_change=_forget,
+            help="The test to be predicted. Nothing that predicts it sees its pulse.",
+        )
+        for note in campaign.cae.extrapolation(tests[state["test"]].condition):
+            st.caption(f":material/warning: {note}")
+    if page == "compare":  # the page Train has it among its settings
+        choose_left_out()
+    if address.acts("window", page):
+        st.segmented_control(
+            "Rated time window", list(WINDOWS_MS), required=True, format_func=lambda ms: f"0–{ms:g} ms", key="window",
+            persist_state="session",
+        )  # fmt: skip
+    if address.acts("unit", page):
+        st.segmented_control(
+            "Unit", address.CHOICES["unit"].options, required=True, key="unit", persist_state="session"
+        )
+        st.segmented_control(
+            "Show as", address.CHOICES["sign"].options, required=True, key="sign", persist_state="session",
+            help="Braking is negative as an acceleration (SAE J1733), positive as a deceleration.",
+        )  # fmt: skip
+        choose_image_format()
+    display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration")
+    return View(campaign, campaigns.folder_of(name), tests[state["test"]], display)
 
 
-def _note_if_missing(parameter: str, known: Iterable[str], sentence: str) -> None:
-    """Record that the link that started this session asks for something that does not exist.
+def _note(sentence: str, asked: str) -> None:
+    """Record that the link that began this session asks for something that does not exist."""
+    st.session_state.setdefault(_NOT_FOUND, sentence.format(f"“{asked[:80]}”"))
 
-    Streamlit removes from the address any value that a widget has no option for, so this runs before the widget.
-    """
-    asked, noted = st.query_params.get(parameter), f"{parameter} of the link"
-    if asked and noted not in st.session_state and asked not in known:
-        st.session_state.setdefault(_NOT_FOUND, sentence.format(f"“{asked[:80]}”"))
-    st.session_state[noted] = asked
+
+def _turn_to_campaign() -> None:
+    """Begin with another campaign's own default test: its names may mean other conditions there."""
+    st.session_state["test"] = None
+    _forget()
 
 
 def _forget() -> None:

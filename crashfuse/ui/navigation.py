@@ -3,6 +3,8 @@
 import streamlit as st
 from streamlit.navigation.page import Page
 
+from crashfuse.ui import address
+
 _PAGES = {
     "data": ("Data", ":material/folder_open:"),
     "train": ("Train", ":material/model_training:"),
@@ -38,21 +40,32 @@ def pages() -> dict[str, Page]:
 
 
 def navigate() -> Page:
-    """Set up the window and navigation; returns the page given in the address."""
+    """Set up the window; returns the page given in the address."""
     # before the navigation, which would otherwise make the browser fetch the tab's icon from the internet
     st.set_page_config(page_icon=_ICON, layout="wide", initial_sidebar_state=_SIDEBAR_PX)
     home = st.Page(_open_first_page, title="Data", default=True, visibility="hidden")
-    page = st.navigation([home, *pages().values()])
+    page = st.navigation([home, *pages().values()], position="hidden")
     st.set_page_config(page_title=f"{page.title} · crashfuse")
     st.logo(_LOGO, size="large")
     st.html(_STYLE)
     return page
 
 
+def show_links() -> None:
+    """Links to all pages. Streamlit's own would drop this session's choices from the address."""
+    for name, (title, icon) in _PAGES.items():
+        show_link(name, title, icon)
+
+
+def show_link(name: str, label: str, icon: str = ":material/arrow_forward:") -> None:
+    """A link to a page that shows what this session has chosen."""
+    st.page_link(pages()[name], label=label, icon=icon, query_params=address.parameters(name))
+
+
 def open_page(name: str) -> None:
-    """Switch to a page; widget values stay in the session, not in the address."""
-    st.switch_page(pages()[name], query_params={})
+    """Switch to a page that shows what this session has chosen."""
+    st.switch_page(pages()[name], query_params=address.parameters(name))
 
 
 def _open_first_page() -> None:
-    st.switch_page(pages()["data"], query_params=st.query_params.to_dict())
+    st.switch_page(pages()["data"], query_params=address.given())

@@ -9,7 +9,7 @@ from crashfuse.reporting.plots.learning import learning_curves
 from crashfuse.ui.computation import Request, jobs
 from crashfuse.ui.figures import show_figure
 from crashfuse.ui.jobs import Job, Step
-from crashfuse.ui.navigation import pages
+from crashfuse.ui.navigation import show_link
 from crashfuse.ui.text import plain
 
 T = TypeVar("T")
@@ -53,7 +53,7 @@ def stop_with_a_single_test(campaign: Campaign) -> None:
         "from. The page Predict works; how well it predicts cannot be checked before there is a second test.",
         icon=":material/looks_one:",
     )
-    st.page_link(pages()["predict"], label="Predict another condition", icon=":material/arrow_forward:")
+    show_link("predict", "Predict another condition")
     st.stop()
 
 

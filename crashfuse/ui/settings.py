@@ -13,7 +13,7 @@ from crashfuse.ui.computation import chosen_config
 def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
     """Ask for the settings, including what else is left out if tests are; second is whether an approach is chosen."""
     chosen = st.pills(
-        "Approaches", APPROACHES, selection_mode="multi", default=APPROACHES, format_func=LABELS.__getitem__,
+        "Approaches", APPROACHES, selection_mode="multi", format_func=LABELS.__getitem__,
         key="approaches", persist_state="session",
     )  # fmt: skip
     st.caption(f"{glossary.LF} {glossary.TIME_DOMAIN}")
@@ -28,19 +28,11 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
     )
     with right.expander("Advanced", icon=":material/tune:"):
         st.number_input(
-            "Seed", min_value=0, max_value=2**31 - 1, value=0, step=1, key="seed", persist_state="session",
+            "Seed", min_value=0, max_value=2**31 - 1, step=1, key="seed", persist_state="session",
             help="Of all random numbers. The same seed gives the same results.",
         )  # fmt: skip
         if leaving_out:
-            st.radio(
-                "Leave out with a test",
-                ["test", "speed group"],
-                format_func={"test": "Nothing else", "speed group": "All tests at about its speed"}.__getitem__,
-                key="leave_out",
-                persist_state="session",
-                help="Without any test at about its speed the prediction is a step to a new speed: the harder "
-                "question. Tests less than 2 mph apart are at about one speed.",
-            )
+            choose_left_out()
         st.radio(
             "Networks are trained on",
             DEVICES if torch.cuda.is_available() else ("auto", "cpu"),
@@ -55,3 +47,17 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
             "The paper's settings take many hours without a GPU. You can cancel at any time.", icon=":material/timer:"
         )
     return config, bool(chosen)
+
+
+def choose_left_out() -> None:
+    """Ask what is left out with a test."""
+    st.segmented_control(
+        "Left out",
+        ["test", "speed group"],
+        required=True,
+        format_func={"test": "The test", "speed group": "All at its speed"}.__getitem__,
+        key="leave_out",
+        persist_state="session",
+        help="Without any test at about its speed the prediction is a step to a new speed: the harder question. Tests "
+        "less than 2 mph apart are at about one speed.",
+    )

@@ -40,7 +40,7 @@ _FLAGS = (
     "--window-size=1440,1000",
 )
 _REDRAWN = (StaleElementReferenceException, ElementNotInteractableException)  # while the page changes
-MAIN, LINK = '[data-testid="stMain"]', '[data-testid="stSidebarNavLink"]'
+MAIN, LINK = '[data-testid="stMain"]', '[data-testid="stSidebar"] [data-testid="stPageLink-NavLink"]'
 T = TypeVar("T")
 
 

@@ -72,7 +72,7 @@ def test_a_click_on_a_cell_of_the_study_opens_its_test_on_compare(engineer: "Use
         return False
 
     engineer.wait(opened)
-    assert "held_out=T3" in engineer.browser.current_url
+    assert "test=T3" in engineer.browser.current_url
 
 
 def test_a_click_on_a_cell_of_the_matrix_says_why(engineer: "User", small_server: "Server") -> None:

@@ -33,25 +33,39 @@ def test_choices_hold_on_every_page(visit: Visit) -> None:
     """Chosen once, seen everywhere."""
     session = visit()
     sidebar = session.app.sidebar
-    sidebar.selectbox(key="held_out").select("T3 · 26.0 mph").run()
+    sidebar.selectbox(key="test").select("T3").run()
     sidebar.button_group(key="window").set_value(20.0).run()
     sidebar.button_group(key="sign").set_value("Deceleration").run()
-    for page in ("compare", "data", "train"):
-        sidebar = session.go(page).app.sidebar
-        assert sidebar.selectbox(key="held_out").value == "T3 · 26.0 mph"
-        assert sidebar.button_group(key="window").value == 20.0
-        assert sidebar.button_group(key="sign").value == "Deceleration"
+    for page in ("compare", "train", "study", "data"):
+        session.go(page)
+    sidebar = session.app.sidebar
+    assert sidebar.selectbox(key="test").value == "T3"
+    assert sidebar.button_group(key="window").value == 20.0
+    assert sidebar.button_group(key="sign").value == "Deceleration"
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
+def test_the_sidebar_asks_only_for_what_acts_on_the_page(visit: Visit) -> None:
+    """No test to hold out where none is, no unit where no acceleration is shown."""
+    asked = {
+        page: {str(own.key) for kind in ("selectbox", "button_group") for own in visit(page).app.sidebar.get(kind)}
+        for page in ("data", "study", "certify")
+    }
+    assert asked["data"] >= {"campaign", "test", "window", "unit", "sign"}
+    assert asked["study"] == {"campaign", "window"}
+    assert asked["certify"] == {"campaign"}
 
 
 @pytest.mark.slow
 def test_an_address_reproduces_the_view(visit: Visit, campaign_folder: Path) -> None:
     """A folder that is open on the server by its name, the test, the window, the unit, the sign."""
     campaigns.open_folder(campaign_folder)
-    view = {"held_out": "T3 · 26.0 mph", "window": "0–20 ms", "unit": "m/s²", "sign": "Deceleration"}
+    view = {"test": "T3", "window": "20", "unit": "m/s²", "sign": "Deceleration"}
     session = visit(campaign=campaign_folder.name, **view)
     assert session.app.title[0].value == "campaign"
     sidebar = session.app.sidebar
-    assert sidebar.selectbox(key="held_out").value == "T3 · 26.0 mph"
+    assert sidebar.selectbox(key="test").value == "T3"
     assert sidebar.button_group(key="window").value == 20.0
     assert sidebar.button_group(key="unit").value == "m/s²"
     assert sidebar.button_group(key="sign").value == "Deceleration"
@@ -83,9 +97,9 @@ def test_another_campaign_is_not_shown_as_that_of_the_link_without_a_word(visit:
     assert "“elsewhere” of this link is not open" in session.words
     session.app.sidebar.selectbox(key="campaign").select("sample").run()
     assert "“elsewhere”" not in session.words
-    session = visit(held_out="T9 · 50.0 mph")
-    assert "This link holds out “T9 · 50.0 mph”, but no test here has that name and speed." in session.words
-    session.app.sidebar.selectbox(key="held_out").select("T2 · 25.0 mph").run()
+    session = visit(test="T9")
+    assert "This link holds out “T9”, but no test here has that name." in session.words
+    session.app.sidebar.selectbox(key="test").select("T2").run()
     assert "which this link holds out" not in session.words
 
 
@@ -94,7 +108,7 @@ def test_another_campaign_is_not_shown_as_that_of_the_link_without_a_word(visit:
 def test_a_choice_that_another_campaign_lacks_is_not_laid_to_the_link(visit: Visit) -> None:
     """Turning to another campaign is the user's own step: no warning about tests."""
     session = visit()
-    session.app.sidebar.selectbox(key="held_out").select("T3 · 26.0 mph").run()
+    session.app.sidebar.selectbox(key="test").select("T3").run()
     session.app.sidebar.selectbox(key="campaign").select("sample").run()
     assert not session.app.exception
     assert "which this link holds out" not in session.words

@@ -78,7 +78,7 @@ def choose_criteria(view: View) -> Criteria | None:
     left, right = st.columns([1, 2], gap="large")
     confidence = left.number_input(
         "Confidence", min_value=0.5, max_value=0.999, step=0.01, format="%.3f", key="confidence",
-        bind="query-params", persist_state="session",
+        persist_state="session",
         help="A criterion counts as met from this probability, as not met from its complement, and is open between.",
     )  # fmt: skip
     with right.expander("How criteria are declared, or brought as a file", icon=":material/help:"):
@@ -113,7 +113,7 @@ def _draft(view: View) -> _Draft:
         rows = _rows(declared)
         st.session_state[key] = _Draft(rows, rows)
     if (before := st.session_state.get(current)) != key:
-        if before is not None or "confidence" not in st.session_state:  # else a link gives it
+        if before is not None or st.session_state["confidence"] is None:  # else a link gives it
             st.session_state["confidence"] = declared.confidence if declared else CONFIDENCE
         st.session_state[current] = key
     draft: _Draft = st.session_state[key]

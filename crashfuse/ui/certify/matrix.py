@@ -8,7 +8,9 @@ from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.certification_tables import matrix_table
+from crashfuse.ui import address
 from crashfuse.ui.certify.files import show_wrong, uploaded
+from crashfuse.ui.figures import choose
 from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
 from crashfuse.units import LB, MPH
@@ -23,12 +25,7 @@ def choose_matrix(view: View) -> Matrix | None:
     """Ask for the conditions; None while there are none or some are wrong, which is said here."""
     own = view.folder / _FILE
     sources = [_OWN, _UPLOAD, _GRID] if own.is_file() else [_UPLOAD, _GRID]
-    if st.session_state.get("matrix") not in (None, *sources):  # left from another campaign
-        del st.session_state["matrix"]
-    source = st.segmented_control(
-        "Conditions from", sources, default=_OWN if own.is_file() else _GRID, required=True, key="matrix",
-        bind="query-params", persist_state="session", label_visibility="collapsed",
-    )  # fmt: skip
+    source = choose("Conditions from", sources, key="matrix", default=_OWN if own.is_file() else _GRID)
     try:
         matrix = _chosen(source, view)
     except CrashfuseError as error:
@@ -82,13 +79,16 @@ def _grid(campaign: Campaign) -> Matrix:
     )
     values = []
     for column, (label, key, unit, usual) in zip(st.columns(3), axes, strict=True):
-        text = column.text_input(label, value=usual, key=key, help=_HELP, bind="query-params", persist_state="session")
+        address.default(key, usual)
+        text = column.text_input(label, key=key, help=_HELP, persist_state="session")
         values.append([value * unit for value in _numbers(text, label)])
     factors = {}
     for column, (name, known) in zip(st.columns(max(len(campaign.factors), 3)), campaign.factors.items(), strict=False):
+        key = f"grid_{name}"
+        st.session_state[key] = [value for value in st.session_state.get(key) or () if value in known]
         chosen = column.multiselect(
-            name.capitalize(), known, key=f"grid {name} {campaign.fingerprint[:8]}", placeholder="not given",
-            persist_state="session", help="Tests may differ by it; if it is not given, intervals cover every value.",
+            name.capitalize(), known, key=key, placeholder="not given", persist_state="session",
+            help="Tests may differ by it; if it is not given, intervals cover every value.",
         )  # fmt: skip
         if chosen:
             factors[name] = chosen

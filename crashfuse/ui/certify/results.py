@@ -57,10 +57,7 @@ def show_verdicts(certification: Certification) -> None:
 
 def show_table(certification: Certification) -> None:
     """Show verdicts of chosen kinds, one row a condition and criterion."""
-    words = st.pills(
-        "Verdicts", WORDS, selection_mode="multi", default=WORDS, key="verdicts", bind="query-params",
-        persist_state="session",
-    )  # fmt: skip
+    words = st.pills("Verdicts", WORDS, selection_mode="multi", key="verdicts", persist_state="session")
     table = without_formulas(_table(certification))  # the page offers it as CSV
     table = table[table["Verdict"].isin(words)]
     st.dataframe(
@@ -79,10 +76,10 @@ def show_table(certification: Certification) -> None:
 def _show_cell(certification: Certification) -> None:
     cells = {cell_name(i, verdict): verdict for i, verdict in certification.cells}
     if st.session_state.get(_CELL) not in (None, *cells):  # of another matrix, or of a criterion that was renamed
-        del st.session_state[_CELL]
+        st.session_state[_CELL] = None
     chosen = st.selectbox(
         "Cell", list(cells), index=None, placeholder="Choose a condition and criterion, or click a cell", key=_CELL,
-        bind="query-params", persist_state="session", label_visibility="collapsed",
+        persist_state="session", label_visibility="collapsed",
     )  # fmt: skip
     if chosen is None:
         return
@@ -105,7 +102,7 @@ def _take_to_predict(campaign: Campaign, condition: Condition) -> None:
             "speed_mph": round(condition.speed_mps / MPH, 3),
             "front_weight_lb": round(condition.front_weight_kg / LB, 3),
             "rear_weight_lb": round(condition.rear_weight_kg / LB, 3),
-            **{f"{name} {campaign.fingerprint[:8]}": given.get(name) or None for name in campaign.factors},
+            **{f"factor_{name}": given.get(name) or None for name in campaign.factors},
         }
     )
 

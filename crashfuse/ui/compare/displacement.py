@@ -36,7 +36,7 @@ def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction],
     """
     campaign, test, condition = view.campaign, view.held_out, view.held_out.condition
     st.subheader("Over displacement")
-    choice = choose("Figure", [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK], key="over displacement")
+    choice = choose("Figure", [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK], key="over_displacement")
     if choice == _PARTS:
         _show_parts(view, config)
         return

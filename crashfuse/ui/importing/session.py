@@ -18,7 +18,7 @@ from crashfuse.importing.unpacking import is_archive
 from crashfuse.readers.formats import TABLES
 from crashfuse.readers.record import Record
 
-_SOURCE = "import"  # session key, like the next two
+_KEY, _SOURCE = "import", "import source"  # session keys, like the next; the first stands in the address
 REFUSED, UNFINISHED = "import refused", "import unfinished"
 NEXT_ROLE = "import next"  # what the campaign started by an import still lacks
 _MOST_FILES = 20_000
@@ -63,13 +63,13 @@ def begin(source: Source) -> None:
     """Switch the Data page to the import of a source; call it from a callback."""
     leave()
     st.session_state[_SOURCE] = source
-    st.query_params[_SOURCE] = source.key
+    st.session_state[_KEY] = source.key
 
 
 def leave() -> None:
     """End the import, and delete its temporary files."""
     source = st.session_state.get(_SOURCE)
-    st.query_params.pop(_SOURCE, None)
+    st.session_state[_KEY] = None
     for key in (_SOURCE, REFUSED, UNFINISHED):
         st.session_state.pop(key, None)
     if source is None:
@@ -82,16 +82,15 @@ def leave() -> None:
 def running() -> Source | None:
     """The source being imported in this session, or before the browser reloaded the page."""
     source: Source | None = st.session_state.get(_SOURCE)
-    if source is None:
-        source, filled_in = _begun().get(st.query_params.get(_SOURCE, ""), (None, {}))
+    if source is None or source.key != st.session_state[_KEY]:  # never begun here, or left by Back
+        source, filled_in = _begun().get(st.session_state[_KEY] or "", (None, {}))
+        st.session_state[_KEY] = None if source is None else source.key
         if source is None:
             return None
         st.session_state[_SOURCE] = source
         st.session_state.update(filled_in)
-    if st.query_params.get(_SOURCE) != source.key:
-        st.query_params[_SOURCE] = source.key
     state = st.session_state.to_dict()
-    _begun()[source.key] = source, {key: state[key] for key in state if key.startswith((source.key, f"{_SOURCE} "))}
+    _begun()[source.key] = source, {key: state[key] for key in state if key.startswith((source.key, f"{_KEY} "))}
     return source
 
 

@@ -1,0 +1,173 @@
+"""The address holds every choice that decides what a page shows: one link, one view; Back undoes the last choice.
+
+A widget keeps its value in the session under its key. After each run the values that are not the default are written to
+the address, which the browser remembers one by one; they are read back when a session begins and on Back and Forward.
+"""
+
+import sys
+from collections.abc import MutableMapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import streamlit as st
+from streamlit.runtime.scriptrunner import RerunException, get_script_run_ctx
+
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.certification.verdict import WORDS
+from crashfuse.study.config import WINDOWS_MS
+
+Value = str | float | bool | tuple[str, ...] | None
+
+_PAGE, _DEFAULTS = "page", "defaults"  # session keys: the open page; defaults that depend on the campaign
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One choice.
+
+    Parameters
+    ----------
+    kind : type
+        What the address is read as: str, int, float, bool, or tuple for several texts.
+    default : optional
+        Its value if the address does not name it; None if it depends on the campaign (see :func:`default`).
+    options : sequence, optional
+        The values it can have; none where they depend on the campaign.
+    pages : tuple of str, optional
+        The pages on which it acts; none for all.
+    """
+
+    kind: type = str
+    default: Value = None
+    options: Sequence[Value] = ()
+    pages: tuple[str, ...] = ()
+
+    def parse(self, texts: Sequence[str]) -> Value:
+        """The value that these texts of an address stand for; the default if they stand for none."""
+        if self.kind is tuple:
+            return tuple(text for text in texts if text and (not self.options or text in self.options))
+        try:
+            value: Value = texts[-1] == "true" if self.kind is bool else self.kind(texts[-1])
+        except ValueError:
+            return self.default
+        return value if not self.options or value in self.options else self.default
+
+    def texts(self, value: object) -> list[str]:
+        """What stands for a value in the address."""
+        if isinstance(value, tuple | list):
+            return [str(item) for item in value] or [""]
+        if isinstance(value, bool):
+            return [str(value).lower()]
+        return [f"{value:.12g}" if isinstance(value, float) else str(value)]
+
+
+_ANY = "…"  # in a key: a factor of the campaign
+
+CHOICES: dict[str, Choice] = {
+    # what is looked at
+    "campaign": Choice(),
+    "test": Choice(pages=("data", "train", "compare")),
+    "import": Choice(pages=("data",)),
+    # how it is predicted
+    "leave_out": Choice(str, "test", ("test", "speed group"), ("train", "compare")),
+    "approaches": Choice(tuple, APPROACHES, APPROACHES),
+    "preset": Choice(str, "fast", ("fast", "paper")),
+    "seed": Choice(int, 0),
+    # how it is shown
+    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict")),
+    "unit": Choice(str, "g", ("g", "m/s²"), ("data", "compare", "predict")),
+    "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "compare", "predict")),
+    # what is shown on a page
+    "filter": Choice(pages=("data",)),
+    "purpose": Choice(pages=("train",)),
+    "compared": Choice(pages=("compare",)),
+    "corridors": Choice(bool, False, pages=("compare",)),
+    "networks": Choice(pages=("compare",)),
+    "over_displacement": Choice(pages=("compare",)),
+    "question": Choice(pages=("study",)),
+    "predicted": Choice(pages=("predict",)),
+    "speed_mph": Choice(float, pages=("predict",)),
+    "front_weight_lb": Choice(float, pages=("predict",)),
+    "rear_weight_lb": Choice(float, pages=("predict",)),
+    "factor_…": Choice(pages=("predict",)),
+    "confidence": Choice(float, pages=("certify",)),
+    "approach": Choice(pages=("certify",)),
+    "matrix": Choice(pages=("certify",)),
+    "speeds": Choice(pages=("certify",)),
+    "front_weights": Choice(pages=("certify",)),
+    "rear_weights": Choice(pages=("certify",)),
+    "grid_…": Choice(tuple, pages=("certify",)),
+    "verdicts": Choice(tuple, WORDS, WORDS, pages=("certify",)),
+    "cell": Choice(pages=("certify",)),
+}
+
+
+def follow(page: str) -> None:
+    """Take the choices of a page from the address if a session begins, or the user goes back or forward.
+
+    At no other time: a click may come from a browser that has not seen the latest address yet.
+    """
+    state, context = _state(), get_script_run_ctx()
+    asked = given()
+    began = _PAGE not in state
+    state[_PAGE] = page
+    if began or (context is not None and context.is_history_navigation and asked):
+        for key, choice in _of(page).items():
+            value = choice.parse(asked[key]) if key in asked else choice.default
+            state[key] = list(value) if isinstance(value, tuple) else value
+    for key, choice in CHOICES.items():
+        state.setdefault(key, list(choice.default) if isinstance(choice.default, tuple) else choice.default)
+
+
+def default(key: str, value: Value, known: Sequence[Value] = ()) -> None:
+    """Give a choice its default for this campaign, if nothing was chosen yet or nothing that is ``known`` here."""
+    state = _state()
+    state.setdefault(_DEFAULTS, {})[key] = value
+    if state.get(key) is None or (known and state[key] not in known):
+        state[key] = value
+
+
+def publish() -> None:
+    """Write the choices to the address of the open page."""
+    if isinstance(sys.exception(), RerunException):  # to another page, whose address Streamlit has written already
+        return
+    shown = parameters(_state()[_PAGE])
+    if shown != given():
+        st.query_params.from_dict(shown)
+
+
+def parameters(page: str) -> dict[str, list[str]]:
+    """Parameters of a link to a page that shows what this session has chosen."""
+    state = _state()
+    known = state.get(_DEFAULTS, {})
+    shown = {}
+    for key, choice in _of(page).items():
+        value = state.get(key)
+        if value is not None and value not in (known.get(key), choice.default):
+            texts = choice.texts(value)
+            if choice.kind is not tuple or texts != list(choice.default or ()):  # type: ignore[arg-type]
+                shown[key] = texts
+    return shown
+
+
+def given() -> dict[str, list[str]]:
+    """What the address says now."""
+    return {key: st.query_params.get_all(key) for key in st.query_params}
+
+
+def acts(key: str, page: str) -> bool:
+    """True if a choice decides what a page shows."""
+    return key in _of(page)
+
+
+def _of(page: str) -> dict[str, Choice]:
+    """The choices that act on a page, with those of a campaign's factors that are made or asked for."""
+    here = {key: choice for key, choice in CHOICES.items() if not choice.pages or page in choice.pages}
+    for family in [key for key in here if key.endswith(_ANY)]:
+        choice, stem = here.pop(family), family.removesuffix(_ANY)
+        here |= {key: choice for key in {*map(str, _state()), *st.query_params} if key.startswith(stem)}
+    return here
+
+
+def _state() -> MutableMapping[str, Any]:
+    return cast("MutableMapping[str, Any]", st.session_state)
