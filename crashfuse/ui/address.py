@@ -1,16 +1,16 @@
 """The address holds every choice that decides what a page shows: one link, one view; Back undoes the last choice.
 
-A widget keeps its value in the session under its key. After each run the values that are not the default are written to
-the address, which the browser remembers one by one; they are read back when a session begins and on Back and Forward.
+A widget keeps its value in the session under its key. Before a page is drawn the values that are not the default are
+written to the address, which the browser remembers one by one; they are read back when a session begins and on Back and
+Forward.
 """
 
-import sys
 from collections.abc import MutableMapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
 import streamlit as st
-from streamlit.runtime.scriptrunner import RerunException, get_script_run_ctx
+from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.certification.verdict import WORDS
@@ -129,8 +129,6 @@ def default(key: str, value: Value, known: Sequence[Value] = ()) -> None:
 
 def publish() -> None:
     """Write the choices to the address of the open page."""
-    if isinstance(sys.exception(), RerunException):  # to another page, whose address Streamlit has written already
-        return
     shown = parameters(_state()[_PAGE])
     if shown != given():
         st.query_params.from_dict(shown)

@@ -50,11 +50,11 @@ def route() -> None:
         page.run()
     address.follow(page.url_path)
     token = _choice.set(_sidebar(page.url_path))
+    address.publish()
     try:
         page.run()
     finally:
         _choice.reset(token)
-        address.publish()
 
 
 def enter() -> View | None:
