@@ -1,1 +1,1 @@
-"""Sections of the Compare page."""
+"""Tabs of the Compare page: each is a module with a function ``show``, and a line in the page's table of tabs."""

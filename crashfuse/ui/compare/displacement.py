@@ -1,12 +1,10 @@
 """Test and predictions over displacement: five figures, each computed on demand."""
 
-from collections.abc import Hashable, Mapping
 from functools import partial
 
 import numpy as np
 import streamlit as st
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain, measured_bias
 from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
 from crashfuse.approaches.displacement_domain.config import DisplacementConfig
@@ -18,9 +16,8 @@ from crashfuse.execution.cache import Cache
 from crashfuse.reporting.plots import bias
 from crashfuse.reporting.plots import displacement as plots
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.study.config import StudyConfig
+from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.figures import choose, show_cached_figure, show_figure
-from crashfuse.ui.frame import View
 
 _CURVES, _ENERGY, _BIAS = "Acceleration", "Energy", "Bias by speed"
 _PARTS, _CHECK = "Parts of the bias", "Check of the integration"
@@ -28,17 +25,13 @@ _STEP_M = 0.004  # grid of the drawn curves
 _BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go further, must not influence it
 
 
-@st.fragment
-def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction], key: Hashable) -> None:
-    """Show the held-out test, the CAE model and its correction over displacement, in the figure that the user picks.
-
-    ``key`` identifies the predictions and display settings in the figure cache.
-    """
+def show(comparison: Comparison) -> None:
+    """Show the held-out test, the CAE model and its correction over displacement, in the figure that the user picks."""
+    view, predictions = comparison.view, comparison.predictions
     campaign, test, condition = view.campaign, view.held_out, view.held_out.condition
-    st.subheader("Over displacement")
     choice = choose("Figure", [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK], key="over_displacement")
     if choice == _PARTS:
-        _show_parts(view, config)
+        _show_parts(comparison)
         return
     if choice == _CURVES:
         draw = partial(plots.over_displacement, test.pulse, predictions, condition.speed_mps, view.display)
@@ -69,16 +62,16 @@ def show(view: View, config: StudyConfig, predictions: Mapping[str, Prediction],
             "Lines: each pulse integrated twice over time, up to zero velocity. Circles: the same motion recovered "
             "from acceleration over displacement (Eq. 29). Where they agree, the conversion is lossless."
         )
-    show_cached_figure(draw, alt, choice, key)
+    show_cached_figure(draw, alt, choice, comparison.key)
     st.caption(caption)
 
 
-def _show_parts(view: View, config: StudyConfig) -> None:
+def _show_parts(comparison: Comparison) -> None:
+    view, config, rest = comparison.view, comparison.config, comparison.others
     if config.preset == "paper":
         st.info("The paper's bias model (Table 4) is one Gaussian process; only the fast settings split it into parts.")
         return
     campaign, test = view.campaign, view.held_out
-    rest = config.training_campaign(campaign, test.id)
     grid, expected = _parts(rest.fingerprint, test.condition, config.seed, rest)
     measured = _biases(campaign.fingerprint, campaign)[campaign.tests.index(test)]
     show_figure(

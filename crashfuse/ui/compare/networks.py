@@ -1,6 +1,5 @@
 """The networks before and after fine-tuning on tests, and how they were trained."""
 
-from collections.abc import Hashable
 from typing import Any
 
 import plotly.graph_objects as go
@@ -10,9 +9,8 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.learning import learning_curves, tuning_strength
 from crashfuse.reporting.plots.pulses import overlay
-from crashfuse.study.fold import Fold
+from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.figures import choose, show_cached_figure, show_figure
-from crashfuse.ui.frame import View
 
 _BEFORE_AND_AFTER, _LEARNING = "Before and after the tests", "Learning curves"
 _TITLES = {"lf_tcn": "Before: trained on CAE runs only", "time_domain": "After: fine-tuned on the other tests"}
@@ -23,24 +21,21 @@ _MEANING = {
 }
 
 
-@st.fragment
-def show(view: View, fold: Fold, key: Hashable) -> None:
-    """Show the networks before and after fine-tuning (Figs. 12 and 13), or how they were trained, as the user picks.
-
-    ``key`` identifies the fold and display settings in the figure cache.
-    """
+def show(comparison: Comparison) -> None:
+    """Show the networks before and after fine-tuning (Figs. 12 and 13), or how they were trained, as the user picks."""
+    fold = comparison.fold
     states: dict[str, dict[str, Any]] = {
         estimate.approach: estimate.state for estimate in fold.estimates if estimate.approach in _TITLES
     }
     if not states:
+        st.info("No approach with a network is known here yet.", icon=":material/info:")
         return
-    st.subheader("Networks")
     choice = choose("Figure", [_BEFORE_AND_AFTER, _LEARNING], key="networks")
     columns = st.columns(2, gap="medium")
     if choice == _BEFORE_AND_AFTER:
         for column, name in zip(columns, states, strict=False):
             with column:
-                _show_beside_the_cae(view, fold, name, key)
+                _show_beside_the_cae(comparison, name)
         return
     st.caption("Both learning curves are kept with the predictions, and written to study.json.")
     network = states.get("time_domain", states.get("lf_tcn", {}))
@@ -67,26 +62,27 @@ def show(view: View, fold: Fold, key: Hashable) -> None:
             _show_curve(network["tuning_curve"], "Loss", "Step")
 
 
-def _show_beside_the_cae(view: View, fold: Fold, name: str, key: Hashable) -> None:
-    rating = fold.ratings[name][view.display.window_ms]
+def _show_beside_the_cae(comparison: Comparison, name: str) -> None:
+    fold = comparison.fold
+    rating = fold.ratings[name][comparison.window_ms]
     st.markdown(f"**{_TITLES[name]}** · {LABELS[name]} {rating.overall:.3f}, {rating.grade.lower()}")
     show_cached_figure(
-        lambda: _beside_the_cae(view, fold)[name],
+        lambda: _beside_the_cae(comparison)[name],
         f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}",
         name,
-        key,
+        comparison.key,
     )
     st.caption(_MEANING[name])
 
 
-def _beside_the_cae(view: View, fold: Fold) -> dict[str, go.Figure]:
+def _beside_the_cae(comparison: Comparison) -> dict[str, go.Figure]:
     """The figures before and after fine-tuning, with a common y range."""
-    predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
+    predictions = comparison.predictions
     figures = {
         name: overlay(
-            view.held_out.pulse,
+            comparison.test.pulse,
             {shown: prediction for shown, prediction in predictions.items() if shown in ("cae", name)},
-            view.display,
+            comparison.view.display,
         )
         for name in _TITLES
         if name in predictions

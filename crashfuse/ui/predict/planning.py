@@ -15,22 +15,23 @@ from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
 from crashfuse.study.sweep import missing_over_speed, sweep_table, weights_sentence
 from crashfuse.ui import page_tables
-from crashfuse.ui.computation import FitRequest, Fitted, SweepRequest
+from crashfuse.ui.computation import SweepRequest
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import show_figure
-from crashfuse.ui.frame import View
 from crashfuse.ui.panel import result_or_none
+from crashfuse.ui.predict.answer import Answer
 from crashfuse.ui.tables import show_table
 from crashfuse.units import LB, MPH
 
 _BEST = 5
 
 
-def show_over_speed(view: View, request: FitRequest, fitted: Fitted, condition: Condition) -> None:
+def show_over_speed(answer: Answer) -> None:
     """Show every metric over speed, at the weights chosen above."""
+    view, condition, request = answer.view, answer.condition, answer.request
     st.markdown("Predictions of every approach over impact speed, at the weights above, with the tests as points.")
     sweeps = result_or_none(
-        SweepRequest(request, fitted, condition),
+        SweepRequest(request, answer.fitted, condition),
         invitation="About thirty speeds are predicted, which takes about ten seconds.",
         button="Predict over speed",
     )
@@ -51,14 +52,14 @@ def show_over_speed(view: View, request: FitRequest, fitted: Fitted, condition: 
         download_report(lambda: sweep_report(view.campaign, sweeps, request.config), "sweep.html")
 
 
-def show_next_test(view: View, request: FitRequest, fitted: Fitted, factors: tuple[tuple[str, str], ...]) -> None:
+def show_next_test(answer: Answer) -> None:
     """Show which test would narrow the band most, over a range chosen here."""
-    domains = [fit.approach for fit in fitted.fits if isinstance(fit.approach, DisplacementDomain)]
+    campaign, request = answer.campaign, answer.request
+    domains = [fit.approach for fit in answer.fitted.fits if isinstance(fit.approach, DisplacementDomain)]
     if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
         st.info("Ranking next tests needs the displacement domain with the fast settings.")
         return
     st.markdown(NEXT_TEST_MEANING)
-    campaign = view.campaign
     usual = ConditionRange.of(campaign.tests)
     ends = []
     axes = (("Speeds (mph)", MPH, 0.5), ("Front weights (lb)", LB, 10.0), ("Rear weights (lb)", LB, 10.0))
@@ -75,7 +76,7 @@ def show_next_test(view: View, request: FitRequest, fitted: Fitted, factors: tup
                 help="The range of interest; all conditions in it are weighted equally.",
             )
         )  # fmt: skip
-    kind = factors or usual.low.factors
+    kind = answer.condition.factors or usual.low.factors
     low, high = (Condition(ends[0][i] * MPH, ends[1][i] * LB, ends[2][i] * LB, kind) for i in (0, 1))
     try:
         over = ConditionRange(low, high)

@@ -1,0 +1,74 @@
+"""What every tab of the Compare page shows: a held-out test and the predictions of it."""
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.fold import Fold
+from crashfuse.study.recommendation import Recommendation, recommend_for
+from crashfuse.study.repeatability import Repeatability
+from crashfuse.study.study import Study
+from crashfuse.ui.computation import StudyRequest
+from crashfuse.ui.frame import View
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A held-out test, every prediction of it, and how the reader wants to see them.
+
+    Attributes
+    ----------
+    view : View
+        The choices in the sidebar: campaign, held-out test, rated window, units.
+    config : StudyConfig
+        The settings that were chosen.
+    study : Study
+        Of this test alone. While networks train, of fewer approaches than the settings ask for.
+    fold : Fold
+        The predictions of this test and their ratings.
+    others : Campaign
+        What the predictions learned from: the campaign without this test and what was left out with it.
+    advice : Recommendation or None
+        Made without this test; None while approaches are still missing.
+    key : Hashable
+        Equal for equal data, settings and display: the beginning of the key of a cached figure.
+    """
+
+    view: View
+    config: StudyConfig
+    study: Study
+    fold: Fold
+    others: Campaign
+    advice: Recommendation | None
+    key: Hashable
+
+    @classmethod
+    def of(cls, view: View, request: StudyRequest, study: Study) -> "Comparison":
+        """The comparison that the held-out test's study allows."""
+        test, config = view.held_out, request.config
+        fold, others = study.fold(test.id), config.training_campaign(view.campaign, test.id)
+        whole = study.config.approaches == config.approaches
+        advice = recommend_for(fold.estimates, others, test.condition, view.display.window_ms) if whole else None
+        return cls(view, config, study, fold, others, advice, (request.key, study.config.approaches, view.display))
+
+    @property
+    def test(self) -> CrashTest:
+        """The held-out test."""
+        return self.view.held_out
+
+    @property
+    def window_ms(self) -> float:
+        """Length of the rated window."""
+        return self.view.display.window_ms
+
+    @property
+    def predictions(self) -> Mapping[str, Prediction]:
+        """By approach."""
+        return {estimate.approach: estimate.prediction for estimate in self.fold.estimates}
+
+    @property
+    def repeats(self) -> Mapping[float, Repeatability]:
+        """What a repeat of the test would rate, by window; empty if it is not known."""
+        return self.study.repeatability.get(self.test.id, {})

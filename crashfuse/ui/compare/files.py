@@ -1,0 +1,23 @@
+"""Files of a comparison: tables, report, and pulses for an occupant model."""
+
+import streamlit as st
+
+from crashfuse.reporting.report import study_report
+from crashfuse.reporting.result_tables import pulses_table, scores_table, study_metrics
+from crashfuse.ui.compare.comparison import Comparison
+from crashfuse.ui.downloads import download_report, download_table
+from crashfuse.ui.occupant_model import offer_pulses
+
+
+def show(comparison: Comparison) -> None:
+    """Offer what this comparison rests on; a report, and pulses for others, once every approach is known."""
+    test, study, estimates = comparison.test, comparison.study, comparison.fold.estimates
+    with st.container(horizontal=True):
+        download_table("scores.csv", lambda: scores_table(study))
+        download_table("pulses.csv", lambda: pulses_table((test.id, estimate) for estimate in estimates))
+        download_table("metrics.csv", lambda: study_metrics(study))
+        if comparison.advice is not None:
+            download_report(lambda: study_report(study))
+    if comparison.advice is not None:
+        remark = f"Test {test.id}, at this condition, was left out."
+        offer_pulses(comparison.others, estimates, comparison.advice.approach, comparison.config.seed, [remark])

@@ -1,0 +1,68 @@
+"""What every tab of the Predict page shows: the predictions at a condition."""
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.recommendation import Recommendation, recommend_for
+from crashfuse.ui.computation import FitRequest, Fitted, answers
+from crashfuse.ui.frame import View
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The prediction of every approach at a condition, and how the reader wants to see it.
+
+    Attributes
+    ----------
+    view : View
+        The choices in the sidebar: campaign, rated window, units.
+    request : FitRequest
+        What was asked for: all tests of the campaign, and the settings that were chosen.
+    fitted : Fitted
+        The approaches, ready to predict any condition.
+    condition : Condition
+        What is predicted.
+    estimates : list of Estimate
+        One for each approach.
+    advice : Recommendation
+        Which of them to use.
+    """
+
+    view: View
+    request: FitRequest
+    fitted: Fitted
+    condition: Condition
+    estimates: list[Estimate]
+    advice: Recommendation
+
+    @classmethod
+    def of(cls, view: View, request: FitRequest, fitted: Fitted, condition: Condition) -> "Answer":
+        """The answer of fitted approaches at a condition."""
+        estimates = answers(request.key, condition, fitted)
+        advice = recommend_for(estimates, view.campaign, condition, view.display.window_ms)
+        return cls(view, request, fitted, condition, estimates, advice)
+
+    @property
+    def campaign(self) -> Campaign:
+        """What the predictions learned from."""
+        return self.view.campaign
+
+    @property
+    def config(self) -> StudyConfig:
+        """The settings that were chosen."""
+        return self.request.config
+
+    @property
+    def predictions(self) -> Mapping[str, Prediction]:
+        """By approach."""
+        return {estimate.approach: estimate.prediction for estimate in self.estimates}
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for equal data, settings, condition and display: the beginning of the key of a cached figure."""
+        return self.request.key, self.condition, self.view.display

@@ -1,0 +1,28 @@
+"""Files of a prediction: tables, report, and pulses for an occupant model."""
+
+import pandas as pd
+import streamlit as st
+
+from crashfuse.reporting.exports import parquet_bytes
+from crashfuse.reporting.report import prediction_report
+from crashfuse.reporting.result_tables import metrics_table, pulses_table
+from crashfuse.ui.downloads import download_bytes, download_report, download_table
+from crashfuse.ui.occupant_model import offer_pulses
+from crashfuse.ui.predict.answer import Answer
+
+
+def show(answer: Answer) -> None:
+    """Offer the pulses, their metrics, the report, and pulses for others."""
+    campaign, estimates, config = answer.campaign, answer.estimates, answer.config
+
+    def pulses() -> pd.DataFrame:
+        return pulses_table(("", estimate) for estimate in estimates)
+
+    with st.container(horizontal=True):
+        download_table("pulses.csv", pulses)
+        download_table(
+            "metrics.csv", lambda: metrics_table((("", each.approach, each.metrics) for each in estimates), campaign)
+        )
+        download_bytes("pulses.parquet", lambda: parquet_bytes(pulses()))
+        download_report(lambda: prediction_report(campaign, estimates, config))
+    offer_pulses(campaign, estimates, answer.advice.approach, config.seed)

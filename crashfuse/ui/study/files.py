@@ -1,0 +1,22 @@
+"""Files of a study: its tables and the report."""
+
+from functools import partial
+
+import streamlit as st
+
+from crashfuse.reporting.report import study_report
+from crashfuse.reporting.result_tables import scores_table, study_metrics
+from crashfuse.ui.downloads import download_report, download_table
+from crashfuse.ui.study.outcome import Outcome
+
+
+def show(outcome: Outcome) -> None:
+    """Offer what the study rests on, and the report once every approach is known."""
+    study = outcome.study
+    with st.container(horizontal=True):
+        download_table("scores.csv", lambda: scores_table(study))
+        download_table("metrics.csv", lambda: study_metrics(study))
+        if study.speed_groups is not None:
+            download_table("speed_groups.csv", partial(scores_table, study.speed_groups))
+        if outcome.whole:
+            download_report(lambda: study_report(study))

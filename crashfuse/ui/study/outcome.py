@@ -1,0 +1,42 @@
+"""What every tab of the Study page shows: the ratings of all tests, each left out in turn."""
+
+from dataclasses import dataclass
+
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.study import Study
+from crashfuse.ui import page_tables
+from crashfuse.ui.frame import View
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A study of all tests, and how the reader wants to see it.
+
+    Attributes
+    ----------
+    view : View
+        The choices in the sidebar: campaign, rated window, units.
+    config : StudyConfig
+        The settings that were chosen.
+    study : Study
+        While networks train, of fewer approaches than the settings ask for.
+    """
+
+    view: View
+    config: StudyConfig
+    study: Study
+
+    @property
+    def whole(self) -> bool:
+        """True once every approach is known; before that, nothing can be recommended."""
+        return self.study.config.approaches == self.config.approaches
+
+    @property
+    def window_ms(self) -> float:
+        """Length of the rated window."""
+        return self.view.display.window_ms
+
+    @property
+    def window(self) -> str:
+        """The rated window in words."""
+        return page_tables.window_label(self.window_ms)

@@ -1,0 +1,52 @@
+"""Mean ratings of a study by window, and every test's by approach: alone, and with its speed group left out."""
+
+import streamlit as st
+
+from crashfuse.reporting import glossary
+from crashfuse.reporting.plots.ratings import rating_heatmap
+from crashfuse.study.study import Study
+from crashfuse.ui import frame, page_tables
+from crashfuse.ui.figures import choose, show_clickable
+from crashfuse.ui.navigation import open_page
+from crashfuse.ui.study.outcome import Outcome
+from crashfuse.ui.tables import show_table
+from crashfuse.ui.text import plain
+
+_ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
+
+
+def show(outcome: Outcome) -> None:
+    """Show the ratings of one way of leaving tests out."""
+    campaign, study = outcome.view.campaign, outcome.study
+    if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
+        study = study.speed_groups
+    _show_tests(outcome, study)
+    st.markdown("**Mean over the tests, by window**")
+    show_table(page_tables.mean_ratings(study), "means")
+    st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
+    for test in campaign.tests:
+        for note in campaign.cae.extrapolation(test.condition):
+            st.caption(f":material/warning: {plain(test.id)}: {note}")
+
+
+def _show_tests(outcome: Outcome, study: Study) -> None:
+    overall = {
+        fold.held_out: {name: by_window[outcome.window_ms].overall for name, by_window in fold.ratings.items()}
+        for fold in study.folds
+    }
+    st.markdown(f"**Each test, {outcome.window}**")
+
+    def open_test(test_id: str) -> None:
+        """Open a test as this study left it out."""
+        frame.choose_held_out(outcome.view.campaign.test(test_id))
+        st.session_state["leave_out"] = "speed group" if study.config.leave_out == "speed group" else "test"
+
+    chosen = show_clickable(
+        rating_heatmap(overall, study.repeats(outcome.window_ms)),
+        alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables below",
+        key=f"heat map {study.config.leave_out}",
+        on_click=open_test,
+    )
+    if chosen:
+        open_page("compare")
+    st.caption(f"Click a cell to open its test on the page Compare. {glossary.REPEAT}")
