@@ -23,15 +23,13 @@ tab = choose("Tab", [*TABS, LEARNING_CURVE], key="study_tab")
 if tab == LEARNING_CURVE:
     show_learning_curve(view, config)
     st.stop()
-st.markdown(
-    "How well does each approach predict a test that it has not seen? Every test is left out in turn, predicted from "
-    "all others, and rated; then again without any other test at about its speed."
-)
 if config.preset == "fast":  # a fit with the paper's settings takes minutes, or a GPU
     config = replace(config, leave_out="both")
 study = result_of(
     StudyRequest(campaign, campaign.test_ids, config),
-    invitation=f"The study of all {len(campaign.tests)} tests has not been run yet. "
+    invitation="How well does each approach predict a test that it has not seen? Every test is left out in turn, "
+    "predicted from all others, and rated; then again without any other test at about its speed. "
+    f"This has not been run yet for the {len(campaign.tests)} tests of this campaign. "
     + explanations.patience(
         config, "It takes several minutes the first time; meanwhile you can work on the other pages."
     ),
@@ -40,6 +38,7 @@ study = result_of(
 outcome = Outcome(view, config, study)
 explanations.show_missing(config, study.config.approaches)
 if outcome.whole:
-    explanations.show_recommendation(recommend(study).sentences)
-explanations.show_settings(config)
+    first, *others = recommend(study).sentences
+    use, _, why = first.partition(". ")
+    explanations.show_recommendation([f"{use}. {others[0]}", why, *others[1:]])
 TABS[tab](outcome)

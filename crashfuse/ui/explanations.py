@@ -14,21 +14,25 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui import page_tables
 from crashfuse.ui.frame import View
+from crashfuse.ui.look import fill
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 
-def show_recommendation(sentences: Sequence[str]) -> None:
-    """Show the recommendation and the reasons for it."""
-    st.info("\n\n".join(plain(sentence) for sentence in sentences), icon=":material/lightbulb:")
+def show_recommendation(sentences: Sequence[str], beside: Sequence[str] = ()) -> None:
+    """Show the recommendation in a line; the reasons, and what else is to be said beside it, unfold from "Why"."""
+    first, *reasons = sentences
+    with st.container(horizontal=True, vertical_alignment="center", key="recommendation"):
+        use, _, expected = plain(first).partition(". ")
+        st.markdown(f":material/lightbulb: **{use}.** {expected}", width="content")
+        if reasons or beside:
+            with st.popover("Why", type="tertiary"):
+                st.markdown("\n\n".join(plain(reason) for reason in (*reasons, *beside)))
 
 
-def show_grade(grade: str) -> None:
-    """Show a grade word in the colour it has in every table and figure."""
-    st.html(
-        f'<span style="background: {GRADE_COLOURS[grade]}; color: #000; padding: 0.1rem 0.6rem; border-radius: 4px">'
-        f"{grade}</span>"
-    )
+def grade_chip(grade: str) -> str:
+    """HTML of a grade word in the colour it has in every table and figure."""
+    return f'<span class="cf-grade" style="{fill(GRADE_COLOURS[grade])}">{grade}</span>'
 
 
 def show_settings(config: StudyConfig, *, left_out: bool = False) -> None:

@@ -4,6 +4,7 @@ import streamlit as st
 from streamlit.navigation.page import Page
 
 from crashfuse.ui import address
+from crashfuse.ui.look import STYLE
 
 _PAGES = {
     "data": ("Data", ":material/folder_open:"),
@@ -21,12 +22,6 @@ _BLUE = "#2B7CCB"  # legible on light and dark pages
 _LOGO = (
     f'<svg viewBox="0 0 156 32" width="156" height="32">{_PULSE % _BLUE}<text x="40" y="23" font-size="23" '
     f'font-weight="600" font-family="Helvetica, Arial, sans-serif" fill="{_BLUE}">crashfuse</text></svg>'
-)
-# Streamlit writes white on the accent colour, which is too light for it in the dark theme; on a browser's first visit
-# the sidebar is narrower than requested, and three windows would not fit side by side
-_STYLE = (
-    '<style>button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F) }'
-    '[data-testid="stSidebar"] [data-testid="stButtonGroup"] button { padding-inline: 0.6rem }</style>'
 )
 _SIDEBAR_PX = 320
 
@@ -47,7 +42,7 @@ def navigate() -> Page:
     page = st.navigation([home, *pages().values()], position="hidden")
     st.set_page_config(page_title=f"{page.title} · crashfuse")
     st.logo(_LOGO, size="large")
-    st.html(_STYLE)
+    st.html(STYLE)
     return page
 
 

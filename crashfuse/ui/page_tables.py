@@ -18,6 +18,7 @@ from crashfuse.study.config import WINDOWS_MS
 from crashfuse.study.next_test import NextTest, next_tests_table
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
+from crashfuse.ui.look import fill
 from crashfuse.units import KPH, LB, MPH, G
 
 _PARTS = ("corridor", "phase", "magnitude", "slope")
@@ -58,11 +59,15 @@ def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa:
 
 
 def ratings(
-    by_approach: Mapping[str, Mapping[float, Rating]], window_ms: float, repeats: Mapping[float, Repeatability]
+    by_approach: Mapping[str, Mapping[float, Rating]],
+    window_ms: float,
+    repeats: Mapping[float, Repeatability],
+    draws: Mapping[str, tuple[float, float]],
 ) -> Styler:
     """Overall rating with its grade by approach and window, and the four parts of the rating over one window.
 
-    The last row is what a repeat of the test would rate, if it is known.
+    The last column is the interval of the ratings of single draws, for the approaches with a band; the last row is what
+    a repeat of the test would rate, if it is known.
     """
     table = pd.DataFrame(
         {
@@ -72,6 +77,7 @@ def ratings(
                 f"{part.capitalize()} {window_label(window_ms)}": f"{getattr(by_window[window_ms], part):.3f}"
                 for part in _PARTS
             },
+            f"Single draws {window_label(window_ms)}": "–".join(f"{end:.3f}" for end in draws.get(name, ())) or "–",
         }
         for name, by_window in by_approach.items()
     )
@@ -149,7 +155,7 @@ def _coloured(table: pd.DataFrame) -> Styler:
 
     def style(cell: object) -> str:
         colour = GRADE_COLOURS.get(str(cell).rpartition(" ")[2])
-        return f"background-color: {colour}; color: #000000" if colour else ""
+        return fill(colour) if colour else ""
 
     return _plain(table).map(style)
 

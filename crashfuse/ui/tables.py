@@ -1,5 +1,8 @@
 """Tables on a page, with a button that copies them for a spreadsheet."""
 
+import re
+from functools import partial
+
 import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
@@ -29,12 +32,34 @@ export default ({ parentElement, data }) => {
   };
 };
 """
+_RIGHT = "text-align: right !important"
 _COPY = '<button type="button" title="Copy this table for a spreadsheet">Copy</button>'
 _copy_button = st.components.v2.component("crashfuse_copy_table", html=_COPY, css=_CSS, js=_JS)
 
 
+_NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+)?|–|)( \[.*\]| \(.*\))?")
+"""A cell with a number, perhaps with its interval or a remark, or without one."""
+
+
 def show_table(table: Styler | pd.DataFrame, key: str) -> None:
-    """Show a table without its index, and below it a button that copies it; the key is unique on the page."""
+    """Show a table without its index, and below it a button that copies it; the key is unique on the page.
+
+    Numbers stand at the right, the same digits under each other; their intervals are lighter than they are.
+    """
     styler = table if isinstance(table, Styler) else table.style.hide(axis="index")
+    for place, name in enumerate(styler.columns):
+        texts = [str(cell) for cell in styler.data.iloc[:, place]]
+        if all(_NUMBER.fullmatch(text) for text in texts) and any(text.strip("–") for text in texts):
+            styler.set_properties(subset=[name], **{"text-align": "right !important"})
+            styler.set_table_styles([{"selector": f"th.col{place}", "props": _RIGHT}], overwrite=False)
+            longest = max(len(_NUMBER.fullmatch(text)[2] or "") for text in texts)
+            styler.format(partial(_with_light_interval, longest=longest), subset=[name])
     st.table(styler, border="horizontal")
     _copy_button(data=spreadsheet_text(styler.data), key=f"copy {key}")
+
+
+def _with_light_interval(text: str, longest: int) -> str:
+    """A cell's text as Markdown, its interval lighter, and filled up so that numbers end at one place."""
+    number, interval = _NUMBER.fullmatch(text).groups(default="")
+    escaped = interval.replace("[", "\\[").replace("]", "\\]")
+    return number + f" :gray[{escaped.strip()}]" * bool(interval) + "\u2007" * (longest - len(interval))

@@ -12,6 +12,9 @@ from crashfuse.reporting.plots.palette import AXIS, CURSOR, GRID, IN_THE_DARK, I
 from crashfuse.signals.pulse import FloatArray
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
+_FONT_PX = 14
+_TITLE = {"title": {"font": {"size": _FONT_PX}}}  # by default a fifth larger than all other words
+_TEMPLATE = go.layout.Template(layout={"xaxis": _TITLE, "yaxis": _TITLE})
 _SHEER = re.compile(r"rgba\((\d+), (\d+), (\d+), ([\d.]+)\)")
 _BAND_POINTS = 320  # 0.32 ms apart: one to three pixels
 _BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.25
@@ -22,9 +25,9 @@ def new_figure(height: int) -> go.Figure:
     axis = {"gridcolor": GRID, "zerolinecolor": AXIS, "linecolor": AXIS, "automargin": True}
     figure = go.Figure()
     figure.update_layout(
-        template="none",
+        template=_TEMPLATE,
         height=height,
-        font={"family": _FONT, "size": 14, "color": INK},
+        font={"family": _FONT, "size": _FONT_PX, "color": INK},
         paper_bgcolor=PAPER,
         plot_bgcolor=PAPER,
         margin={"l": 64, "r": 44, "t": 40, "b": 52},
@@ -57,9 +60,7 @@ def height_under_names(count: int) -> int:
 def darkened(figure: go.Figure) -> go.Figure:
     """The same figure in the colours of a dark page; a report, which is meant for print, stays light."""
     drawn = figure.to_plotly_json()
-    # a heat map has its own background, on which its dark text is legible
-    traces = [trace if trace["type"] == "heatmap" else _in_the_dark(trace) for trace in drawn["data"]]
-    return go.Figure(traces, _in_the_dark(drawn["layout"]))
+    return go.Figure([_in_the_dark(trace) for trace in drawn["data"]], _in_the_dark(drawn["layout"]))
 
 
 def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -> None:
@@ -125,7 +126,7 @@ def _single(values: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.float
 
 def _in_the_dark(part: dict[str, Any]) -> dict[str, Any]:
     """A part of a figure with every colour replaced by its dark counterpart."""
-    return {key: _exchanged(value, is_colour=key.endswith("color")) for key, value in part.items()}
+    return {key: _exchanged(value, is_colour=key.endswith(("color", "colorscale"))) for key, value in part.items()}
 
 
 def _exchanged(value: object, *, is_colour: bool) -> object:

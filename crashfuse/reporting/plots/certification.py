@@ -54,7 +54,7 @@ def verdict_matrix(certification: Certification) -> go.Figure:
         figure.update_traces(
             text=[[_cell(verdict) for verdict in row] for row in rows],
             texttemplate="%{text}",
-            textfont={"color": "#000000"},
+            textfont={"color": MEASURED_COLOUR, "size": 12},
             hoverinfo="skip",
         )
         figure.add_scatter(  # heat-map cells can't be clicked, marks can

@@ -36,7 +36,7 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Fig
         mode="lines+markers+text" if len(set(weights)) == 1 else "markers+text",
         textposition="top center",
         cliponaxis=False,
-        textfont={"size": 15},
+        textfont={"size": 14},
         line={"color": colour, "width": 2},
         marker={
             "color": colour,

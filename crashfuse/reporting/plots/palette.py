@@ -25,6 +25,11 @@ GRADE_COLOURS: Mapping[str, str] = {"Poor": "#F4B183", "Fair": "#FBE3D0", "Good"
 VERDICT_COLOURS: Mapping[str, str] = {"met": "#7FB6DC", "not met": "#F4B183", "open": "#FFF0AE", "outside": "#D5D9DF"}
 """Colour behind each verdict; black text reads on all of them, and their words or marks tell them apart as well."""
 
+_FILLS_IN_THE_DARK = {  # dim: a bright cell glares on a dark page; light text reads on all of them
+    "#F4B183": "#9A5320", "#FBE3D0": "#533D2C", "#CFE3F2": "#27435A", "#7FB6DC": "#216CA1",
+    "#FFF0AE": "#5C5120", "#D5D9DF": "#3A434F",
+}  # fmt: skip
+
 _SHADES = 64
 # the bright end of the scale is invisible on white, the dark end on a dark page
 _SLOW_TO_FAST = sample_colorscale("Plasma", np.linspace(0.0, 0.63, _SHADES).tolist())
@@ -40,6 +45,7 @@ IN_THE_DARK: Mapping[str, str] = {
     WINDOW: "#423B22",
     WINDOW_INK: "#E3CB74",
     MEASURED_COLOUR: "#F5F7FA",
+    **_FILLS_IN_THE_DARK,
     **{approach.colour: approach.dark_colour for approach in CLASSES.values() if approach.dark_colour},
     **dict(zip(_SLOW_TO_FAST, _SLOW_TO_FAST_IN_THE_DARK, strict=True)),
 }

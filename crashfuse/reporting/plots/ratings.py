@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.plots.canvas import new_figure
-from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS
+from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import GRADES, grade
 from crashfuse.study.repeatability import Repeatability
@@ -37,7 +37,7 @@ def rating_heatmap(
         y=rows,
         text=text,
         texttemplate="%{text}",
-        textfont={"color": "#000000"},
+        textfont={"color": MEASURED_COLOUR, "size": 12},  # without a size, words shrink with their cells
         hoverinfo="skip",
         colorscale=_grade_scale(),
         zmin=0,
@@ -62,7 +62,10 @@ def rating_heatmap(
         margin={"t": 52, "b": 8, "r": 16},
         modebar={"remove": ["zoom2d", "pan2d", "resetScale2d", "toImage"]},
     )
-    figure.update_xaxes(side="top", title=None, range=None, ticks="", showline=False, showgrid=False, showspikes=False)
+    figure.update_xaxes(
+        side="top", title=None, range=None, tickfont={"size": 12}, ticks="", showline=False, showgrid=False,
+        showspikes=False,
+    )  # fmt: skip
     figure.update_yaxes(autorange="reversed", type="category", ticks="", showline=False, zeroline=False, showgrid=False)
     return figure
 

@@ -15,6 +15,7 @@ from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name, verdict_matrix
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.ui.figures import show_clickable
+from crashfuse.ui.look import fill
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.text import plain
 from crashfuse.units import LB, MPH
@@ -132,6 +133,6 @@ def _interval(verdict: Verdict) -> str:
 
 def _coloured(table: pd.DataFrame) -> Styler:
     def style(word: str) -> str:
-        return f"background-color: {VERDICT_COLOURS[word]}; color: #000000"
+        return fill(VERDICT_COLOURS[word])
 
     return table.style.map(style, subset=["Verdict"])

@@ -1,44 +1,57 @@
 """How each approach rates, and which one was to be used: the head of the Compare page."""
 
+from html import escape
+
 import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS
-from crashfuse.reporting import glossary
+from crashfuse.reporting.paper_tables import REPEAT
 from crashfuse.ui import explanations, page_tables
 from crashfuse.ui.compare.comparison import Comparison
 
-_DRAWS_HELP = (
-    "Single pulses drawn from the band, each rated against the test: 95 % of the ratings lie in this interval. A "
-    "single pulse has oscillations of its own, so it rates lower than the expected pulse."
-)
-_CARD_PX = 176  # five fit side by side on a wide page
 _NO_CHANGE = 0.005  # in rating
 
 
 def show(comparison: Comparison) -> None:
     """Show the ratings in a row, and the recommendation."""
-    fold, window_ms = comparison.fold, comparison.window_ms
-    raw = fold.ratings[BASELINE][window_ms].overall if BASELINE in fold.ratings else None
-    beside = "" if raw is None else ", and its change from the raw CAE model"
-    explanations.show_settings(comparison.config, left_out=True)
-    st.markdown(f"Rating over {page_tables.window_label(window_ms)} ({comparison.view.campaign.rating_basis}){beside}")
-    cards = st.container(horizontal=True, gap="small")
-    for name, by_window in fold.ratings.items():
-        rating = by_window[window_ms]
-        gain = None if raw is None or name == BASELINE else rating.overall - raw
-        with cards.container(border=True, width=_CARD_PX):
-            st.metric(
-                LABELS[name], f"{rating.overall:.3f}", None if gain is None else f"{gain:+.3f}",
-                delta_color="off" if gain is None or abs(gain) < _NO_CHANGE else "normal",
-            )  # fmt: skip
-            explanations.show_grade(rating.grade)
-            if name in fold.with_band:
-                low, high = fold.rating_interval(name, window_ms)
-                st.caption(f"Draws: {low:.2f}–{high:.2f}", help=_DRAWS_HELP)
+    st.html(_row(comparison))
     if (advice := comparison.advice) is None:
         return
-    explanations.show_recommendation(advice.sentences)
-    if window_ms in comparison.repeats:
-        rated = fold.ratings[advice.approach][window_ms].overall
-        repeat = comparison.repeats[window_ms]
-        st.markdown(repeat.sentence(rated, LABELS[advice.approach]), help=glossary.REPEAT)
+    beside = []
+    if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
+        rated = comparison.fold.ratings[advice.approach][comparison.window_ms].overall
+        beside.append(repeat.sentence(rated, LABELS[advice.approach]))
+    explanations.show_recommendation(advice.sentences, beside)
+
+
+def _row(comparison: Comparison) -> str:
+    """HTML list: by approach its rating, the change from the raw CAE model and the grade; then that of a repeat."""
+    window_ms = comparison.window_ms
+    overall = {name: by_window[window_ms] for name, by_window in comparison.fold.ratings.items()}
+    best = None if comparison.advice is None else comparison.advice.approach
+    items = []
+    for name, rating in overall.items():
+        values = f"<b>{rating.overall:.3f}</b>"
+        if BASELINE in overall and name != BASELINE:
+            values += _change(rating.overall - overall[BASELINE].overall)
+        values += explanations.grade_chip(rating.grade)
+        items.append(_item(escape(LABELS[name]), values, recommended=name == best))
+    if (repeat := comparison.repeats.get(window_ms)) is not None:
+        values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f}</small>"
+        items.append(_item(f"<i>{REPEAT}</i>", values))
+    window, basis = page_tables.window_label(window_ms), comparison.view.campaign.rating_basis
+    label = escape(f"Ratings over {window}, with the change from the raw CAE model: {basis}")
+    return f'<div class="cf-ratings" role="list" aria-label="{label}" title="{label}">{"".join(items)}</div>'
+
+
+def _item(name: str, values: str, *, recommended: bool = False) -> str:
+    mark, style = ("<span>recommended</span>", ' class="cf-best"') if recommended else ("", "")
+    return (
+        f'<div role="listitem"{style}><div class="cf-name"><span>{name}</span>{mark}</div>'
+        f'<div class="cf-values">{values}</div></div>'
+    )
+
+
+def _change(by: float) -> str:
+    style = "" if abs(by) < _NO_CHANGE else ' class="cf-better"' if by > 0 else ' class="cf-worse"'
+    return f"<small{style}>{by:+.3f}</small>".replace("-0", "−0")

@@ -3,16 +3,24 @@
 import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting import glossary
 from crashfuse.ui import explanations, page_tables
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.tables import show_table
+
+_DRAWS_HELP = (
+    "Single draws are pulses drawn from the band, each rated against the test: 95 % of the ratings lie in this "
+    "interval. A single pulse has oscillations of its own, so it rates lower than the expected pulse."
+)
 
 
 def show(comparison: Comparison) -> None:
     """Show ratings, metrics, and what the approaches say of themselves."""
     campaign, fold = comparison.view.campaign, comparison.fold
-    st.subheader("Rating by approach and window", help=f"By {campaign.rating_basis}.")
-    show_table(page_tables.ratings(fold.ratings, comparison.window_ms, comparison.repeats), "ratings")
+    st.subheader("Rating by approach and window", help=f"By {campaign.rating_basis}. {_DRAWS_HELP} {glossary.REPEAT}")
+    draws = {name: fold.rating_interval(name, comparison.window_ms) for name in fold.with_band}
+    show_table(page_tables.ratings(fold.ratings, comparison.window_ms, comparison.repeats, draws), "ratings")
+    explanations.show_settings(comparison.config, left_out=True)
     columns = [
         ("Test", campaign.metrics_of(comparison.test)),
         *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),

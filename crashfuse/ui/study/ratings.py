@@ -41,12 +41,19 @@ def _show_tests(outcome: Outcome, study: Study) -> None:
         frame.choose_held_out(outcome.view.campaign.test(test_id))
         st.session_state["leave_out"] = "speed group" if study.config.leave_out == "speed group" else "test"
 
-    chosen = show_clickable(
+    clicked = show_clickable(
         rating_heatmap(overall, study.repeats(outcome.window_ms)),
-        alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables below",
+        alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables",
         key=f"heat map {study.config.leave_out}",
         on_click=open_test,
     )
-    if chosen:
+    with st.container(horizontal=True, vertical_alignment="center"):
+        st.markdown("Click a cell, or choose a test, to see it on the page Compare.", width="content")
+        chosen = st.selectbox(
+            "Open a test on Compare", list(overall), index=None, placeholder="Test", key="open_test", width=160,
+            label_visibility="collapsed", on_change=lambda: open_test(st.session_state["open_test"]),
+        )  # fmt: skip
+    if clicked or chosen is not None:
         open_page("compare")
-    st.caption(f"Click a cell to open its test on the page Compare. {glossary.REPEAT}")
+    if study.repeats(outcome.window_ms):
+        st.caption(glossary.REPEAT)

@@ -1,0 +1,46 @@
+"""The look of pages beyond the theme: density, tabs, focus, and fills that follow the theme."""
+
+import streamlit as st
+
+from crashfuse.reporting.plots.palette import IN_THE_DARK, MEASURED_COLOUR
+
+STYLE = """<style>
+/* Streamlit writes white on the accent colour, which is too light for it in the dark theme */
+button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F) }
+/* the first screen belongs to the figure */
+[data-testid="stMainBlockContainer"] { padding-inline: clamp(1rem, 3vw, 5rem) }
+[data-testid="stMain"] h1 { padding: 0 }
+[data-testid="stMain"] h3 { padding: 0.25rem 0 }
+/* a row of tabs is no row of buttons */
+[class*="_tab"] [data-testid="stButtonGroup"] button { border-width: 0 0 2px; border-radius: 0; background: none }
+[class*="_tab"] [data-testid="stButtonGroup"] button:not([aria-checked="true"]) { border-color: transparent }
+[class*="_tab"] [data-testid="stButtonGroup"] button p { font-size: 1rem }
+[class*="_tab"] [role="radiogroup"] { border-bottom: 1px solid var(--st-border-color, #8885) }
+/* where the keyboard is */
+a:focus-visible, button:focus-visible, summary:focus-visible, [role="tab"]:focus-visible {
+  outline: 2px solid light-dark(#0B5CAD, #79B8F5) !important; outline-offset: 1px }
+/* digits of one width, so that decimal points stand under each other */
+[data-testid="stTable"] td, .cf-ratings { font-variant-numeric: tabular-nums }
+/* on a browser's first visit the sidebar is narrower than requested; three windows would not fit side by side */
+[data-testid="stSidebar"] [data-testid="stButtonGroup"] button { padding-inline: 0.6rem }
+/* the ratings in a row */
+.cf-ratings { display: flex; flex-wrap: wrap; gap: 0.5rem }
+.cf-ratings > div { padding: 0.3rem 0.6rem; border-radius: 6px;
+  outline: 1px solid light-dark(#D5DAE1, #3A434F); outline-offset: -1px }
+.cf-ratings > .cf-best { outline: 2px solid light-dark(#0B5CAD, #79B8F5); outline-offset: -2px }
+.cf-ratings .cf-name { font-size: 0.8rem; display: flex; gap: 0.5rem; justify-content: space-between }
+.cf-ratings .cf-values { display: flex; gap: 0.5rem; align-items: baseline; line-height: 1.4 }
+.cf-ratings b { font-size: 1.2rem; font-weight: 600 }
+.cf-ratings small, .cf-grade { font-size: 0.8rem }
+.cf-grade { padding: 0 0.4rem; border-radius: 4px }
+.cf-better { color: light-dark(#1A7F37, #4CC38A) }
+.cf-worse { color: light-dark(#B4331A, #FF9B7A) }
+</style>"""
+
+
+def fill(colour: str) -> str:
+    """CSS of a cell or chip in a colour of the palette, with text that reads on it, in the page's theme."""
+    ground, ink = colour, MEASURED_COLOUR
+    if st.context.theme.type == "dark":
+        ground, ink = IN_THE_DARK[colour], IN_THE_DARK[MEASURED_COLOUR]
+    return f"background-color: {ground}; color: {ink}"
