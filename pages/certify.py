@@ -19,7 +19,7 @@ from crashfuse.ui.computation import chosen_config
 from crashfuse.ui.downloads import download_bytes, download_report, download_table
 from crashfuse.ui.panel import result_of
 
-view = frame.enter_with_campaign("Certify")
+view = frame.enter_with_campaign("Certify", lambda view: f"from {len(view.campaign.tests)} tests")
 campaign = view.campaign
 st.markdown(
     "Which of the planned tests need not be run, and how often is that answer wrong? Each criterion gets a verdict at "
@@ -59,7 +59,7 @@ st.header("Validated domain")
 show_domain(certification, request.key)
 st.header("Exceptions")
 show_exceptions(certification)
-explanations.show_settings(config)
+explanations.show_terms(config)
 with st.container(horizontal=True):
     download_table("certification.csv", lambda: certification_table(certification))
     download_table("track_record.csv", lambda: track_record_table(certification))

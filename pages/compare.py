@@ -1,7 +1,5 @@
 """Compare: the held-out test against every prediction of it."""
 
-import streamlit as st
-
 from crashfuse.ui import explanations, frame
 from crashfuse.ui.compare import displacement, files, headline, networks, pulses, ratings
 from crashfuse.ui.compare.comparison import Comparison
@@ -18,10 +16,9 @@ TABS = {
     "Files and report": files.show,
 }
 
-view = frame.enter_with_campaign("Compare")
+view = frame.enter_with_campaign("Compare", lambda view: f"Test {plain(view.held_out.id)}: {view.held_out.condition}")
 test, campaign, config = view.held_out, view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
-st.subheader(f"Test {plain(test.id)}: {test.condition}")
 
 request = StudyRequest(campaign, (test.id,), config)
 study = result_of(

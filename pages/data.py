@@ -142,7 +142,7 @@ if view is None:
     show_open_forms()
     st.stop()
 
-st.title(plain(view.campaign.name))
+frame.show_head(view, plain(view.campaign.name))
 show_summary(view)
 show_tests(view)
 show_conditions(view)

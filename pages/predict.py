@@ -1,7 +1,5 @@
 """Predict: the pulse at a condition that was never tested, over speed, and which test to run next."""
 
-import streamlit as st
-
 from crashfuse.ui import explanations, frame
 from crashfuse.ui.computation import FitRequest, chosen_config
 from crashfuse.ui.panel import result_of
@@ -19,11 +17,8 @@ TABS = {
     "Files and report": files.show,
 }
 
-view = frame.enter_with_campaign("Predict")
+view = frame.enter_with_campaign("Predict", lambda view: f"from all {len(view.campaign.tests)} tests and the CAE runs")
 campaign, config = view.campaign, chosen_config()
-st.markdown(
-    "The pulse at a speed and weights that were not tested, predicted from all tests and CAE runs; none is held out."
-)
 condition = choose_condition(campaign)
 request = FitRequest(campaign, config)
 fitted = result_of(
@@ -37,5 +32,4 @@ fitted = result_of(
 answer = Answer.of(view, request, fitted, condition)
 warnings = campaign.cae.extrapolation(condition)
 explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
-explanations.show_settings(config)
 show_tabs(TABS, answer, key="predict_tab")

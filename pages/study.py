@@ -16,7 +16,7 @@ from crashfuse.ui.study.outcome import Outcome
 TABS = {"Ratings": ratings.show, "Bands": band.show, "The paper's tables": paper.show, "Files and report": files.show}
 LEARNING_CURVE = "How many tests are enough"  # needs no study
 
-view = frame.enter_with_campaign("Study")
+view = frame.enter_with_campaign("Study", lambda view: f"{len(view.campaign.tests)} tests, each left out in turn")
 campaign, config = view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
 tab = choose("Tab", [*TABS, LEARNING_CURVE], key="study_tab")

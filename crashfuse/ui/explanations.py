@@ -35,14 +35,10 @@ def grade_chip(grade: str) -> str:
     return f'<span class="cf-grade" style="{fill(GRADE_COLOURS[grade])}">{grade}</span>'
 
 
-def show_settings(config: StudyConfig, *, left_out: bool = False) -> None:
-    """State the settings behind the numbers, and explain LF where it is mentioned."""
-    terms = f" {glossary.LF}" if "lf_tcn" in config.approaches else ""
-    group = left_out and config.leave_out == "speed group"
-    beside = " Every test at about the speed of a held-out test is left out with it." if group else ""
-    st.caption(
-        f"{config.preset.capitalize()} settings, seed {config.seed}, as chosen on the page Train.{beside}{terms}"
-    )
+def show_terms(config: StudyConfig) -> None:
+    """Explain LF where it is mentioned."""
+    if "lf_tcn" in config.approaches:
+        st.caption(glossary.LF)
 
 
 def patience(config: StudyConfig, usually: str) -> str:

@@ -1,17 +1,19 @@
 """Frame of every page: page set-up, the sidebar's choices, and the notice that a campaign is synthetic."""
 
+from collections.abc import Callable
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import streamlit as st
 
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import DataError, Problem
 from crashfuse.reporting.plots.display import Display
-from crashfuse.study.config import WINDOWS_MS
+from crashfuse.study.config import WINDOWS_MS, StudyConfig
 from crashfuse.ui import address, campaigns
-from crashfuse.ui.computation import jobs
+from crashfuse.ui.computation import chosen_config, jobs
 from crashfuse.ui.figures import choose_image_format
 from crashfuse.ui.navigation import navigate, show_link, show_links
 from crashfuse.ui.problems import show_problems
@@ -71,21 +73,38 @@ def enter() -> View | None:
         st.warning(plain(missing), icon=":material/link_off:")
     if choice.problems:
         show_problems(choice.problems)
-    if choice.view is not None and choice.view.campaign.notice:
-        st.info(plain(choice.view.campaign.notice), icon=":material/science:")
     return choice.view
 
 
-def enter_with_campaign(title: str) -> View:
-    """Start a page that needs a campaign; without one, say what to do and stop."""
+def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None) -> View:
+    """Start a page that needs a campaign; without one, say what to do and stop.
+
+    A page with results gives what they are of as a ``detail`` of its title; their settings stand beside it.
+    """
     view = enter()
-    st.title(title)
-    if view is None:
+    if view is not None:
+        show_head(view, title, "" if detail is None else detail(view), chosen_config() if detail else None)
+    else:
+        st.title(title)
         st.markdown("No campaign is open yet. Open one on the page **Data**, or look around with the sample.")
         offer_sample()
         show_link("data", "Open a campaign of your own", ":material/folder_open:")
         st.stop()
     return view
+
+
+def show_head(view: View, title: str, detail: str = "", config: StudyConfig | None = None) -> None:
+    """Show in a line the title of a page, what it shows, the settings behind it, and the campaign's notice."""
+    with st.container(horizontal=True, vertical_alignment="center", key="head"):
+        st.title(title, width="content", anchor=False)
+        if detail:
+            st.subheader(detail, width="content", anchor=False)
+        if config is not None:
+            colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
+            label = f"{config.preset.capitalize()} settings, seed {config.seed}"
+            st.badge(label, color=colour, help="As chosen on the page Train.")
+        if notice := view.campaign.notice:
+            st.caption(f":material/science: {plain(notice)}", width="content")
 
 
 def offer_sample() -> None:

@@ -9,13 +9,19 @@ STYLE = """<style>
 button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F) }
 /* the first screen belongs to the figure */
 [data-testid="stMainBlockContainer"] { padding-inline: clamp(1rem, 3vw, 5rem) }
+[data-testid="stMainBlockContainer"] > [data-testid="stVerticalBlock"] { gap: 0.7rem }
 [data-testid="stMain"] h1 { padding: 0 }
 [data-testid="stMain"] h3 { padding: 0.25rem 0 }
+.st-key-head, .st-key-recommendation { row-gap: 0; column-gap: 1rem }
+.st-key-head [data-testid="stHeading"] { margin: 0 }
 /* a row of tabs is no row of buttons */
 [class*="_tab"] [data-testid="stButtonGroup"] button { border-width: 0 0 2px; border-radius: 0; background: none }
 [class*="_tab"] [data-testid="stButtonGroup"] button:not([aria-checked="true"]) { border-color: transparent }
 [class*="_tab"] [data-testid="stButtonGroup"] button p { font-size: 1rem }
 [class*="_tab"] [role="radiogroup"] { border-bottom: 1px solid var(--st-border-color, #8885) }
+/* links to the pages, no closer than a finger can tell them apart */
+[data-testid="stSidebar"] [data-testid="stPageLink-NavLink"] { padding-block: 0.1rem }
+[data-testid="stSidebar"] [data-testid="stPageLink"] { margin-block: 0.27rem }
 /* where the keyboard is */
 a:focus-visible, button:focus-visible, summary:focus-visible, [role="tab"]:focus-visible {
   outline: 2px solid light-dark(#0B5CAD, #79B8F5) !important; outline-offset: 1px }

@@ -20,7 +20,7 @@ def show(comparison: Comparison) -> None:
     st.subheader("Rating by approach and window", help=f"By {campaign.rating_basis}. {_DRAWS_HELP} {glossary.REPEAT}")
     draws = {name: fold.rating_interval(name, comparison.window_ms) for name in fold.with_band}
     show_table(page_tables.ratings(fold.ratings, comparison.window_ms, comparison.repeats, draws), "ratings")
-    explanations.show_settings(comparison.config, left_out=True)
+    explanations.show_terms(comparison.config)
     columns = [
         ("Test", campaign.metrics_of(comparison.test)),
         *((LABELS[estimate.approach], estimate.metrics) for estimate in fold.estimates),
