@@ -106,7 +106,7 @@ CHOICES: dict[str, Choice] = {
 
 
 def follow(page: str) -> None:
-    """Take the choices of a page from the address if a session begins, or the user goes back or forward.
+    """Take all choices from the address if a session begins, those of its page if the user goes back or forward.
 
     At no other time: a click may come from a browser that has not seen the latest address yet.
     """
@@ -115,7 +115,7 @@ def follow(page: str) -> None:
     began = _PAGE not in state
     state[_PAGE] = page
     if began or (context is not None and context.is_history_navigation and asked):
-        for key, choice in _of(page).items():
+        for key, choice in _of(None if began else page).items():
             value = choice.parse(asked[key]) if key in asked else choice.default
             state[key] = list(value) if isinstance(value, tuple) else value
     for key, choice in CHOICES.items():
@@ -161,9 +161,9 @@ def acts(key: str, page: str) -> bool:
     return key in _of(page)
 
 
-def _of(page: str) -> dict[str, Choice]:
-    """The choices that act on a page, with those of a campaign's factors that are made or asked for."""
-    here = {key: choice for key, choice in CHOICES.items() if not choice.pages or page in choice.pages}
+def _of(page: str | None) -> dict[str, Choice]:
+    """The choices that act on a page, or on any, with those of a campaign's factors that are made or asked for."""
+    here = {key: choice for key, choice in CHOICES.items() if page is None or not choice.pages or page in choice.pages}
     for family in [key for key in here if key.endswith(_ANY)]:
         choice, stem = here.pop(family), family.removesuffix(_ANY)
         here |= {key: choice for key in {*map(str, _state()), *st.query_params} if key.startswith(stem)}
