@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 import crashfuse
-from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.certification.criteria_file import criteria_text, read_criteria
 from crashfuse.errors import UsageError
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 Visit = Callable[..., "Session"]
 
 APPROACH = "displacement_domain"
-LINK = {"approach": LABELS[APPROACH]}
+LINK = {"approach": APPROACH}
 CRITERIA = """confidence = 0.9
 
 [[criterion]]
