@@ -6,6 +6,7 @@ import numpy as np
 
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, LB, MPH
+from crashfuse.wording import UnitSystem, speed, weight
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,11 @@ class Condition:
     def vector(self) -> FloatArray:
         """The paper's x = [v0, wf, wr] (Eq. 3) in m/s and kg, shape (3,)."""
         return np.array([self.speed_mps, self.front_weight_kg, self.rear_weight_kg])
+
+    def in_units(self, system: UnitSystem) -> str:
+        """Speed and weights with their units, in words."""
+        v0, front, rear = speed(self.speed_mps), weight(self.front_weight_kg), weight(self.rear_weight_kg)
+        return f"{v0.in_units(system)}, front {front.in_units(system)}, rear {rear.in_units(system)}"
 
     def __str__(self) -> str:
         return (

@@ -30,6 +30,7 @@ ROOMS = (
     "signals",
     "files",
     "errors",
+    "wording",
     "units",
     "version",
 )

@@ -10,7 +10,7 @@ from pathlib import Path
 from crashfuse.execution.cache import Cache
 
 _PACKAGE = Path(__file__).parents[1]
-_NOT_COMPUTING = {"execution", "files", "errors", "version"}  # they run, store and report, but determine no numbers
+_NOT_COMPUTING = {"execution", "files", "errors", "wording", "version"}  # they determine no numbers
 
 
 @cache

@@ -1,12 +1,20 @@
-"""Display settings of accelerations: rated window, unit and sign."""
+"""Display settings of all figures, tables and reports: units, the rated window, the sign of accelerations."""
 
-from dataclasses import dataclass
-from typing import Literal
+import re
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
+from crashfuse.condition import Condition
+from crashfuse.signals.metrics import Metric
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import WINDOWS_MS
-from crashfuse.units import G
+from crashfuse.units import LB, MPH, G
+from crashfuse.wording import MPH_LB, AccelerationUnit, UnitSystem, said, speed, weight
 
-Unit = Literal["g", "m/s²"]
+Number = TypeVar("Number", float, FloatArray)
+Unit = AccelerationUnit
+
+_LAST_UNIT = re.compile(r"\(([^()]+)\)$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +29,19 @@ class Display:
         Unit of accelerations.
     deceleration : bool
         Show braking as positive; the data stay signed.
+    system : UnitSystem
+        Units of speeds and weights, such as :data:`crashfuse.wording.KPH_KG`.
     """
 
     window_ms: float = WINDOWS_MS[-1]
     unit: Unit = "g"
     deceleration: bool = False
+    system: UnitSystem = MPH_LB
+
+    @property
+    def units(self) -> UnitSystem:
+        """The units of everything, accelerations included."""
+        return replace(self.system, acceleration=self.unit)
 
     @property
     def accel_scale(self) -> float:
@@ -36,6 +52,46 @@ class Display:
     def accel_title(self) -> str:
         """Title of an acceleration axis, with its unit."""
         return f"{'Deceleration' if self.deceleration else 'Acceleration'} ({self.unit})"
+
+    def speeds(self, values_mps: Number) -> Number:
+        """Speeds in the reader's unit, as numbers."""
+        return values_mps / MPH * self.system.factor("mph")
+
+    def weights(self, values_kg: Number) -> Number:
+        """Weights in the reader's unit, as numbers."""
+        return values_kg / LB * self.system.factor("lb")
+
+    def speed(self, speed_mps: float) -> str:
+        """A speed with its unit."""
+        return speed(speed_mps).in_units(self.system)
+
+    def weight(self, weight_kg: float) -> str:
+        """A weight with its unit."""
+        return weight(weight_kg).in_units(self.system)
+
+    def condition(self, condition: Condition) -> str:
+        """A condition in words: speed, front and rear weight."""
+        return condition.in_units(self.system)
+
+    def title(self, label: str, unit: str) -> str:
+        """A label with the reader's unit for quantities in this unit: an axis, a column or a field."""
+        return f"{label} ({self.units.unit(unit)})"
+
+    def heading(self, text: str) -> str:
+        """A label that ends in its unit in parentheses, with the reader's instead."""
+        return _LAST_UNIT.sub(lambda found: f"({self.units.unit(found[1])})", text)
+
+    def metric(self, metric: Metric) -> Metric:
+        """A metric in the reader's unit."""
+        factor, unit = self.units.factor(metric.unit), self.units.unit(metric.unit)
+        value, lower, upper = (
+            None if each is None else each * factor for each in (metric.value, metric.lower, metric.upper)
+        )
+        return Metric(metric.name, value, lower, upper, unit)
+
+    def words(self, text: object) -> str:
+        """A sentence, a condition or a quantity in the reader's units; any other text as it is."""
+        return said(text, self.units)
 
 
 DEFAULT = Display()

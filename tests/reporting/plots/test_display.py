@@ -1,23 +1,37 @@
-"""What a reader has chosen for all figures decides scale and title."""
+"""One choice of units for everything that a reader is shown."""
 
-import pytest
+import numpy as np
 
-from crashfuse.reporting.plots.display import Display, Unit
+from crashfuse.condition import Condition
+from crashfuse.reporting.plots.display import Display
+from crashfuse.signals.metrics import Metric
+from crashfuse.units import KPH, LB, MPH
+from crashfuse.wording import KPH_KG
+
+METRIC, USUAL = Display(system=KPH_KG, unit="m/s²"), Display()
 
 
-@pytest.mark.parametrize(
-    ("unit", "deceleration", "shown", "title"),
-    [
-        ("g", False, -2.0, "Acceleration (g)"),
-        ("g", True, 2.0, "Deceleration (g)"),
-        ("m/s²", False, -19.6133, "Acceleration (m/s²)"),
-        ("m/s²", True, 19.6133, "Deceleration (m/s²)"),
-    ],
-)
-def test_braking_at_2_g_is_shown_in_the_unit_and_with_the_sign_of_the_axis(
-    unit: Unit, deceleration: bool, shown: float, title: str
-) -> None:
-    """Data are signed m/s²; only what is shown turns."""
-    display = Display(unit=unit, deceleration=deceleration)
-    assert -19.6133 * display.accel_scale == pytest.approx(shown)
-    assert display.accel_title == title
+def test_numbers_are_in_the_chosen_units() -> None:
+    """Arrays for figures, single numbers for fields."""
+    np.testing.assert_allclose(METRIC.speeds(np.array([56 * KPH])), [56.0], rtol=1e-15)
+    np.testing.assert_allclose(USUAL.speeds(np.array([35 * MPH])), [35.0], rtol=1e-15)
+    np.testing.assert_allclose([METRIC.weights(950.0), USUAL.weights(2100 * LB)], [950.0, 2100.0], rtol=1e-15)
+
+
+def test_labels_have_the_chosen_units() -> None:
+    """Axis titles, column headings and conditions in words."""
+    assert (METRIC.title("Impact speed", "mph"), USUAL.title("Velocity", "km/h")) == (
+        "Impact speed (km/h)",
+        "Velocity (mph)",
+    )
+    assert METRIC.heading("OLC, slack (65 mm), CFC 60 (g)") == "OLC, slack (65 mm), CFC 60 (m/s²)"
+    assert METRIC.condition(Condition(56 * KPH, 950.0, 700.0)) == "56.0 km/h, front 950 kg, rear 700 kg"
+
+
+def test_metrics_are_in_the_chosen_units() -> None:
+    """A change of velocity is a speed like any other."""
+    delta_v = Metric("delta_v", 66.0, 64.0, None, "km/h")
+    assert METRIC.metric(delta_v) == delta_v
+    shown = USUAL.metric(delta_v)
+    assert (shown.unit, shown.upper) == ("mph", None)
+    np.testing.assert_allclose(shown.value, 66 * KPH / MPH, rtol=1e-12)

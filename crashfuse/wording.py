@@ -1,0 +1,121 @@
+"""The units that a reader wants, and sentences with quantities in them that can be said in these."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Self
+
+from crashfuse.units import KPH, LB, MPH, G
+
+AccelerationUnit = Literal["g", "m/s²"]
+SpeedUnit = Literal["mph", "km/h"]
+WeightUnit = Literal["lb", "kg"]
+
+_DIMENSIONS = {
+    "acceleration": {"g": G, "m/s²": 1.0},
+    "speed": {"mph": MPH, "km/h": KPH},
+    "weight": {"lb": LB, "kg": 1.0},
+}
+_IN_SI = {unit: (dimension, factor) for dimension, own in _DIMENSIONS.items() for unit, factor in own.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class UnitSystem:
+    """Units of everything that a reader is shown; lengths are in mm, times in ms and energies in kJ in all of them."""
+
+    speed: SpeedUnit = "mph"
+    weight: WeightUnit = "lb"
+    acceleration: AccelerationUnit = "g"
+
+    def unit(self, unit: str) -> str:
+        """The reader's unit for quantities in this unit (``"km/h"``: ``"mph"``); one of no choice is unchanged."""
+        return str(getattr(self, _IN_SI[unit][0])) if unit in _IN_SI else unit
+
+    def factor(self, unit: str) -> float:
+        """Factor from a unit to the reader's."""
+        return _IN_SI[unit][1] / _IN_SI[self.unit(unit)][1] if unit in _IN_SI else 1.0
+
+
+MPH_LB, KPH_KG = UnitSystem(), UnitSystem("km/h", "kg")
+SYSTEMS = {"mph-lb": MPH_LB, "kph-kg": KPH_KG}
+"""The choices of units of speed and weight, by their name in the address of a page and on the command line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One or more values with their unit; as a string, in this unit.
+
+    Parameters
+    ----------
+    values : tuple of float or None
+        In that unit; None, shown as a dash, if not known.
+    form : str
+        Format of a value, in whatever unit.
+    between : str
+        Separator of several values, such as the ends of a range.
+    """
+
+    values: tuple[float | None, ...]
+    unit: str
+    form: str = ".1f"
+    between: str = "–"
+
+    def in_units(self, system: UnitSystem) -> str:
+        """The quantity in the reader's unit."""
+        return self._text(system.factor(self.unit), system.unit(self.unit))
+
+    def _text(self, factor: float, unit: str) -> str:
+        numbers = ["–" if value is None else f"{value * factor:{self.form}}" for value in self.values]
+        known = any(value is not None for value in self.values)
+        return self.between.join(numbers) + (f" {unit}" if unit and known else "")
+
+    def __str__(self) -> str:
+        return self._text(1.0, self.unit)
+
+
+def speed(*values_mps: float, form: str = ".1f", between: str = "–") -> Quantity:
+    """Speeds, given in m/s; as a string, in mph."""
+    return Quantity(tuple(value / MPH for value in values_mps), "mph", form, between)
+
+
+def weight(*values_kg: float, form: str = ".0f", between: str = "–") -> Quantity:
+    """Weights, given in kg; as a string, in lb."""
+    return Quantity(tuple(value / LB for value in values_kg), "lb", form, between)
+
+
+class Sentence(str):
+    """A text with quantities in it: a string in the units of the files, which can be said in others.
+
+    Parameters
+    ----------
+    template : str
+        As for :meth:`str.format`.
+    *values : object
+        What stands in its places; whatever has ``in_units``, another sentence too, is said in the reader's units.
+    """
+
+    __slots__ = ("template", "values")
+    template: str
+    values: tuple[object, ...]
+
+    def __new__(cls, template: str, *values: object) -> Self:  # noqa: D102
+        sentence = super().__new__(cls, template.format(*map(str, values)))
+        sentence.template, sentence.values = template, values
+        return sentence
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return self.template, *self.values
+
+    def in_units(self, system: UnitSystem) -> str:
+        """The text in the reader's units."""
+        return self.template.format(*(said(value, system) for value in self.values))
+
+
+def said(value: object, system: UnitSystem) -> str:
+    """Anything as text; a condition, a quantity or a sentence in the reader's units."""
+    in_units = getattr(value, "in_units", None)
+    return str(value) if in_units is None else str(in_units(system))
+
+
+def joined(sentences: Sequence[str], separator: str = " ") -> Sentence:
+    """Several sentences as one that can still be said in other units."""
+    return Sentence(separator.join(["{}"] * len(sentences)), *sentences)

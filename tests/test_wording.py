@@ -1,0 +1,61 @@
+"""Sentences keep their quantities, so that any reader gets them in the units of choice, rounded once."""
+
+import pickle
+
+import pytest
+
+from crashfuse.condition import Condition
+from crashfuse.units import KPH, MPH
+from crashfuse.wording import KPH_KG, MPH_LB, Quantity, Sentence, UnitSystem, joined, said, speed, weight
+
+METRIC = KPH_KG
+
+
+def test_a_sentence_is_a_string_in_mph_and_lb() -> None:
+    """Files and terminals that know nothing of units get today's text."""
+    sentence = Sentence("{} is {} away, front {}.", "T1", speed(16 * KPH), weight(1000.0))
+    assert sentence == "T1 is 9.9 mph away, front 2205 lb."
+    assert isinstance(sentence, str)
+
+
+def test_a_sentence_is_said_in_other_units_rounded_once() -> None:
+    """16 km/h stays 16.0 km/h; from the 9.9 mph that were shown it would be 15.9."""
+    sentence = Sentence("{} is {} away, front {}.", "T1", speed(16 * KPH), weight(1000.0))
+    assert sentence.in_units(METRIC) == "T1 is 16.0 km/h away, front 1000 kg."
+
+
+def test_sentences_within_sentences_follow() -> None:
+    """What is put together from sentences can still be said in other units."""
+    inner = Sentence("CAE runs: {}.", speed(5 * MPH, 62 * MPH))
+    assert joined([inner, "No more."]).in_units(METRIC) == "CAE runs: 8.0–99.8 km/h. No more."
+    assert str(joined([inner, "No more."])) == "CAE runs: 5.0–62.0 mph. No more."
+
+
+def test_sentences_travel_between_processes() -> None:
+    """Workers and caches of pages pickle them."""
+    sentence = Sentence("{} away {{sic}}", speed(16 * KPH))
+    copy = pickle.loads(pickle.dumps(sentence))  # noqa: S301
+    assert (copy, copy.in_units(METRIC)) == (sentence, "16.0 km/h away {sic}")
+
+
+@pytest.mark.parametrize(
+    ("quantity", "shown"),
+    [
+        (Quantity((1.0,), "g", ".2f"), "9.81 m/s²"),
+        (Quantity((60.0,), "mph"), "96.6 km/h"),
+        (Quantity((60.0, 70.5), "km/h", between=" to "), "60.0 to 70.5 km/h"),
+        (Quantity((650.0,), "mm"), "650.0 mm"),
+        (Quantity((None,), "g"), "–"),
+        (Quantity((0.8,), "", ".3f"), "0.800"),
+    ],
+)
+def test_quantities_are_shown_in_the_readers_unit(quantity: Quantity, shown: str) -> None:
+    """Speeds, weights and accelerations are converted; lengths, times and ratios are the same for all."""
+    assert said(quantity, UnitSystem("km/h", "kg", "m/s²")) == shown
+
+
+def test_a_condition_is_said_in_one_system() -> None:
+    """Never in mph and km/h at once."""
+    condition = Condition(56 * KPH, 950.0, 700.0)
+    assert condition.in_units(MPH_LB) == "34.8 mph, front 2094 lb, rear 1543 lb"
+    assert condition.in_units(METRIC) == "56.0 km/h, front 950 kg, rear 700 kg"
