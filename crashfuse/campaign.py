@@ -16,11 +16,12 @@ from crashfuse.signals.metrics import Metric, metric_bases, metric_headings, pul
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import filter_class_text, rating_basis
-from crashfuse.units import LB, MPH
+from crashfuse.units import MPH
+from crashfuse.wording import MPH_LB, Sentence, UnitSystem, speed, weight
 
 _SAME_CONDITION = 1e-4  # relative: rounding in a table, far below weighing accuracy
 _SPEED_STEP_MPS = 2 * MPH
-_AXES = (("speed", MPH, "mph"), ("front weight", LB, "lb"), ("rear weight", LB, "lb"))
+_AXES = (("speed", speed), ("front weight", weight), ("rear weight", weight))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +95,13 @@ class CaeLibrary:
         others = np.delete(self.vectors, [] if (own := self.paired_run(condition)) is None else [own], axis=0)
         if not len(others):
             return ("Extrapolation: there is no other CAE run to judge this condition by.",)
-        low, high = others.min(axis=0), others.max(axis=0)
+        low, high = others.min(axis=0).tolist(), others.max(axis=0).tolist()
         notes = []
-        for (name, unit, symbol), x, lo, hi in zip(_AXES, condition.vector, low, high, strict=True):
+        for (name, quantity), x, lo, hi in zip(_AXES, condition.vector.tolist(), low, high, strict=True):
             tolerance = _SAME_CONDITION * hi
             if x < lo - tolerance or x > hi + tolerance:
-                notes.append(
-                    f"Extrapolation: {name} {x / unit:.4g} {symbol} lies outside the CAE runs' "
-                    f"{lo / unit:.4g}–{hi / unit:.4g} {symbol}."
-                )
+                outside = quantity(x, form=".4g"), quantity(lo, hi, form=".4g")
+                notes.append(Sentence("Extrapolation: {} {} lies outside the CAE runs' {}.", name, *outside))
         return tuple(notes)
 
 
@@ -124,6 +123,8 @@ class Campaign:
         Distances of the OLC, slack and spring of the VPI.
     tests_filtered_with : float, optional
         CFC that every test was filtered with on import; None if the campaign does not say, or they differ.
+    units : UnitSystem
+        Units of speed and weight that the tests are declared in: those that its readers see first.
     """
 
     name: str
@@ -135,6 +136,7 @@ class Campaign:
     quality_limits: QualityLimits | None = None
     occupant: OccupantModel = USUAL_OCCUPANT
     tests_filtered_with: float | None = None
+    units: UnitSystem = MPH_LB
 
     @cached_property
     def fingerprint(self) -> str:

@@ -116,6 +116,41 @@ def said(value: object, system: UnitSystem) -> str:
     return str(value) if in_units is None else str(in_units(system))
 
 
+def packed(text: str) -> str | list[object]:
+    """A text as JSON values, from which :func:`unpacked` makes the same."""
+    if not isinstance(text, Sentence):
+        return text
+    return [text.template, *(_packed_value(value) for value in text.values)]
+
+
+def _packed_value(value: object) -> object:
+    if isinstance(value, Quantity):
+        return {"values": value.values, "unit": value.unit, "form": value.form, "between": value.between}
+    return packed(value if isinstance(value, str) else str(value))
+
+
+def unpacked(value: Any) -> str:  # noqa: ANN401 - anything that a file may hold
+    """The text that :func:`packed` was given.
+
+    Raises
+    ------
+    ValueError, TypeError, KeyError, IndexError
+        If it is nothing of the kind.
+    """
+    if isinstance(value, str):
+        return value
+    template, *values = value
+    return Sentence(
+        template,
+        *(
+            Quantity(tuple(each["values"]), *(each[name] for name in ("unit", "form", "between")))
+            if isinstance(each, dict)
+            else unpacked(each)
+            for each in values
+        ),
+    )
+
+
 def joined(sentences: Sequence[str], separator: str = " ") -> Sentence:
     """Several sentences as one that can still be said in other units."""
     return Sentence(separator.join(["{}"] * len(sentences)), *sentences)

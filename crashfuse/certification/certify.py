@@ -20,6 +20,7 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.plan import check_window
 from crashfuse.study.study import workers_at
+from crashfuse.wording import joined
 
 APPROACH = Fused.name
 """The approach whose predictions are judged if no other is asked for."""
@@ -181,8 +182,8 @@ def _supported(verdict: Verdict, record: TrackRecord, confidence: float) -> Verd
     """The verdict, open if the record does not support the confidence, with what the record says of the limit."""
     support = record.support(verdict.criterion)
     if verdict.decided and (shortfall := support.shortfall(confidence)) is not None:
-        return replace(verdict, word="open", reason=f"{verdict.reason} {shortfall}")
+        return replace(verdict, word="open", reason=joined([verdict.reason, shortfall]))
     if verdict.decided and not support.near:
         far = "No left-out test came near this limit: the record says nothing about it."
-        return replace(verdict, reason=f"{verdict.reason} {far}")
+        return replace(verdict, reason=joined([verdict.reason, far]))
     return verdict

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
 from crashfuse.signals.rating import STANDARD
+from crashfuse.wording import Quantity, Sentence, joined
 
 RATING = "rating"
 CONFIDENCE = 0.95
@@ -44,13 +45,11 @@ class Criterion:
     def limits(self) -> str:
         """The limits in words, such as ``at most 650 mm``."""
         ends = (("at least", self.at_least), ("at most", self.at_most))
-        return " and ".join(f"{word} {self.shown(end)}" for word, end in ends if end is not None)
+        return joined([Sentence("{} {}", word, self.shown(end)) for word, end in ends if end is not None], " and ")
 
-    def shown(self, value: float | None) -> str:
-        """A value of the metric as displayed, with its unit."""
-        if value is None:
-            return "–"
-        return f"{value:.4g} {self.unit}" if self.unit else f"{value:.2f}"
+    def shown(self, *values: float | None, between: str = "–") -> Quantity:
+        """Values of the metric as displayed, with its unit."""
+        return Quantity(values, self.unit, ".4g" if self.unit else ".2f", between)
 
     def is_met_by(self, value: float) -> bool:
         """Whether a value lies within the limits."""

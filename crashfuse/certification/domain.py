@@ -7,7 +7,8 @@ import numpy as np
 
 from crashfuse.campaign import CaeLibrary, Campaign
 from crashfuse.condition import Condition
-from crashfuse.units import LB, MPH
+from crashfuse.units import MPH
+from crashfuse.wording import Sentence, speed, weight
 
 _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
 _BESIDE_MPS = 2 * MPH  # speeds this near belong to one group
@@ -78,8 +79,8 @@ class Domain:
         low = max(self.speeds_mps[0] - self.below_mps, float(runs.min()))
         high = min(self.speeds_mps[-1] + self.above_mps, float(runs.max()))
         found: list[tuple[float, float]] = []
-        for speed in self.speeds_mps:
-            start, end = max(speed - self.reach_mps, low), min(speed + self.reach_mps, high)
+        for tested in self.speeds_mps:
+            start, end = max(tested - self.reach_mps, low), min(tested + self.reach_mps, high)
             if found and start <= found[-1][1]:
                 start, end = found.pop()[0], end
             if start < end:
@@ -103,26 +104,23 @@ class Domain:
         return (*found, *self.cae.extrapolation(condition))
 
     def _speed(self, condition: Condition) -> list[str]:
-        speed, low, high = condition.speed_mps, self.speeds_mps[0], self.speeds_mps[-1]
+        v0, low, high = condition.speed_mps, self.speeds_mps[0], self.speeds_mps[-1]
         for end, beyond, most, word in (
-            ("slowest", low - speed, self.below_mps, "below"),
-            ("fastest", speed - high, self.above_mps, "above"),
+            ("slowest", low - v0, self.below_mps, "below"),
+            ("fastest", v0 - high, self.above_mps, "above"),
         ):
             if beyond > most + 1e-9:
-                return [
-                    f"{speed / MPH:.1f} mph is {beyond / MPH:.1f} mph {word} the {end} test; checked up to "
-                    f"{most / MPH:.1f} mph {word} it."
-                ]
-        away = float(np.abs(np.array(self.speeds_mps) - speed).min())
-        if low <= speed <= high and away > self.reach_mps + 1e-9:
-            return [
-                f"{speed / MPH:.1f} mph is {away / MPH:.1f} mph from the nearest test; checked up to "
-                f"{self.reach_mps / MPH:.1f} mph away."
-            ]
+                found = f"{{}} is {{}} {word} the {end} test; checked up to {{}} {word} it."
+                return [Sentence(found, speed(v0), speed(beyond), speed(most))]
+        away = float(np.abs(np.array(self.speeds_mps) - v0).min())
+        if low <= v0 <= high and away > self.reach_mps + 1e-9:
+            found = "{} is {} from the nearest test; checked up to {} away."
+            return [Sentence(found, speed(v0), speed(away), speed(self.reach_mps))]
         return []
 
     def _mass(self, condition: Condition) -> list[str]:
         low, high = self.masses_kg
         if low <= condition.mass_kg <= high:
             return []
-        return [f"{condition.mass_kg / LB:.0f} lb in all; checked from {low / LB:.0f} to {high / LB:.0f} lb."]
+        checked = weight(low, high, between=" to ")
+        return [Sentence("{} in all; checked from {}.", weight(condition.mass_kg), checked)]

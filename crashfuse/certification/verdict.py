@@ -6,6 +6,7 @@ from typing import Literal, get_args
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.condition import Condition
+from crashfuse.wording import Sentence, joined
 
 Word = Literal["met", "not met", "open", "outside"]
 WORDS: tuple[Word, ...] = get_args(Word)
@@ -61,7 +62,7 @@ def _verdict(
     probability = None if own is None else own.probability(criterion.at_least, criterion.at_most)
     word, reason = _word(criterion, probability, confidence, (value, lower, upper))
     if outside:
-        word, reason = "outside", " ".join(outside)
+        word, reason = "outside", joined(outside)
     return Verdict(condition, criterion, value, lower, upper, probability, word, reason)
 
 
@@ -71,12 +72,15 @@ def _word(
     if probability is None:
         return "open", f"The record is too short to predict the {criterion.label} here; only a longer one can tell."
     value, lower, upper = (criterion.shown(each) for each in found)
-    told = f"{value} expected, {lower} to {upper} in 95 % of tests; the limit is {criterion.limits}"
+    word: Word = "open"
+    came = f"met with probability {_share(probability)} only: test it, or redesign."
     if probability >= confidence:
-        return "met", f"{told}, met with probability {_share(probability)}."
-    if probability <= 1 - confidence:
-        return "not met", f"{told}, missed with probability {_share(1 - probability)}."
-    return "open", f"{told}, met with probability {_share(probability)} only: test it, or redesign."
+        word, came = "met", f"met with probability {_share(probability)}."
+    elif probability <= 1 - confidence:
+        word, came = "not met", f"missed with probability {_share(1 - probability)}."
+    return word, Sentence(
+        "{} expected, {} to {} in 95 % of tests; the limit is {}, {}", value, lower, upper, criterion.limits, came
+    )
 
 
 def _share(probability: float) -> str:

@@ -8,7 +8,7 @@ from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.reporting.certification_tables import verdict_counts
-from crashfuse.units import LB, MPH
+from crashfuse.wording import Sentence, joined, speed, weight
 
 _NAMED = 20  # conditions in a sentence
 _UNSUPPORTED = "Criteria whose record does not support the confidence"
@@ -82,16 +82,22 @@ def domain_sentences(domain: Domain) -> tuple[str, ...]:
     """Where the tests, left out with all others at about their speed, check predictions."""
     if not domain.speed_ranges_mps:
         return domain.too_few_tests or ("Nothing is checked: no test lies within the speeds of the CAE runs.",)
-    speeds = " and ".join(f"{low / MPH:.1f} to {high / MPH:.1f} mph" for low, high in domain.speed_ranges_mps)
-    low, high = (end / LB for end in domain.masses_kg)
+    speeds = joined([Sentence("{}", speed(*ends, between=" to ")) for ends in domain.speed_ranges_mps], " and ")
+    masses = weight(*domain.masses_kg, between=" to ")
     factors = "; ".join(f"{name} {', '.join(values)}" for name, values in domain.factors.items())
     return (
-        f"Checked by the {domain.n_tests} tests, each left out with all others at about its speed: {speeds}, front "
-        f"and rear weight together {low:.0f} to {high:.0f} lb{'; ' if factors else ''}{factors}; and within the "
-        "range of the CAE runs.",
-        f"A condition is at most {domain.reach_mps / MPH:.1f} mph from the nearest test, as far as the worst left-out "
-        f"speed was, {domain.below_mps / MPH:.1f} mph below the slowest and {domain.above_mps / MPH:.1f} mph above the "
-        "fastest.",
+        Sentence(
+            f"Checked by the {domain.n_tests} tests, each left out with all others at about its speed: {{}}, front "
+            "and rear weight together {}{}; and within the range of the CAE runs.",
+            speeds,
+            masses,
+            f"; {factors}" if factors else "",
+        ),
+        Sentence(
+            "A condition is at most {} from the nearest test, as far as the worst left-out speed was, {} below the "
+            "slowest and {} above the fastest.",
+            *map(speed, (domain.reach_mps, domain.below_mps, domain.above_mps)),
+        ),
     )
 
 
@@ -100,7 +106,7 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     confidence, record = certification.criteria.confidence, certification.record
     supports = {criterion.name: record.support(criterion) for criterion in certification.criteria.items}
     short = {name: s for name, own in supports.items() if (s := own.shortfall(confidence)) is not None}
-    outside = dict.fromkeys(f"{i}: {own.reason}" for i, own in certification.cells if own.word == "outside")
+    outside = dict.fromkeys(joined([i, own.reason], ": ") for i, own in certification.cells if own.word == "outside")
     found = {
         "Warnings about the campaign": certification.campaign.warnings,
         "Conditions outside the validated domain": certification.domain.too_few_tests or tuple(outside),
@@ -110,7 +116,7 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
             if (unknown := [verdict for verdict in own if verdict.probability is None])
         ),
         "Tests outside the range of the CAE runs": tuple(
-            f"{test.id}: {' '.join(notes)}"
+            joined([test.id, joined(notes)], ": ")
             for test in certification.campaign.tests
             if (notes := certification.campaign.cae.extrapolation(test.condition))
         ),
@@ -131,7 +137,7 @@ def _grouped(sentences: Mapping[str, str]) -> tuple[str, ...]:
     names: dict[str, list[str]] = {}
     for name, sentence in sentences.items():
         names.setdefault(sentence, []).append(name)
-    return tuple(f"{', '.join(own)}: {sentence}" for sentence, own in names.items())
+    return tuple(joined([", ".join(own), sentence], ": ") for sentence, own in names.items())
 
 
 def _wrong(record: TrackRecord) -> Iterator[str]:
@@ -140,10 +146,10 @@ def _wrong(record: TrackRecord) -> Iterator[str]:
             verdict = trial.verdict
             measured = verdict.criterion.shown(trial.measured)
             way = "alone" if trial.left_out == "test" else "with its speed group"
-            yield (
-                f"{trial.held_out}, left out {way}: {verdict.criterion.name} ({verdict.criterion.limits}) was "
-                f"said to be {verdict.word}; measured {measured}."
-            )
+            yield Sentence(
+                "{}, left out {}: {} ({}) was said to be {}; measured {}.",
+                trial.held_out, way, verdict.criterion.name, verdict.criterion.limits, verdict.word, measured,
+            )  # fmt: skip
 
 
 def _by_condition(certification: Certification, word: str) -> Mapping[str, list[Verdict]]:

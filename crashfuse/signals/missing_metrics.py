@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_NEEDS, Metric
+from crashfuse.wording import Sentence, joined
 
 
 def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
@@ -32,4 +33,4 @@ def missing_sentences(metrics: Iterable[tuple[str, Sequence[Metric]]]) -> list[s
     for name, own in metrics:
         for sentence in missing_metrics(own):
             said.setdefault(sentence, []).append(name)
-    return [f"{', '.join(names)}: {sentence}" for sentence, names in said.items()]
+    return [Sentence("{}: {}", joined(names, ", "), sentence) for sentence, names in said.items()]

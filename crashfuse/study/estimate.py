@@ -23,7 +23,7 @@ from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.study.config import StudyConfig
-from crashfuse.units import LB, MPH
+from crashfuse.wording import Sentence, packed, speed, unpacked, weight
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
 """Upper limits of the conditions predicted, far beyond any barrier test."""
@@ -134,10 +134,12 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
         If the speed or a weight is not above 0, or beyond any barrier test.
     """
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
-        raise UsageError(f"A prediction takes a speed and weights above 0, not {condition}.")
+        raise UsageError(Sentence("A prediction takes a speed and weights above 0, not {}.", condition))
     if condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG:
-        most = f"{FASTEST_MPS / MPH:.0f} mph and {HEAVIEST_KG / LB:.0f} lb in all"
-        raise UsageError(f"No barrier test is made at {condition}: at most {most} can be predicted.")
+        most = speed(FASTEST_MPS, form=".0f"), weight(HEAVIEST_KG)
+        raise UsageError(
+            Sentence("No barrier test is made at {}: at most {} and {} in all can be predicted.", condition, *most)
+        )
     known: dict[tuple[object, ...], Prediction] = {}
 
     def predict(approach: Approach) -> Prediction:
@@ -210,7 +212,9 @@ def store_estimate(estimate: Estimate, campaign: Campaign, config: StudyConfig, 
 
 def _entry(estimate: Estimate) -> Entry:
     prediction = estimate.prediction
-    text = json.dumps({"notes": prediction.notes, "state": estimate.state, "seconds": estimate.seconds})
+    text = json.dumps(
+        {"notes": [packed(note) for note in prediction.notes], "state": estimate.state, "seconds": estimate.seconds}
+    )
     entry = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
     entry |= {f"{_LEFT_OUT}{test}": pulse for test, pulse in estimate.left_out_mps2.items()}
     entry |= {f"{_ERRORS}{metric}": errors for metric, errors in estimate.metric_errors.items()}
@@ -222,7 +226,7 @@ def _entry(estimate: Estimate) -> Entry:
 def _restored(condition: Condition, approach: str, occupant: OccupantModel, entry: Entry) -> Estimate:
     text = json.loads(str(entry["text"]))
     draws = finite(entry, "draws_mps2", None, N_SAMPLES) if "draws_mps2" in entry else None
-    notes = tuple(note for note in text["notes"] if isinstance(note, str))
+    notes = tuple(map(unpacked, text["notes"]))
     prediction = Prediction(condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes)
     left_out, errors = (
         {name.removeprefix(prefix): check(entry, name, length) for name in entry if name.startswith(prefix)}

@@ -10,6 +10,7 @@ from crashfuse.condition import Condition
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.units import MPH
+from crashfuse.wording import Sentence, speed
 
 _REACH_MPS = 5 * MPH
 _LEAST = 3  # minimum number of tests, at any distance
@@ -44,15 +45,16 @@ class ExpectedRating:
     @property
     def sentence(self) -> str:
         """A sentence on the expected rating, and the number of tests that it rests on."""
-        n, within = len(self.tests), f"within {self.reach_mps / MPH:.1f} mph"
+        n, within = len(self.tests), speed(self.reach_mps)
         tests, rated = f"{n} left-out test{'s' * (n > 1)}", f"{self.lowest:.2f} to {self.highest:.2f}"
         if self.farther:
-            return (
+            return Sentence(
                 f"How it will rate is not known: expect less than the {rated} over 0–{self.window_ms:g} ms of {tests} "
-                f"{within}, each of which had a nearer test to learn from."
+                "within {}, each of which had a nearer test to learn from.",
+                within,
             )
         expected = f"Expected rating over 0–{self.window_ms:g} ms: about {self.mean:.2f} ({grade(self.mean)})"
-        return f"{expected}; {tests} {within} rated {rated}."
+        return Sentence(f"{expected}; {tests} within {{}} rated {rated}.", within)
 
 
 def expected_rating(

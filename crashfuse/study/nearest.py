@@ -7,7 +7,7 @@ import numpy as np
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.units import LB, MPH
+from crashfuse.wording import Sentence, joined, speed, weight
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +19,9 @@ class Neighbour:
 
     def differences(self, condition: Condition) -> str:
         """Differences from a condition, in words."""
-        speed, front, rear = (self.condition.vector - condition.vector) / [MPH, LB, LB]
-        return f"{self.id} ({speed:+.1f} mph, front {front:+.0f} lb, rear {rear:+.0f} lb)"
+        faster, *heavier = (self.condition.vector - condition.vector).tolist()
+        front, rear = (weight(each, form="+.0f") for each in heavier)
+        return Sentence("{} ({}, front {}, rear {})", self.id, speed(faster, form="+.1f"), front, rear)
 
 
 def nearest_tests(campaign: Campaign, condition: Condition, n: int = 3) -> tuple[Neighbour, ...]:
@@ -38,9 +39,9 @@ def nearest_runs(campaign: Campaign, condition: Condition, n: int = 1) -> tuple[
 
 def nearest_sentences(campaign: Campaign, condition: Condition) -> tuple[str, str]:
     """Sentences on the nearest tests and the nearest CAE run, and their differences."""
-    tests = ", ".join(test.differences(condition) for test in nearest_tests(campaign, condition))
-    runs = ", ".join(run.differences(condition) for run in nearest_runs(campaign, condition))
-    return f"Nearest tests by speed and weights: {tests}.", f"Nearest CAE run: {runs}."
+    tests = joined([test.differences(condition) for test in nearest_tests(campaign, condition)], ", ")
+    runs = joined([run.differences(condition) for run in nearest_runs(campaign, condition)], ", ")
+    return Sentence("Nearest tests by speed and weights: {}.", tests), Sentence("Nearest CAE run: {}.", runs)
 
 
 def _order(campaign: Campaign, vectors: np.ndarray, condition: Condition) -> Sequence[int]:

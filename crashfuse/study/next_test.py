@@ -24,6 +24,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import LB, MPH, G
+from crashfuse.wording import Sentence
 
 _N_TARGETS = 48
 
@@ -49,7 +50,9 @@ class ConditionRange:
     def __post_init__(self) -> None:
         low, high = self.low.vector, self.high.vector
         if not (np.isfinite(high).all() and (low > 0).all() and (low <= high).all()):
-            raise UsageError(f"A range goes from values above 0 to higher ones, not from {self.low} to {self.high}.")
+            raise UsageError(
+                Sentence("A range goes from values above 0 to higher ones, not from {} to {}.", self.low, self.high)
+            )
         if self.low.factors != self.high.factors:
             raise UsageError(f"A range is of one kind of vehicle, not from {self.low.factors} to {self.high.factors}.")
 

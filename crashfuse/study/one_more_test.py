@@ -20,6 +20,7 @@ from scipy.stats import t as student
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.study.cost import Cost
 from crashfuse.study.learning_curve import LearningCurve
+from crashfuse.wording import Quantity, Sentence
 
 EXPONENTS = (0.5, 1.0, 2.0)
 """Of the law: the middle one for what is expected, all for its interval."""
@@ -181,8 +182,8 @@ def _standing(curve: LearningCurve, name: str, n: int) -> str:
         said += f". It decides {100 * last['decided']:.0f} % of the verdicts on metrics, counted over these tests"
     if math.isnan(last["half_width_g"]):
         return f"{said}."
-    band, inside = f"± {last['half_width_g']:.1f} g", f"{100 * last['inside']:.0f} %"
-    return f"{said}. Its 95 % band is {band} wide on average and holds {inside} of a(t)."
+    band, inside = Quantity((last["half_width_g"],), "g"), f"{100 * last['inside']:.0f} %"
+    return Sentence("{}. Its 95 % band is ± {} wide on average and holds {} of a(t).", said, band, inside)
 
 
 def _enough(curve: LearningCurve) -> str:

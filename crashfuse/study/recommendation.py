@@ -24,6 +24,7 @@ from crashfuse.study.expected_rating import ExpectedRating, expected_rating
 from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study
 from crashfuse.units import MPH, G
+from crashfuse.wording import Quantity, Sentence, joined, speed
 
 _CLEARLY = 0.02  # in rating: a handful of tests cannot separate approaches closer than this
 _NEAR_MPS = 3 * MPH
@@ -68,7 +69,7 @@ def recommend_for(
         return _by_the_paper(names, campaign, condition)
     most = max(expected.values(), key=lambda e: e.mean).mean
     chosen = next(name for name in expected if expected[name].mean > most - _CLEARLY)
-    sentences = [f"Use {_in_words(chosen)}. {expected[chosen].sentence}"]
+    sentences: list[str] = [joined([f"Use {_in_words(chosen)}.", expected[chosen].sentence])]
     if chosen != BASELINE and BASELINE in expected:
         raw = expected[BASELINE].mean
         worse = " No better than that is to be expected here." * (expected[chosen].mean <= raw)
@@ -85,9 +86,11 @@ def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition
     away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
     beside = TimeDomain.name in names and away <= _NEAR_MPS
     chosen = TimeDomain.name if beside else names[0]
-    reason = (
-        f"Use {_in_words(chosen)}: the nearest test is {away / MPH:.1f} mph away, and the paper (Sect. 4.3) trusts the "
-        "time domain beside a test of about the same speed, else the displacement domain."
+    reason = Sentence(
+        "Use {}: the nearest test is {} away, and the paper (Sect. 4.3) trusts the time domain beside a test of about "
+        "the same speed, else the displacement domain.",
+        _in_words(chosen),
+        speed(away),
     )
     unknown = "How it predicts tests that it has not seen was not asked under these settings."
     if len(campaign.tests) == 1:
@@ -113,14 +116,19 @@ def _recommendation(study: Study) -> Recommendation:
     verdict = _Verdict(study)
     chosen = verdict.equal[0]  # the preferred one
     others = [name for name in verdict.names if name != chosen]
-    compared = ", ".join(f"{_in_words(name)} {verdict.mean_crps_g[name]:.2f} g" for name in others)
+    crps = {name: Quantity((mean,), "g", ".2f") for name, mean in verdict.mean_crps_g.items()}
+    compared = [Sentence("{} {}", _in_words(name), crps[name]) for name in others]
     n = len(study.folds)
     left_out = "1 test that was left out" if n == 1 else f"{n} tests that were left out"
-    sentences = [
-        f"Use {_in_words(chosen)} for this campaign. Over 0–{verdict.window_ms:g} ms, on {left_out}, its mean distance "
-        f"from what was measured (CRPS, less is better) is {verdict.mean_crps_g[chosen]:.2f} g"
-        + (f"; {compared}." if compared else "."),
-        verdict.ratings_of(chosen),
+    sentences: list[str] = [
+        Sentence(
+            f"Use {_in_words(chosen)} for this campaign. Over 0–{verdict.window_ms:g} ms, on {left_out}, its mean "
+            "distance from what was measured (CRPS, less is better) is {}{}{}.",
+            crps[chosen],
+            "; " if compared else "",
+            joined(compared, ", "),
+        ),
+        joined(["Mean", verdict.ratings_of(chosen)]),
     ]
     if equal := [name for name in verdict.equal if name != chosen]:
         sentences.append(f"These tests can't tell it from {' and '.join(_in_words(name) for name in equal)}.")
@@ -134,8 +142,10 @@ def _recommendation(study: Study) -> Recommendation:
         )
     if study.speed_groups is not None:
         apart = _Verdict(study.speed_groups)
-        told = apart.ratings_of(chosen)
-        sentences.append(f"Where no test of about the same speed was left to learn from: {told[0].lower()}{told[1:]}")
+        apart_ratings = apart.ratings_of(chosen)
+        sentences.append(
+            Sentence("Where no test of about the same speed was left to learn from: mean {}", apart_ratings)
+        )
     return Recommendation(chosen, tuple(sentences))
 
 
@@ -173,18 +183,18 @@ class _Verdict:
         return [name for name, e in excess.items() if e.mean() <= (e.std(ddof=1) / np.sqrt(n) if n > 1 else 0.0)]
 
     def ratings_of(self, name: str) -> str:
-        """A sentence on the mean rating, the worst rating and the harm of an approach."""
+        """The mean rating, the worst rating and the harm of an approach, to follow "mean"."""
         overall = {f.held_out: f.ratings[name][self.window_ms].overall for f in self.study.folds}
         mean, worst = float(np.mean(list(overall.values()))), min(overall, key=lambda test: overall[test])
-        speed = self.study.campaign.test(worst).condition.speed_mps / MPH
-        sentence = f"mean rating {mean:.3f} ({grade(mean)}), worst {overall[worst]:.3f} ({worst}, {speed:.1f} mph)"
+        v0 = speed(self.study.campaign.test(worst).condition.speed_mps)
+        told = Sentence(f"rating {mean:.3f} ({grade(mean)}), worst {overall[worst]:.3f} ({{}}, {{}})", worst, v0)
         if name == BASELINE or BASELINE not in self.names:
-            return f"{sentence[0].upper()}{sentence[1:]}."
+            return joined([told, "."], "")
         raw = {f.held_out: f.ratings[BASELINE][self.window_ms].overall for f in self.study.folds}
         below = [test for test in overall if overall[test] < raw[test]]
         harm = max((raw[test] - overall[test] for test in below), default=0.0)
         compared = f"better than this in {', '.join(below)} (by up to {harm:.3f})" if below else "better in no test"
-        return f"{sentence[0].upper()}{sentence[1:]}; the raw CAE model {np.mean(list(raw.values())):.3f}, {compared}."
+        return Sentence(f"{{}}; the raw CAE model {np.mean(list(raw.values())):.3f}, {{}}.", told, compared)
 
 
 def _in_words(approach: str) -> str:

@@ -14,7 +14,8 @@ from crashfuse.signals.metrics import Metric
 from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.signals.pulse import DT_S, FloatArray, kinematics
 from crashfuse.study.estimate import Estimate, Fit, estimates_at
-from crashfuse.units import LB, MPH
+from crashfuse.units import MPH
+from crashfuse.wording import Sentence, speed, weight
 
 _SLOWEST_MPS = 5 * MPH  # below, a vehicle hardly crushes, and 100 ms are too short for its occupant metrics
 _GAP_MPS = 3 * MPH  # widest gap between speeds of CAE runs that counts as covered
@@ -66,9 +67,9 @@ def sweep_speed(
     """
     speeds = np.unique(speeds_mps)
     rows = []
-    for number, speed in enumerate(speeds.tolist()):
+    for number, speed_mps in enumerate(speeds.tolist()):
         watch.report("Sweep over speed", number, len(speeds))
-        estimates = estimates_at(fits, replace(condition, speed_mps=speed))
+        estimates = estimates_at(fits, replace(condition, speed_mps=speed_mps))
         rows.append([estimate.metrics for estimate in estimates])
         if each is not None:
             each(estimates)
@@ -139,24 +140,24 @@ def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:
     said = []
     for sweep in sweeps:
         gaps = [
-            (speed / MPH, own)
-            for speed, own in zip(sweep.speeds_mps.tolist(), sweep.over_speed(metric), strict=True)
+            (v0, own)
+            for v0, own in zip(sweep.speeds_mps.tolist(), sweep.over_speed(metric), strict=True)
             if own.value is None
         ]
         if gaps:
             (low, own), (high, _) = gaps[0], gaps[-1]
-            where = f"{len(gaps)} of {len(sweep.metrics)} speeds, from {low:.1f} to {high:.1f} mph"
-            said.append((f"{LABELS[sweep.approach]} ({where})", [own]))
+            where = f"{len(gaps)} of {len(sweep.metrics)} speeds, from {{}}"
+            ends = speed(low, high, between=" to ")
+            said.append((Sentence(f"{LABELS[sweep.approach]} ({where})", ends), [own]))
     return missing_sentences(said)
 
 
 def weights_sentence(condition: Condition, tests: Sequence[CrashTest]) -> str:
     """A sentence on the weights of a sweep, and on the different ones of the tests."""
-    said = f"Swept at front {condition.front_weight_kg / LB:.0f} lb, rear {condition.rear_weight_kg / LB:.0f} lb."
+    own = weight(condition.front_weight_kg), weight(condition.rear_weight_kg)
+    said = Sentence("Swept at front {}, rear {}.", *own)
     if not tests:
         return said
-    low, high = (f(np.array([test.condition.vector[1:] for test in tests]), axis=0) / LB for f in (np.min, np.max))
-    return (
-        f"{said} The tests (black) were run with weights of their own: front {low[0]:.0f}–{high[0]:.0f} lb, "
-        f"rear {low[1]:.0f}–{high[1]:.0f} lb."
-    )
+    weights = np.array([test.condition.vector[1:] for test in tests])
+    front, rear = (weight(*ends) for ends in zip(weights.min(axis=0), weights.max(axis=0), strict=True))
+    return Sentence("{} The tests (black) were run with weights of their own: front {}, rear {}.", said, front, rear)

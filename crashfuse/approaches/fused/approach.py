@@ -21,7 +21,7 @@ from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, FloatArray
-from crashfuse.units import MPH
+from crashfuse.wording import Sentence, speed
 
 _JUDGED_S = 0.06  # the rated time: later errors must not affect the weights
 _JUDGED = slice(round(_JUDGED_S / (STRIDE * DT_S)))  # of every tenth sample
@@ -175,13 +175,13 @@ class Fused(Approach):
 
     def _reason(self, condition: Condition, weights: FloatArray) -> str:
         """A sentence on the weights and what determines them."""
-        away = np.abs(self._tests.speeds_mps - condition.speed_mps).min() / MPH
+        away = speed(float(np.abs(self._tests.speeds_mps - condition.speed_mps).min()))
         shown = np.round(weights, 2)
         shown[weights.argmax()] += 1 - shown.sum()  # so that the rounded shares add up to the whole
         parts = ", ".join(f"{name} {weight:.2f}" for name, weight in zip(COMPONENTS, shown, strict=True))
         n = len(self.calibration_.tests)
         source = f"weights learned from {n} tests, each predicted from the others" if n else "weights of other vehicles"
-        return f"Nearest test {away:.1f} mph away: {parts} ({source})."
+        return Sentence("Nearest test {} away: {} ({}).", away, parts, source)
 
     def learned(self) -> FittedState:
         """Fitted states of both approaches, and the weights."""
