@@ -20,7 +20,9 @@ from crashfuse.units import MPH
 from crashfuse.wording import MPH_LB, Sentence, UnitSystem, speed, weight
 
 _SAME_CONDITION = 1e-4  # relative: rounding in a table, far below weighing accuracy
-_SPEED_STEP_MPS = 2 * MPH
+SPEED_STEP_MPS = 2 * MPH
+"""Tests nearer to each other than this are at about one speed."""
+
 _AXES = (("speed", speed), ("front weight", weight), ("rear weight", weight))
 
 
@@ -229,7 +231,7 @@ class Campaign:
         speed = self.test(test_id).condition.speed_mps
         ordered = sorted(self.tests, key=lambda test: test.condition.speed_mps)
         speeds = np.array([test.condition.speed_mps for test in ordered])
-        groups = np.r_[0, np.cumsum(np.diff(speeds) >= _SPEED_STEP_MPS)]
+        groups = np.r_[0, np.cumsum(np.diff(speeds) >= SPEED_STEP_MPS)]
         own = groups[np.searchsorted(speeds, speed)]
         members = {test.id for test, group in zip(ordered, groups, strict=True) if group == own}
         return tuple(test_id for test_id in self.test_ids if test_id in members)

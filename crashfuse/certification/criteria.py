@@ -51,6 +51,11 @@ class Criterion:
         """Values of the metric as displayed, with its unit."""
         return Quantity(values, self.unit, ".4g" if self.unit else ".2f", between)
 
+    def compared(self, value: float | None, lower: float | None, upper: float | None) -> Sentence:
+        """An expected value with its interval, and the limits, in words."""
+        found = "{} expected, {} to {} in 95 % of tests; the limit is {}"
+        return Sentence(found, *map(self.shown, (value, lower, upper)), self.limits)
+
     def is_met_by(self, value: float) -> bool:
         """Whether a value lies within the limits."""
         return (self.at_least is None or value >= self.at_least) and (self.at_most is None or value <= self.at_most)

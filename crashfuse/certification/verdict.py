@@ -8,6 +8,7 @@ from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.condition import Condition
 from crashfuse.wording import Sentence, joined
 
+_Found = tuple[float | None, float | None, float | None]  # value, lower and upper end
 Word = Literal["met", "not met", "open", "outside"]
 WORDS: tuple[Word, ...] = get_args(Word)
 """A test there would meet the criterion, or not, with the confidence asked for; the interval straddles the limit, so
@@ -40,6 +41,11 @@ class Verdict:
     reason: str
 
     @property
+    def expected(self) -> Sentence:
+        """What is expected, and the limit, in words."""
+        return self.criterion.compared(self.value, self.lower, self.upper)
+
+    @property
     def decided(self) -> bool:
         """Whether no test is needed to tell."""
         return self.word in ("met", "not met")
@@ -67,20 +73,20 @@ def _verdict(
 
 
 def _word(
-    criterion: Criterion, probability: float | None, confidence: float, found: tuple[float | None, ...]
+    criterion: Criterion,
+    probability: float | None,
+    confidence: float,
+    found: _Found,
 ) -> tuple[Word, str]:
     if probability is None:
         return "open", f"The record is too short to predict the {criterion.label} here; only a longer one can tell."
-    value, lower, upper = (criterion.shown(each) for each in found)
     word: Word = "open"
     came = f"met with probability {_share(probability)} only: test it, or redesign."
     if probability >= confidence:
         word, came = "met", f"met with probability {_share(probability)}."
     elif probability <= 1 - confidence:
         word, came = "not met", f"missed with probability {_share(1 - probability)}."
-    return word, Sentence(
-        "{} expected, {} to {} in 95 % of tests; the limit is {}, {}", value, lower, upper, criterion.limits, came
-    )
+    return word, joined([criterion.compared(*found), came], ", ")
 
 
 def _share(probability: float) -> str:

@@ -1,18 +1,25 @@
 """Arguments of the command line."""
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from crashfuse.cli import certification, data, figures, imports, learning, models, outgoing, ratings, studies
+from crashfuse.units import KPH, LB, MPH
 from crashfuse.version import __version__
+from crashfuse.wording import SYSTEMS
 
 T = TypeVar("T")
 
 _DEVICES = ("auto", "cpu", "cuda")
 _DEVICE_HELP = "where networks are trained (default: auto, CUDA if any)"
-_AXES = ("--speed-mph", "--front-weight-lb", "--rear-weight-lb")
+_AXES = {
+    "speed_mps": {"--speed-mph": MPH, "--speed-kph": KPH},
+    "front_weight_kg": {"--front-weight-lb": LB, "--front-weight-kg": 1.0},
+    "rear_weight_kg": {"--rear-weight-lb": LB, "--rear-weight-kg": 1.0},
+}
+"""Options for speed and weights by the name of what they are in SI, in either unit with its factor."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -64,6 +71,7 @@ def parser() -> argparse.ArgumentParser:
         "(default: both, but only test with --held-out or --preset paper)",
     )
     _add_workers(study)
+    _add_units(study)
     study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
 
     certify = command("certify", certification.certify, "say which criteria a test at each condition would meet")
@@ -74,11 +82,11 @@ def parser() -> argparse.ArgumentParser:
     certify.add_argument(
         "--matrix", type=Path, metavar="FILE.csv", help="conditions, as in tests.csv (default: CAMPAIGN/matrix.csv)"
     )
-    for flag in _AXES:
-        certify.add_argument(flag, nargs="+", type=float, metavar=flag[2].upper(), help="of a grid, not a file")
+    _add_axes(certify, _AXES, nargs="+", help="of a grid, not a file")
     certify.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
     _add_settings(certify)
+    _add_units(certify)
     _add_workers(certify)
 
     curve = command("learning-curve", learning.learning_curve, "predict tests from 1, 2, 3 … of the others")
@@ -96,13 +104,13 @@ def parser() -> argparse.ArgumentParser:
     curve.add_argument(
         "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
     )
+    _add_units(curve)
     curve.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
     curve.add_argument("--device", choices=_DEVICES, help=_DEVICE_HELP)
     _add_workers(curve)
 
     predict = command("predict", models.predict, "predict the pulse at a condition that was never tested")
-    for flag in _AXES:
-        predict.add_argument(flag, type=float, required=True, metavar=flag[2].upper())
+    _add_axes(predict, _AXES, required=True)
     _add_prediction_options(predict)
     outgoing.add_options(predict, "isomme")
 
@@ -111,22 +119,20 @@ def parser() -> argparse.ArgumentParser:
     _add_model_options(train)
 
     sweep = command("sweep", models.sweep, "predict the pulse metrics over impact speed, at fixed weights")
-    sweep.add_argument(
-        "--speed-mph", nargs=2, type=float, metavar=("LOW", "HIGH"), help="default: where there are runs"
-    )
-    for flag in _AXES[1:]:
-        sweep.add_argument(flag, type=float, required=True, metavar=flag[2].upper())
+    speed, *weights = _AXES
+    _add_axes(sweep, [speed], nargs=2, metavar=("LOW", "HIGH"), help="default: where there are runs")
+    _add_axes(sweep, weights, required=True)
     _add_prediction_options(sweep)
     outgoing.add_options(sweep)
 
     next_test = command("next-test", models.next_test, "rank tests to run next by how much each would narrow the band")
-    for flag in _AXES:
-        next_test.add_argument(flag, nargs=2, type=float, metavar=("LOW", "HIGH"), help="range (default: the tests')")
+    _add_axes(next_test, _AXES, nargs=2, metavar=("LOW", "HIGH"), help="range (default: the tests')")
     next_test.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="the kind of vehicle (default: the usual)")
     next_test.add_argument(
         "--candidates", type=Path, metavar="FILE.csv", help="a table like tests.csv (default: a grid)"
     )
     next_test.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    _add_units(next_test)
     next_test.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
 
     figures.add_options(commands.add_parser("figures", help="write the figures of a report as SVG, PNG or slides"))
@@ -134,9 +140,42 @@ def parser() -> argparse.ArgumentParser:
     return root
 
 
+def _add_axes(
+    parser: argparse.ArgumentParser,
+    axes: Iterable[str],
+    *,
+    required: bool = False,
+    **options: Any,  # noqa: ANN401 - those of argparse
+) -> None:
+    """Options for speed and weights; a value is converted to SI as it is read."""
+    for name in axes:
+        group = parser.add_mutually_exclusive_group(required=required)
+        for flag, in_si in _AXES[name].items():
+            group.add_argument(flag, dest=name, type=_in_si(in_si), **{"metavar": flag[2].upper(), **options})
+
+
+def _in_si(factor: float) -> Callable[[str], float]:
+    """Parser of a number above 0 in a unit with this factor to SI."""
+
+    def number(text: str) -> float:
+        if not 0 < float(text) < float("inf"):
+            raise argparse.ArgumentTypeError(f"must be a number above 0, not {text}")
+        return float(text) * factor
+
+    return number
+
+
+def _add_units(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--units", type=_one_of(*SYSTEMS), default="mph-lb", metavar="|".join(SYSTEMS),
+        help="units of speeds and weights in the report (default: %(default)s); tables keep theirs",
+    )  # fmt: skip
+
+
 def _add_prediction_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of the tests' table (powertrain=V6, say)")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    _add_units(parser)
     parser.add_argument("--models", type=Path, metavar="DIR", help="predict with the models that train saved there")
     _add_model_options(parser)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from crashfuse.cli.models import factor, settings
 from crashfuse.cli.output import replacing, require_output, say_written, writing
 from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.wording import SYSTEMS
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
@@ -20,6 +21,7 @@ def certify(arguments: argparse.Namespace) -> None:
     from crashfuse.cli.progress_bar import watching
     from crashfuse.reporting.certification_sentences import summary
     from crashfuse.reporting.certification_tables import counts_table
+    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_certification
 
     require_output(arguments.out, arguments.campaign, "certification")
@@ -38,10 +40,11 @@ def certify(arguments: argparse.Namespace) -> None:
             workers=arguments.workers,
             scheduler=arguments.scheduler,
         )
+    display = Display(system=SYSTEMS[arguments.units])
     with replacing(arguments.out, "certification"), writing(arguments.out, "certification.json") as folder:
-        write_certification(certification, folder)
-    print(counts_table(certification).to_string(index=False))
-    print(*summary(certification), sep="\n")
+        write_certification(certification, folder, display)
+    print(counts_table(certification, display.units).to_string(index=False))
+    print(*map(display.words, summary(certification)), sep="\n")
     if campaign.notice:
         print(campaign.notice)
     say_written(arguments.out, "certification")
@@ -50,9 +53,8 @@ def certify(arguments: argparse.Namespace) -> None:
 def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":
     """The conditions: of a grid if one is asked for, else of a file."""
     from crashfuse.certification.matrix import Matrix
-    from crashfuse.units import LB, MPH
 
-    axes = (arguments.speed_mph, arguments.front_weight_lb, arguments.rear_weight_lb)
+    axes = (arguments.speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg)
     if not any((*axes, arguments.factor)):
         path = arguments.matrix or arguments.campaign / "matrix.csv"
         if not path.is_file():
@@ -61,11 +63,11 @@ def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":
         return Matrix.read(path, campaign.factors)
     if arguments.matrix is not None or not all(axes):
         raise UsageError(
-            "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb, all three, and no --matrix."
+            "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb (or in kph, kg), all three, and no "
+            "--matrix."
         )
     factors: dict[str, dict[str, None]] = {}
     for text in arguments.factor or ():
         name, value = factor(text, campaign.factors)
         factors.setdefault(name, {})[value] = None
-    speeds, front, rear = ([value * unit for value in axis] for axis, unit in zip(axes, (MPH, LB, LB), strict=True))
-    return Matrix.grid(speeds, front, rear, {name: tuple(values) for name, values in factors.items()})
+    return Matrix.grid(*axes, {name: tuple(values) for name, values in factors.items()})

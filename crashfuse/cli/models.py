@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from crashfuse.cli.outgoing import pulse_export
 from crashfuse.cli.output import replacing, require_output, say_written, writing
 from crashfuse.errors import UsageError
+from crashfuse.wording import SYSTEMS
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
@@ -39,61 +40,59 @@ def train(arguments: argparse.Namespace) -> None:
 def predict(arguments: argparse.Namespace) -> None:
     """Predict the pulse at a new condition."""
     from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_prediction
     from crashfuse.signals.metrics import MAIN_METRICS
     from crashfuse.study.estimate import estimates_at
     from crashfuse.study.nearest import nearest_sentences
     from crashfuse.study.recommendation import recommend_for
 
-    _require_positive(arguments, "speed_mph", "front_weight_lb", "rear_weight_lb")
-    export = pulse_export(arguments)
+    export, display = pulse_export(arguments), Display(system=SYSTEMS[arguments.units])
     require_output(arguments.out, arguments.campaign, "prediction")
     campaign = load_campaign(arguments.campaign)
-    condition = _condition(arguments, campaign, arguments.speed_mph)
+    condition = _condition(arguments, campaign, arguments.speed_mps)
     fits = _fits(arguments, campaign)
     estimates = estimates_at(fits, condition)
     with replacing(arguments.out, "prediction"):
-        metrics = write_prediction(campaign, estimates, fits[0].config, arguments.out, export)
+        metrics = write_prediction(campaign, estimates, fits[0].config, arguments.out, export, display)
     shown = metrics[metrics["metric"].isin(MAIN_METRICS)].drop(columns=["held_out", "basis"])
     print(shown.to_string(index=False, na_rep="", float_format="{:.4g}".format))
     advice = recommend_for(estimates, campaign, condition).sentences
     notes = (note for estimate in estimates for note in estimate.prediction.notes)
     for sentence in dict.fromkeys((*advice, *nearest_sentences(campaign, condition), *notes, campaign.notice)):
         if sentence:
-            print(sentence)
+            print(display.words(sentence))
     say_written(arguments.out, "prediction")
 
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
-    import numpy as np
-
     from crashfuse.campaign_folder.folder import load_campaign
     from crashfuse.cli.progress_bar import watching
+    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_pulses, write_sweep
-    from crashfuse.study.sweep import sweep_speed, usual_speeds, weights_sentence
-    from crashfuse.units import MPH
+    from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
+    from crashfuse.wording import speed
 
-    _require_positive(arguments, "front_weight_lb", "rear_weight_lb")
-    export = pulse_export(arguments)
+    export, display = pulse_export(arguments), Display(system=SYSTEMS[arguments.units])
     require_output(arguments.out, arguments.campaign, "sweep")
     campaign = load_campaign(arguments.campaign)
     speeds = usual_speeds(campaign)
-    if arguments.speed_mph is not None:
-        low, high = arguments.speed_mph
-        if not 0 < low < high < float("inf"):
-            raise UsageError("--speed-mph takes a speed above 0 and a higher one.")
-        speeds = np.unique([low, *np.arange(np.ceil(low), np.floor(high) + 1), high]) * MPH
-    condition = _condition(arguments, campaign, speeds[0] / MPH)
+    if arguments.speed_mps is not None:
+        low, high = arguments.speed_mps
+        if not low < high:
+            raise UsageError("A sweep takes a speed and a higher one.")
+        speeds = speeds_between(low, high)
+    condition = _condition(arguments, campaign, speeds[0])
     fits = _fits(arguments, campaign)
     with replacing(arguments.out, "sweep"), writing(arguments.out, last="sweep.csv") as folder:
         with watching() as watch:
             sweeps = sweep_speed(
                 fits, condition, speeds, watch, each=lambda found: write_pulses(campaign, found, folder, export)
             )
-        write_sweep(campaign, sweeps, fits[0].config, folder)
-    print(f"{len(speeds)} speeds from {speeds[0] / MPH:.1f} to {speeds[-1] / MPH:.1f} mph.")
-    print(weights_sentence(condition, campaign.tests))
+        write_sweep(campaign, sweeps, fits[0].config, folder, display)
+    print(f"{len(speeds)} speeds from {display.words(speed(speeds[0], speeds[-1], between=' to '))}.")
+    print(display.words(weights_sentence(condition, campaign.tests)))
     say_written(arguments.out, "sweep")
 
 
@@ -103,18 +102,17 @@ def next_test(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.condition_tables import read_candidates
     from crashfuse.campaign_folder.folder import load_campaign
     from crashfuse.cli.progress_bar import watching
+    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_next_tests
     from crashfuse.study.estimate import Fit
     from crashfuse.study.next_test import ConditionRange, next_tests_table, rank_next_tests
-    from crashfuse.units import LB, MPH
 
     require_output(arguments.out, arguments.campaign, "ranking of next tests")
     campaign = load_campaign(arguments.campaign)
     over = ConditionRange.of(campaign.tests)
-    asked = (("speed_mps", arguments.speed_mph, MPH), ("front_weight_kg", arguments.front_weight_lb, LB))
-    for name, limits, unit in (*asked, ("rear_weight_kg", arguments.rear_weight_lb, LB)):
-        if limits is not None:
-            ends = [replace(end, **{name: x * unit}) for end, x in zip((over.low, over.high), limits, strict=True)]
+    for name in ("speed_mps", "front_weight_kg", "rear_weight_kg"):
+        if (limits := getattr(arguments, name)) is not None:
+            ends = [replace(end, **{name: x}) for end, x in zip((over.low, over.high), limits, strict=True)]
             over = ConditionRange(*ends)
     if arguments.factor:
         factors = tuple(factor(text, campaign.factors) for text in arguments.factor)
@@ -124,24 +122,19 @@ def next_test(arguments: argparse.Namespace) -> None:
         fit = Fit.of(campaign, DisplacementDomain.name, settings(arguments), watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
     ranked = rank_next_tests(fit.approach, over, candidates)
-    write_next_tests(campaign, over, ranked, fit.config, arguments.out)
-    print(f"The band of the displacement domain over {over.low} to {over.high}:")
-    print(next_tests_table(ranked[:_BEST]).to_string(index=False))
+    display = Display(system=SYSTEMS[arguments.units])
+    write_next_tests(campaign, over, ranked, fit.config, arguments.out, display)
+    low, high = display.condition(over.low), display.condition(over.high)
+    print(f"The band of the displacement domain over {low} to {high}:")
+    print(next_tests_table(ranked[:_BEST], display.units).to_string(index=False))
     say_written(arguments.out, "ranking of next tests")
 
 
-def _require_positive(arguments: argparse.Namespace, *names: str) -> None:
-    for name in names:
-        if not 0 < getattr(arguments, name) < float("inf"):
-            raise UsageError(f"--{name.replace('_', '-')} must be a number above 0.")
-
-
-def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mph: float) -> "Condition":
+def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mps: float) -> "Condition":
     from crashfuse.condition import Condition
-    from crashfuse.units import LB, MPH
 
     factors = tuple(factor(text, campaign.factors) for text in arguments.factor or ())
-    return Condition(speed_mph * MPH, arguments.front_weight_lb * LB, arguments.rear_weight_lb * LB, factors)
+    return Condition(speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg, factors)
 
 
 def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:

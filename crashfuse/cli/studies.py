@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from crashfuse.cli.output import replacing, require_output, say_written, writing
 from crashfuse.errors import UsageError
+from crashfuse.wording import SYSTEMS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -120,6 +121,7 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     """Compute a study, write it and print its results; returns its means."""
     from crashfuse.cli.progress_bar import watching
+    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.result_tables import scores_table, studies_table
     from crashfuse.reporting.results import begin_study, write_study
     from crashfuse.study.recommendation import recommend
@@ -130,14 +132,15 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
         begin_study(folder, plan)
     with watching() as watch:
         study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
+    display = Display(system=SYSTEMS[arguments.units])
     with replacing(run.out, "study"), writing(run.out) as folder:
-        write_study(study, folder)
+        write_study(study, folder, display)
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
     _print_means(scores_table(study))
     if study.speed_groups is not None:
         print(f"The same, {_LEFT_OUT['speed group']}")
         _print_means(scores_table(study.speed_groups))
-    print(*recommend(study).sentences, sep="\n")
+    print(*map(display.words, recommend(study).sentences), sep="\n")
     if plan.campaign.notice:
         print(plan.campaign.notice)
     return studies_table([(run.name, study)])

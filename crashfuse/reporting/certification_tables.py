@@ -12,6 +12,7 @@ from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS
 from crashfuse.condition import Condition
 from crashfuse.units import LB, MPH
+from crashfuse.wording import MPH_LB, UnitSystem, said
 
 
 def certification_table(certification: Certification) -> pd.DataFrame:
@@ -86,11 +87,15 @@ def verdict_counts(certification: Certification) -> dict[str, int]:
     return {word: words.count(word) for word in WORDS}
 
 
-def counts_table(certification: Certification) -> pd.DataFrame:
+def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd.DataFrame:
     """Number of verdicts of each kind by criterion, with its limits."""
     rows = [[row[column].word for row in certification.verdicts] for column in range(len(certification.criteria.items))]
     return pd.DataFrame(
-        {"criterion": criterion.name, "limit": criterion.limits, **{word: words.count(word) for word in WORDS}}
+        {
+            "criterion": criterion.name,
+            "limit": said(criterion.limits, units),
+            **{word: words.count(word) for word in WORDS},
+        }
         for criterion, words in zip(certification.criteria.items, rows, strict=True)
     )
 

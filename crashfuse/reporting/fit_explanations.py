@@ -9,6 +9,7 @@ import pandas as pd
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
 from crashfuse.study.estimate import Estimate
+from crashfuse.wording import Quantity, Sentence
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration"}
@@ -45,12 +46,15 @@ def fit_table(state: Mapping[str, Any]) -> pd.DataFrame:
 
 def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     """Sentences on the quality of an approach's fit and the reliability of its band; empty without a fit."""
-    sentences = []
+    sentences: list[str] = []
     if "hyperparameters" in state:
         verdict = "no more than noise: treat the result as uncorrected" if state["dead"] else "more than noise"
         sentences.append(
-            f"Fitted to {state['points']} points of a bias of {state['bias_rms_g']:.1f} g RMS; log marginal likelihood "
-            f"{state['log_marginal_likelihood']:.0f}, restarts {state['retries']}. The fit explains {verdict}."
+            Sentence(
+                f"Fitted to {state['points']} points of a bias of {{}} RMS; log marginal likelihood "
+                f"{state['log_marginal_likelihood']:.0f}, restarts {state['retries']}. The fit explains {verdict}.",
+                Quantity((state["bias_rms_g"],), "g"),
+            )
         )
     if len(densities := state.get("left_out_log_density", {})) > 1:
         compared = ", ".join(f"{name} {value:.0f}" for name, value in densities.items())

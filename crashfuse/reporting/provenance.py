@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib import metadata
 
 from crashfuse.approaches.registry import APPROACHES
@@ -12,6 +12,7 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
 from crashfuse.version import __version__
+from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem
 
 _PACKAGES = ("numpy", "scipy", "scikit-learn", "torch", "pandas", "plotly")
 
@@ -39,51 +40,67 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
     }
 
 
-def study_command(campaign: Campaign, held_out: Sequence[str], config: StudyConfig) -> str:
+def study_command(campaign: Campaign, held_out: Sequence[str], config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a study; the reader fills in the folders."""
     tests = "" if tuple(held_out) == campaign.test_ids else f" --held-out {' '.join(map(_quoted, held_out))}"
     windows = " ".join(f"{window:g}" for window in config.windows_ms)
     way = config.leave_out.replace(" ", "-")
-    return f"crashfuse study CAMPAIGN --out DIR{tests}{_settings(config)} --windows-ms {windows} --leave-out {way}"
+    settings = f"{_settings(config)} --windows-ms {windows} --leave-out {way}{_units(units)}"
+    return f"crashfuse study CAMPAIGN --out DIR{tests}{settings}"
 
 
-def prediction_command(condition: Condition, config: StudyConfig) -> str:
+def prediction_command(condition: Condition, config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a prediction."""
-    speed = f" --speed-mph {condition.speed_mps / MPH:.10g}"
-    return f"crashfuse predict CAMPAIGN{speed}{_vehicle(condition)} --out DIR{_settings(config)}"
+    at = _axes(units, condition)
+    return f"crashfuse predict CAMPAIGN{at}{_factors(condition)} --out DIR{_settings(config)}{_units(units)}"
 
 
-def sweep_command(condition: Condition, speeds_mps: FloatArray, config: StudyConfig) -> str:
+def sweep_command(condition: Condition, speeds_mps: FloatArray, config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a sweep."""
-    speeds = f" --speed-mph {speeds_mps[0] / MPH:.10g} {speeds_mps[-1] / MPH:.10g}"
-    return f"crashfuse sweep CAMPAIGN{speeds}{_vehicle(condition)} --out DIR{_settings(config)}"
+    speeds, *weights = _AXES
+    ends = [replace(condition, speed_mps=float(speed)) for speed in speeds_mps[[0, -1]]]
+    at = _axes(units, *ends, only=[speeds]) + _axes(units, condition, only=weights)
+    return f"crashfuse sweep CAMPAIGN{at}{_factors(condition)} --out DIR{_settings(config)}{_units(units)}"
 
 
-def next_test_command(low: Condition, high: Condition, config: StudyConfig) -> str:
+def next_test_command(low: Condition, high: Condition, config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a ranking of next tests over a range, on the usual grid."""
-    flags = (("--speed-mph", MPH), ("--front-weight-lb", LB), ("--rear-weight-lb", LB))
-    limits = zip(flags, low.vector.tolist(), high.vector.tolist(), strict=True)
-    over = "".join(f" {flag} {a / unit:.10g} {b / unit:.10g}" for (flag, unit), a, b in limits)
-    return f"crashfuse next-test CAMPAIGN{over}{_factors(low)} --out DIR --seed {config.seed}"
+    over = f"{_axes(units, low, high)}{_factors(low)}"
+    return f"crashfuse next-test CAMPAIGN{over} --out DIR --seed {config.seed}{_units(units)}"
 
 
-def certify_command(config: StudyConfig) -> str:
+def certify_command(config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a certification from its criteria and matrix as files."""
-    return f"crashfuse certify CAMPAIGN --criteria criteria.toml --matrix matrix.csv --out DIR{_settings(config)}"
+    files = "--criteria criteria.toml --matrix matrix.csv"
+    return f"crashfuse certify CAMPAIGN {files} --out DIR{_settings(config)}{_units(units)}"
 
 
-def learning_curve_command(config: StudyConfig, repeats: int, cost: str) -> str:
+def learning_curve_command(config: StudyConfig, repeats: int, cost: str, units: UnitSystem = MPH_LB) -> str:
     """The command line that reproduces a learning curve."""
     windows = " ".join(f"{window:g}" for window in config.windows_ms)
     approaches = f" --approach {' '.join(config.approaches)}"
     settings = f"{approaches} --seed {config.seed} --windows-ms {windows} --repeats {repeats}"
     price = f" --cost-per-test {_quoted(cost)}" if cost else ""
-    return f"crashfuse learning-curve CAMPAIGN --out DIR{settings}{price}"
+    return f"crashfuse learning-curve CAMPAIGN --out DIR{settings}{price}{_units(units)}"
 
 
-def _vehicle(condition: Condition) -> str:
-    front, rear = condition.front_weight_kg / LB, condition.rear_weight_kg / LB
-    return f" --front-weight-lb {front:.10g} --rear-weight-lb {rear:.10g}{_factors(condition)}"
+_AXES = {"speed": "speed_mps", "front-weight": "front_weight_kg", "rear-weight": "rear_weight_kg"}
+
+
+def _axes(units: UnitSystem, *conditions: Condition, only: Sequence[str] = tuple(_AXES)) -> str:
+    """Options for speed and weights, each with its value at these conditions."""
+    said = ""
+    for axis in only:
+        unit, in_si = ("mph", MPH) if axis == "speed" else ("lb", LB)
+        factor, ending = units.factor(unit) / in_si, units.unit(unit).replace("km/h", "kph")
+        values = (f"{getattr(condition, _AXES[axis]) * factor:.10g}" for condition in conditions)
+        said += f" --{axis}-{ending} {' '.join(values)}"
+    return said
+
+
+def _units(units: UnitSystem) -> str:
+    """The option for the units of the report, unless they are the usual ones."""
+    return "" if units == MPH_LB else f" --units {next(name for name, own in SYSTEMS.items() if own == units)}"
 
 
 def _factors(condition: Condition) -> str:

@@ -9,6 +9,7 @@ import pandas as pd
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.metrics import Metric
 from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
@@ -92,11 +93,11 @@ def gains_table(curve: LearningCurve, cost: Cost | None = None) -> pd.DataFrame:
     )
 
 
-def curve_table(curve: LearningCurve) -> pd.DataFrame:
+def curve_table(curve: LearningCurve, display: Display = DEFAULT) -> pd.DataFrame:
     """The summary of the approaches that learn from tests, as a readable table."""
     table = summary(curve)
     table = table[[CLASSES[name].learns_from_tests for name in table["approach"]]]
-    known = table["half_width_g"].notna()
+    half_width, known = table["half_width_g"] * display.units.factor("g"), table["half_width_g"].notna()
     return pd.DataFrame(
         {
             "Approach": table["approach"].map(LABELS),
@@ -106,7 +107,7 @@ def curve_table(curve: LearningCurve) -> pd.DataFrame:
             "Rating": [f"{r:.3f}{plus_minus(e)}" for r, e in zip(table["rating"], table["error"], strict=True)],
             "80 % within": [f"{low:.2f}–{high:.2f}" for low, high in zip(table["low"], table["high"], strict=True)],
             "a(t) in band (%)": (100 * table["inside"]).map("{:.0f}".format).where(known, "–"),
-            "Band (± g)": table["half_width_g"].map("{:.1f}".format).where(known, "–"),
+            f"Band (± {display.unit})": half_width.map("{:.1f}".format).where(known, "–"),
             **({"Decided (%)": (100 * table["decided"]).map("{:.0f}".format)} if "decided" in table else {}),
         }
     )

@@ -17,6 +17,7 @@ from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_tables import certification_table, track_record_table
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport, PulseFiles
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.records import learning_curve_record, prediction_record, study_record
 from crashfuse.reporting.report import (
@@ -73,7 +74,7 @@ def read_record(folder: Path) -> StudyRecord:
         raise DataError(Problem(str(path), "the record of a study", f"{error!r}", advice)) from error
 
 
-def write_study(study: Study, folder: str | Path) -> None:
+def write_study(study: Study, folder: str | Path, display: Display = DEFAULT) -> None:
     """Write the results of a study.
 
     ``scores.csv``, ``pulses.csv``, ``metrics.csv``, ``report.html``; ``speed_groups.csv``, the scores with whole speed
@@ -84,7 +85,7 @@ def write_study(study: Study, folder: str | Path) -> None:
     OSError
         If the folder cannot be written.
     """
-    _write(_STUDY, folder, study)
+    _write(_STUDY, folder, study, display)
 
 
 def write_prediction(
@@ -93,6 +94,7 @@ def write_prediction(
     config: StudyConfig,
     folder: str | Path,
     export: PulseExport = PulseExport(),
+    display: Display = DEFAULT,
 ) -> pd.DataFrame:
     """Write the prediction at one new condition; returns the metrics.
 
@@ -108,13 +110,15 @@ def write_prediction(
         If there are fewer draws than are to be exported.
     """
     pulses = export.files(campaign, estimates)
-    _write(_PREDICTION, folder, campaign, estimates, config, pulses)
+    _write(_PREDICTION, folder, campaign, estimates, config, pulses, display)
     return _metrics(campaign, estimates)
 
 
-def write_sweep(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, folder: Path) -> None:
+def write_sweep(
+    campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, folder: Path, display: Display = DEFAULT
+) -> None:
     """Write ``sweep.csv``, with the tests' own metrics, and ``report.html``."""
-    _write(_SWEEP, folder, campaign, sweeps, config)
+    _write(_SWEEP, folder, campaign, sweeps, config, display)
 
 
 def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> None:
@@ -134,13 +138,18 @@ def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path
 
 
 def write_next_tests(
-    campaign: Campaign, over: ConditionRange, ranked: Sequence[NextTest], config: StudyConfig, folder: Path
+    campaign: Campaign,
+    over: ConditionRange,
+    ranked: Sequence[NextTest],
+    config: StudyConfig,
+    folder: Path,
+    display: Display = DEFAULT,
 ) -> None:
     """Write ``next_tests.csv``, the best first, and ``report.html``."""
-    _write(_NEXT_TESTS, folder, campaign, over, ranked, config)
+    _write(_NEXT_TESTS, folder, campaign, over, ranked, config, display)
 
 
-def write_certification(certification: Certification, folder: str | Path) -> None:
+def write_certification(certification: Certification, folder: str | Path, display: Display = DEFAULT) -> None:
     """Write ``certification.csv``, ``track_record.csv``, ``report.html`` and, last, ``certification.json``.
 
     Raises
@@ -148,10 +157,12 @@ def write_certification(certification: Certification, folder: str | Path) -> Non
     OSError
         If the folder cannot be written.
     """
-    _write(_CERTIFICATION, folder, certification)
+    _write(_CERTIFICATION, folder, certification, display)
 
 
-def write_learning_curve(curve: LearningCurve, folder: str | Path, cost: Cost | None = None) -> None:
+def write_learning_curve(
+    curve: LearningCurve, folder: str | Path, cost: Cost | None = None, display: Display = DEFAULT
+) -> None:
     """Write ``learning_curve.csv``, ``report.html`` and, last, ``learning_curve.json``; cost is that of one test.
 
     Raises
@@ -159,7 +170,7 @@ def write_learning_curve(curve: LearningCurve, folder: str | Path, cost: Cost | 
     OSError
         If the folder cannot be written.
     """
-    _write(_LEARNING_CURVE, folder, curve, cost)
+    _write(_LEARNING_CURVE, folder, curve, cost, display)
 
 
 def _write(files: Mapping[str, Callable[..., Content]], folder: str | Path, *result: object) -> None:
@@ -182,42 +193,44 @@ def _json(values: Mapping[str, object]) -> bytes:
     return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-_STUDY: Mapping[str, Callable[[Study], Content]] = {
-    "scores.csv": lambda study: csv_bytes(scores_table(study)),
-    "speed_groups.csv": lambda study: (
+_STUDY: Mapping[str, Callable[[Study, Display], Content]] = {
+    "scores.csv": lambda study, _: csv_bytes(scores_table(study)),
+    "speed_groups.csv": lambda study, _: (
         None if study.speed_groups is None else csv_bytes(scores_table(study.speed_groups))
     ),
-    "pulses.csv": lambda study: csv_bytes(pulses_table((f.held_out, e) for f in study.folds for e in f.estimates)),
-    "metrics.csv": lambda study: csv_bytes(study_metrics(study)),
-    "report.html": lambda study: study_report(study).encode(),
-    "study.json": lambda study: _json(study_record(study)),
+    "pulses.csv": lambda study, _: csv_bytes(pulses_table((f.held_out, e) for f in study.folds for e in f.estimates)),
+    "metrics.csv": lambda study, _: csv_bytes(study_metrics(study)),
+    "report.html": lambda *result: study_report(*result).encode(),
+    "study.json": lambda study, _: _json(study_record(study)),
 }
-_PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig, PulseFiles], Content]] = {
+_PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig, PulseFiles, Display], Content]] = {
     "pulses.csv": lambda _, estimates, *__: csv_bytes(_pulses(estimates)),
     "pulses.parquet": lambda _, estimates, *__: parquet_bytes(_pulses(estimates)),
     "metrics.csv": lambda campaign, estimates, *_: csv_bytes(_metrics(campaign, estimates)),
-    "report.html": lambda *result: prediction_report(*result[:3]).encode(),
+    "report.html": lambda campaign, estimates, config, _, display: prediction_report(
+        campaign, estimates, config, display
+    ).encode(),
     **{f"{name}/": (lambda *result, name=name: result[3].get(name)) for name in PULSE_FORMATS},
     "prediction.json": lambda *result: _json(prediction_record(*result[:3])),
 }
-_SWEEP: Mapping[str, Callable[[Campaign, Sequence[Sweep], StudyConfig], Content]] = {
+_SWEEP: Mapping[str, Callable[[Campaign, Sequence[Sweep], StudyConfig, Display], Content]] = {
     "report.html": lambda *result: sweep_report(*result).encode(),
-    "sweep.csv": lambda campaign, sweeps, _: csv_bytes(sweep_table(sweeps, campaign)),
+    "sweep.csv": lambda campaign, sweeps, *_: csv_bytes(sweep_table(sweeps, campaign)),
 }
-_NEXT_TESTS: Mapping[str, Callable[[Campaign, ConditionRange, Sequence[NextTest], StudyConfig], Content]] = {
+_NEXT_TESTS: Mapping[str, Callable[[Campaign, ConditionRange, Sequence[NextTest], StudyConfig, Display], Content]] = {
     "report.html": lambda *result: next_test_report(*result).encode(),
-    "next_tests.csv": lambda _, __, ranked, ___: csv_bytes(next_tests_table(ranked)),
+    "next_tests.csv": lambda _, __, ranked, *___: csv_bytes(next_tests_table(ranked)),
 }
-_CERTIFICATION: Mapping[str, Callable[[Certification], Content]] = {
-    "certification.csv": lambda certification: csv_bytes(certification_table(certification)),
-    "track_record.csv": lambda certification: csv_bytes(track_record_table(certification)),
-    "report.html": lambda certification: certification_report(certification).encode(),
-    "certification.json": lambda certification: _json(certification_record(certification)),
+_CERTIFICATION: Mapping[str, Callable[[Certification, Display], Content]] = {
+    "certification.csv": lambda certification, _: csv_bytes(certification_table(certification)),
+    "track_record.csv": lambda certification, _: csv_bytes(track_record_table(certification)),
+    "report.html": lambda *result: certification_report(*result).encode(),
+    "certification.json": lambda certification, _: _json(certification_record(certification)),
 }
-_LEARNING_CURVE: Mapping[str, Callable[[LearningCurve, Cost | None], Content]] = {
-    "learning_curve.csv": lambda curve, _: csv_bytes(curve.table.assign(basis=curve.campaign.rating_basis)),
+_LEARNING_CURVE: Mapping[str, Callable[[LearningCurve, Cost | None, Display], Content]] = {
+    "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table.assign(basis=curve.campaign.rating_basis)),
     "report.html": lambda *result: learning_curve_report(*result).encode(),
-    "learning_curve.json": lambda *result: _json(learning_curve_record(*result)),
+    "learning_curve.json": lambda *result: _json(learning_curve_record(*result[:2])),
 }
 RESULT_FILES = {
     "series of studies": ("studies.csv",),

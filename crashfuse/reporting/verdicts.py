@@ -17,6 +17,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.certification_tables import certification_table, track_record_table
 from crashfuse.reporting.plots.certification import verdict_matrix
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.config import StudyConfig
 
 
@@ -36,9 +37,9 @@ class Verdicts:
         """One row a left-out test and criterion, as ``track_record.csv``."""
         return track_record_table(self.certification)
 
-    def plot(self) -> go.Figure:
+    def plot(self, display: Display = DEFAULT) -> go.Figure:
         """The verdicts as a table in colours, conditions by criteria."""
-        return verdict_matrix(self.certification)
+        return verdict_matrix(self.certification, display)
 
 
 def certify(

@@ -93,8 +93,13 @@ def usual_speeds(campaign: Campaign) -> FloatArray:
         next((speed for speed, accel in ordered if _stops(accel, speed)), ordered[0][0])
         for ordered in (quick, quick[::-1])
     )
-    within = np.arange(np.ceil(low / MPH), np.floor(high / MPH) + 1) * MPH
-    return np.unique(np.clip([low, *within, high], low, high))
+    return speeds_between(low, high)
+
+
+def speeds_between(low_mps: float, high_mps: float) -> FloatArray:
+    """Every full mph between two speeds in m/s, and these themselves."""
+    within = np.arange(np.ceil(low_mps / MPH), np.floor(high_mps / MPH) + 1) * MPH
+    return np.unique(np.clip([low_mps, *within, high_mps], low_mps, high_mps))
 
 
 def _stops(accel_mps2: FloatArray, speed_mps: float) -> bool:

@@ -41,7 +41,7 @@ def bias_by_speed(
     """
     figure = displacement_figure(height_under_names(len(tests)))
     of_test = {test.id: bias for test, bias in zip(tests, biases, strict=True)}
-    for test, style in by_speed(tests, highlight):
+    for test, style in by_speed(tests, highlight, display):
         bias = of_test[test.id]
         add_line(figure, bias.displacement_m / _MM, bias.bias_mps2 * display.accel_scale, **style)
     figure.update_yaxes(title=f"Bias, test − CAE ({display.unit})")

@@ -11,8 +11,8 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, INK, MEASURED_COLOUR, VERDICT_COLOURS
-from crashfuse.units import LB, MPH
 
 FEW_CONDITIONS = 40
 """More rows than these are drawn narrower."""
@@ -26,19 +26,19 @@ _MAX_RUNS = 600  # more points only fill the same cloud
 _CHECKED = "#0072B2"
 
 
-def verdict_matrix(certification: Certification) -> go.Figure:
+def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> go.Figure:
     """Draw verdicts as a table of conditions, sorted by speed, by criteria: colour, word and probability of being met.
 
     A cell's mark carries ``"<condition> | <criterion>"``. Beyond 200 conditions only colours are drawn.
     """
     ids, rows = _by_speed(certification)
     width = min(max(_HEADER_CHARACTERS // len(certification.criteria.items), 9), 22)
-    names = [_header(criterion, width) for criterion in certification.criteria.items]
-    labels = [f"{i} · {row[0].condition.speed_mps / MPH:.1f} mph" for i, row in zip(ids, rows, strict=True)]
+    names = [_header(criterion, width, display) for criterion in certification.criteria.items]
+    labels = [f"{i} · {display.speed(row[0].condition.speed_mps)}" for i, row in zip(ids, rows, strict=True)]
     with_words = len(rows) <= _MOST_WORDS
     row_px = _ROW_PX if len(rows) <= FEW_CONDITIONS else _NARROW_ROW_PX
     figure = new_figure(height=110 + row_px * len(rows) if with_words else _ALL_ROWS_PX)
-    hover = [[_hover(i, verdict) for verdict in row] for i, row in zip(ids, rows, strict=True)]
+    hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
     figure.add_heatmap(
         z=np.array([[WORDS.index(verdict.word) for verdict in row] for row in rows], dtype=np.int8),
         x=names,
@@ -96,14 +96,14 @@ def cell_name(condition_id: str, verdict: Verdict) -> str:
     return f"{condition_id} | {verdict.criterion.name}"
 
 
-def validated_domain(certification: Certification) -> go.Figure:
+def validated_domain(certification: Certification, display: Display = DEFAULT) -> go.Figure:
     """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
     figure, domain, campaign = new_figure(height=480), certification.domain, certification.campaign
     run_masses = campaign.cae.vectors[:, 1:].sum(axis=1)
-    mass_low = max(domain.masses_kg[0], float(run_masses.min())) / LB
-    mass_high = min(domain.masses_kg[1], float(run_masses.max())) / LB
+    mass_low = display.weights(max(domain.masses_kg[0], float(run_masses.min())))
+    mass_high = display.weights(min(domain.masses_kg[1], float(run_masses.max())))
     for number, (low, high) in enumerate(domain.speed_ranges_mps):
-        low, high = low / MPH, high / MPH
+        low, high = display.speeds(low), display.speeds(high)
         figure.add_scatter(
             x=[low, high, high, low, low], y=[mass_low, mass_low, mass_high, mass_high, mass_low], mode="lines",
             name="Checked by leaving tests out", legendgroup="checked", showlegend=number == 0, fill="toself",
@@ -112,8 +112,8 @@ def validated_domain(certification: Certification) -> go.Figure:
         )  # fmt: skip
     some = slice(None, None, -(-len(campaign.cae) // _MAX_RUNS))
     figure.add_scatter(
-        x=np.float32(campaign.cae.vectors[some, 0] / MPH), y=np.float32(run_masses[some] / LB), mode="markers",
-        hoverinfo="skip",
+        x=np.float32(display.speeds(campaign.cae.vectors[some, 0])), y=np.float32(display.weights(run_masses[some])),
+        mode="markers", hoverinfo="skip",
         name=f"{len(campaign.cae):,} CAE runs", marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.3},
     )  # fmt: skip
     rows = list(zip(certification.matrix.ids, certification.verdicts, strict=True))
@@ -121,8 +121,8 @@ def validated_domain(certification: Certification) -> go.Figure:
         own = [(i, row) for i, row in rows if worst(row) == word]
         if own:
             figure.add_scatter(
-                x=np.array([row[0].condition.speed_mps / MPH for _, row in own], dtype=np.float32),
-                y=np.array([row[0].condition.mass_kg / LB for _, row in own], dtype=np.float32),
+                x=np.array([display.speeds(row[0].condition.speed_mps) for _, row in own], dtype=np.float32),
+                y=np.array([display.weights(row[0].condition.mass_kg) for _, row in own], dtype=np.float32),
                 mode="markers",
                 name=f"Worst verdict: {word} ({len(own)})",
                 marker={
@@ -131,23 +131,27 @@ def validated_domain(certification: Certification) -> go.Figure:
                     "size": 13,
                     "line": {"width": 1.5, "color": INK},
                 },
-                customdata=[[i, str(row[0].condition), _summary(row)] for i, row in own],
+                customdata=[[i, display.condition(row[0].condition), _summary(row)] for i, row in own],
                 hovertemplate="<b>%{customdata[0]}</b><br>%{customdata[1]}<br>%{customdata[2]}<extra></extra>",
             )
     figure.add_scatter(
-        x=np.array([test.condition.speed_mps / MPH for test in campaign.tests], dtype=np.float32),
-        y=np.array([test.condition.mass_kg / LB for test in campaign.tests], dtype=np.float32),
+        x=np.array([display.speeds(test.condition.speed_mps) for test in campaign.tests], dtype=np.float32),
+        y=np.array([display.weights(test.condition.mass_kg) for test in campaign.tests], dtype=np.float32),
         mode="markers",
         name=f"{len(campaign.tests)} tests",
         marker={"symbol": "cross-thin", "size": 11, "line": {"width": 2, "color": MEASURED_COLOUR}},
-        customdata=[[test.id, str(test.condition)] for test in campaign.tests],
+        customdata=[[test.id, display.condition(test.condition)] for test in campaign.tests],
         hovertemplate="<b>Test %{customdata[0]}</b><br>%{customdata[1]}<extra></extra>",
     )
     figure.update_layout(hovermode="closest")
     figure.update_xaxes(
-        title="Impact speed (mph)", range=None, zeroline=False, showspikes=False, unifiedhovertitle=None
+        title=display.title("Impact speed", "mph"),
+        range=None,
+        zeroline=False,
+        showspikes=False,
+        unifiedhovertitle=None,
     )
-    figure.update_yaxes(title="Front and rear weight together (lb)")
+    figure.update_yaxes(title=display.title("Front and rear weight together", "lb"))
     return figure
 
 
@@ -163,8 +167,9 @@ def _by_speed(certification: Certification) -> tuple[list[str], list[tuple[Verdi
     return list(ids), list(verdicts)
 
 
-def _header(criterion: Criterion, width: int) -> str:
-    return "<br>".join([f"<b>{line}</b>" for line in wrap(criterion.name, width)] + wrap(criterion.limits, width))
+def _header(criterion: Criterion, width: int, display: Display) -> str:
+    name = [f"<b>{line}</b>" for line in wrap(criterion.name, width)]
+    return "<br>".join(name + wrap(display.words(criterion.limits), width))
 
 
 def _cell(verdict: Verdict) -> str:
@@ -174,16 +179,15 @@ def _cell(verdict: Verdict) -> str:
     return f"{verdict.word}  {'>0.99' if p > 0.995 else '<0.01' if p < 0.005 else f'{p:.2f}'}"
 
 
-def _hover(condition_id: str, verdict: Verdict) -> str:
+def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:
     criterion = verdict.criterion
     lines = [
         f"<b>{condition_id}, {criterion.name}: {verdict.word}</b>",
-        str(verdict.condition),
-        *wrap(verdict.reason, 78),
+        display.condition(verdict.condition),
+        *wrap(display.words(verdict.reason), 78),
     ]
     if verdict.word == "outside":  # else the reason has the numbers
-        value, lower, upper = (criterion.shown(each) for each in (verdict.value, verdict.lower, verdict.upper))
-        lines.append(f"{value} expected, {lower} to {upper} in 95 % of tests; the limit is {criterion.limits}")
+        lines.append(display.words(verdict.expected))
     return "<br>".join(lines)
 
 

@@ -7,12 +7,11 @@ import plotly.graph_objects as go
 
 from crashfuse.campaign import CaeLibrary, CrashTest
 from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import LB, MPH
 
 _MAX_RUNS = 600  # more points only fill the same cloud, and browsers draw each one separately
-_UNITS = np.array([MPH, LB, LB])
 _LABEL = np.array([0.07, 0.08])  # size of a test's label, as a fraction of the axis
 _SIDES = {
     "top center": np.array([0.0, 0.9]),
@@ -23,7 +22,9 @@ _SIDES = {
 _WEIGHTS = ("front weight", "rear weight")
 
 
-def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None) -> go.Figure:
+def condition_space(
+    library: CaeLibrary, tests: Sequence[CrashTest], *, held_out: str | None = None, display: Display = DEFAULT
+) -> go.Figure:
     """Draw front and rear weight over speed, one below the other: CAE runs, their range, and the tests.
 
     A test outside the range of the CAE runs, not counting its own paired run, is drawn open where its speed or that
@@ -34,12 +35,12 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
     style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     figure.set_subplots(2, 1, shared_xaxes=True, vertical_spacing=0.06)
     figure.update_xaxes({**style, "title": None, "range": None, "showspikes": False, "unifiedhovertitle": None})
-    figure.update_xaxes(title="Impact speed (mph)", row=2)
+    figure.update_xaxes(title=display.title("Impact speed", "mph"), row=2)
     figure.update_yaxes(other_style)
-    runs = library.vectors / _UNITS
+    runs = display.vectors(library.vectors)
     some = runs[:: -(-len(runs) // _MAX_RUNS)].astype(np.float32)
-    low, high = _range(library, tests)
-    points = np.array([test.condition.vector for test in tests]).reshape(-1, 3) / _UNITS
+    low, high = map(display.vectors, _range(library, tests))
+    points = display.vectors(np.array([test.condition.vector for test in tests]).reshape(-1, 3))
     everything = np.vstack([runs, points])
     bottom, top = everything.min(axis=0), everything.max(axis=0)
     margin = 0.09 * (top - bottom) + 1e-6
@@ -57,19 +58,21 @@ def condition_space(library: CaeLibrary, tests: Sequence[CrashTest], *, held_out
             line={"color": CURSOR, "width": 1.5, "dash": "dash"}, **place,
         )  # fmt: skip
         sides = _label_sides(points[:, [0, row]], (top - bottom + 2 * margin)[[0, row]])
-        _draw_tests(figure, library, tests, points, sides, held_out, row, place)
+        _draw_tests(figure, library, tests, points, sides, held_out, row, place, display)
         figure.update_yaxes(
-            title=f"{weight.capitalize()} (lb)", range=[bottom[row] - margin[row], top[row] + margin[row]], row=row
+            title=display.title(weight.capitalize(), "lb"),
+            range=[bottom[row] - margin[row], top[row] + margin[row]],
+            row=row,
         )
     figure.update_layout(hovermode="closest")
     return figure
 
 
 def _range(library: CaeLibrary, tests: Sequence[CrashTest]) -> tuple[FloatArray, FloatArray]:
-    """Minimum and maximum speed (mph) and weights (lb) of the runs not paired with a test."""
+    """Minimum and maximum of the conditions of the runs not paired with a test, in SI."""
     paired = {library.paired_run(test.condition) for test in tests}
     free = [run for run in range(len(library)) if run not in paired] or list(range(len(library)))
-    vectors = library.vectors[free] / _UNITS
+    vectors = library.vectors[free]
     return vectors.min(axis=0), vectors.max(axis=0)
 
 
@@ -82,6 +85,7 @@ def _draw_tests(
     held_out: str | None,
     row: int,
     place: dict[str, object],
+    display: Display,
 ) -> None:
     notes = [library.extrapolation(test.condition) for test in tests]
     elsewhere = _WEIGHTS[2 - row]  # an axis of the other plot
@@ -101,7 +105,7 @@ def _draw_tests(
                 text=[tests[i].id for i in chosen],
                 textposition=[sides[i] for i in chosen],
                 marker={"color": MEASURED_COLOUR, "symbol": symbol, "size": 10, "line": {"width": 2}},
-                customdata=[["<br>".join([str(tests[i].condition), *notes[i]])] for i in chosen],
+                customdata=[["<br>".join(map(display.words, (tests[i].condition, *notes[i])))] for i in chosen],
                 hovertemplate="<b>Test %{text}</b><br>%{customdata[0]}<extra></extra>",
                 **{**place, "showlegend": name not in {trace.name for trace in figure.data}},
             )

@@ -9,9 +9,9 @@ import plotly.graph_objects as go
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import CrashTest
 from crashfuse.reporting.plots.canvas import add_band, add_line
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, DASHES, MEASURED_COLOUR, speed_lines
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import MPH
 
 TEST = "test"
 """Key of the measured curve among those of the approaches."""
@@ -61,7 +61,9 @@ def curve_line(name: str) -> dict[str, Any]:
     return {"color": COLOURS[name], "width": 2, "dash": DASHES[name]}
 
 
-def by_speed(tests: Sequence[CrashTest], highlight: str | None = None) -> Iterator[tuple[CrashTest, dict[str, Any]]]:
+def by_speed(
+    tests: Sequence[CrashTest], highlight: str | None = None, display: Display = DEFAULT
+) -> Iterator[tuple[CrashTest, dict[str, Any]]]:
     """Tests by increasing speed, each with the name, colour and dash of its line; the highlighted one is thick."""
     lines = speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
@@ -69,7 +71,7 @@ def by_speed(tests: Sequence[CrashTest], highlight: str | None = None) -> Iterat
         yield (
             test,
             {
-                "name": f"{test.id} · {test.condition.speed_mps / MPH:.1f} mph" + (" (held out)" if thick else ""),
+                "name": f"{test.id} · {display.speed(test.condition.speed_mps)}" + (" (held out)" if thick else ""),
                 "line": {**lines[test.id], "width": 4 if thick else 1.7},
                 "legendgroup": test.id,  # in a group of its own, each name is spaced as closely as possible
             },

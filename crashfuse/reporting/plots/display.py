@@ -4,6 +4,8 @@ import re
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+import numpy as np
+
 from crashfuse.condition import Condition
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
@@ -61,6 +63,11 @@ class Display:
         """Weights in the reader's unit, as numbers."""
         return values_kg / LB * self.system.factor("lb")
 
+    def vectors(self, vectors: FloatArray) -> FloatArray:
+        """Conditions [v0, wf, wr], shape (..., 3), in the reader's units."""
+        scaled: FloatArray = vectors * np.array([self.speeds(1.0), self.weights(1.0), self.weights(1.0)])
+        return scaled
+
     def speed(self, speed_mps: float) -> str:
         """A speed with its unit."""
         return speed(speed_mps).in_units(self.system)
@@ -72,6 +79,16 @@ class Display:
     def condition(self, condition: Condition) -> str:
         """A condition in words: speed, front and rear weight."""
         return condition.in_units(self.system)
+
+    def columns(self, condition: Condition) -> dict[str, str]:
+        """Speed and weights of a condition as cells of a table, by the headings of their columns."""
+        v0, front, rear = self.vectors(condition.vector)
+        cells = (
+            ("Speed", "mph", f"{v0:.1f}"),
+            ("Front weight", "lb", f"{front:.0f}"),
+            ("Rear weight", "lb", f"{rear:.0f}"),
+        )
+        return {self.title(label, unit): cell for label, unit, cell in cells}
 
     def title(self, label: str, unit: str) -> str:
         """A label with the reader's unit for quantities in this unit: an axis, a column or a field."""

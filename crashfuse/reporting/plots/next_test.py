@@ -7,18 +7,15 @@ import plotly.graph_objects as go
 
 from crashfuse.campaign import CrashTest
 from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
 from crashfuse.study.next_test import NextTest
-from crashfuse.units import LB, MPH, G
+from crashfuse.units import G
 
 _BEST = 5
-_HOVER = (
-    "%{x:.1f} mph, front %{customdata[0]:.0f} lb, rear %{customdata[1]:.0f} lb<br>"
-    "band ± %{customdata[2]:.2f} g now, ± %{customdata[3]:.2f} g with this test (− %{y:.1f} %)<extra></extra>"
-)
 
 
-def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Figure:
+def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> go.Figure:
     """Draw by how much each candidate would narrow the band, over its speed; ticks mark the tests already run.
 
     Candidates, the largest gain first, are joined by a line if all have the same weights; otherwise each is
@@ -26,14 +23,17 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Fig
     """
     figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)
-    weights = [(c.condition.front_weight_kg / LB, c.condition.rear_weight_kg / LB) for _, c in by_speed]
+    weights = [display.vectors(c.condition.vector)[1:].tolist() for _, c in by_speed]
+    wide, units = display.units.factor("g") / G, display.units
     figure.add_scatter(
-        x=np.array([c.condition.speed_mps / MPH for _, c in by_speed], dtype=np.float32),
+        x=np.array([display.speeds(c.condition.speed_mps) for _, c in by_speed], dtype=np.float32),
         y=np.array([100 * c.gain for _, c in by_speed], dtype=np.float32),
         text=[f"{rank}" if rank <= _BEST else "" for rank, _ in by_speed],
-        customdata=[[*w, c.before_mps2 / G, c.after_mps2 / G] for w, (_, c) in zip(weights, by_speed, strict=True)],
+        customdata=[
+            [*w, c.before_mps2 * wide, c.after_mps2 * wide] for w, (_, c) in zip(weights, by_speed, strict=True)
+        ],
         name="Candidates, the best numbered",
-        mode="lines+markers+text" if len(set(weights)) == 1 else "markers+text",
+        mode="lines+markers+text" if all(own == weights[0] for own in weights) else "markers+text",
         textposition="top center",
         cliponaxis=False,
         textfont={"size": 14},
@@ -44,16 +44,18 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Fig
             "symbol": ["circle-open" if c.extrapolation else "circle" for _, c in by_speed],
             "line": {"width": 1.5},
         },
-        hovertemplate=_HOVER,
+        hovertemplate=f"%{{x:.1f}} {units.speed}, front %{{customdata[0]:.0f}} {units.weight}, "
+        f"rear %{{customdata[1]:.0f}} {units.weight}<br>band ± %{{customdata[2]:.2f}} {units.acceleration} now, "
+        f"± %{{customdata[3]:.2f}} {units.acceleration} with this test (− %{{y:.1f}} %)<extra></extra>",
     )
     figure.add_scatter(
-        x=np.array([test.condition.speed_mps / MPH for test in tests], dtype=np.float32),
+        x=np.array([display.speeds(test.condition.speed_mps) for test in tests], dtype=np.float32),
         y=np.zeros(len(tests), dtype=np.float32),
         text=[test.id for test in tests],
         name="Tests that were run",
         mode="markers",
         marker={"color": MEASURED_COLOUR, "symbol": "line-ns-open", "size": 16, "line": {"width": 2}},
-        hovertemplate="%{text}, %{x:.1f} mph<extra></extra>",
+        hovertemplate=f"%{{text}}, %{{x:.1f}} {units.speed}<extra></extra>",
     )
     if any(test.extrapolation for test in ranked):
         figure.add_scatter(
@@ -61,6 +63,6 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest]) -> go.Fig
             marker={"color": colour, "symbol": "circle-open", "size": 9, "line": {"width": 1.5}},
         )  # fmt: skip
     figure.update_layout(hovermode="closest")
-    figure.update_xaxes(title="Impact speed (mph)", range=None, unifiedhovertitle=None)
+    figure.update_xaxes(title=display.title("Impact speed", "mph"), range=None, unifiedhovertitle=None)
     figure.update_yaxes(title="Band shrinks by (%)", rangemode="tozero")
     return figure

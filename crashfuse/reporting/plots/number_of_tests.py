@@ -6,6 +6,7 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.reporting.plots.canvas import add_band, new_figure
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import OneMore, one_more, summary
@@ -14,7 +15,7 @@ _SHIFT = 0.06  # tests, between points of even and of random choices
 _RATING = "%{x:.0f} tests: %{y:.3f} ± %{error_y.array:.3f}"
 
 
-def over_number_of_tests(curve: LearningCurve) -> go.Figure:
+def over_number_of_tests(curve: LearningCurve, display: Display = DEFAULT) -> go.Figure:
     """Draw the mean rating, and below it the band's width, over the number of tests learned from.
 
     Points are means over the held-out tests with their standard error: filled and joined for tests chosen evenly over
@@ -35,11 +36,11 @@ def over_number_of_tests(curve: LearningCurve) -> go.Figure:
             add_band(figure, sizes, low, high, colour=COLOURS[name], showlegend=False)
         _points(figure, name, even, "evenly over speed", "circle", -_SHIFT)
         _points(figure, name, random, "at random", "circle-open", _SHIFT)
-        _widths(figure, name, even)
+        _widths(figure, name, even, display)
         _decided(figure, name, even)
     if CLASSES[curve.judged].learns_from_tests and (more := one_more(curve)) is not None:
         _expected(figure, curve, more)
-    lower = {"y2": "Half width of<br>the 95 % band (g)"} if table["half_width_g"].notna().any() else {}
+    lower = {"y2": display.title("Half width of<br>the 95 % band", "g")} if table["half_width_g"].notna().any() else {}
     if "decided" in table:
         lower["y3"] = "Verdicts<br>decided (%)"
     _axes(figure, n, lower)
@@ -67,14 +68,14 @@ def _points(figure: go.Figure, name: str, own: pd.DataFrame, way: str, symbol: s
     )  # fmt: skip
 
 
-def _widths(figure: go.Figure, name: str, even: pd.DataFrame) -> None:
+def _widths(figure: go.Figure, name: str, even: pd.DataFrame, display: Display) -> None:
     if even["half_width_g"].isna().all():
         return
     figure.add_scatter(
-        x=np.float32(even["n_tests"]), y=np.float32(even["half_width_g"]), yaxis="y2", mode="lines+markers",
-        name=LABELS[name], showlegend=False, line={"color": COLOURS[name], "width": 2}, marker={"size": 9},
-        customdata=np.float32(100 * even["inside"]),
-        hovertemplate="%{x:.0f} tests: ± %{y:.1f} g, %{customdata:.0f} % of a(t) inside"
+        x=np.float32(even["n_tests"]), y=np.float32(even["half_width_g"] * display.units.factor("g")), yaxis="y2",
+        mode="lines+markers", name=LABELS[name], showlegend=False, line={"color": COLOURS[name], "width": 2},
+        marker={"size": 9}, customdata=np.float32(100 * even["inside"]),
+        hovertemplate=f"%{{x:.0f}} tests: ± %{{y:.1f}} {display.unit}, %{{customdata:.0f}} % of a(t) inside"
         f"<extra>{LABELS[name]}</extra>",
     )  # fmt: skip
 

@@ -14,7 +14,7 @@ from crashfuse.reporting.plots.palette import COLOURS, CURSOR
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.rating_scores import INNER_CORRIDOR, OUTER_CORRIDOR
-from crashfuse.units import KPH, MPH, MS
+from crashfuse.units import MS
 
 _GRID_MS = GRID_S / MS
 _MM = 1e-3
@@ -48,7 +48,7 @@ def motion(
     """
     figure = new_figure(height=820)
     draw_curves(figure, _accelerations(measured, predictions, display))
-    velocities, displacements = _integrals(measured, predictions, speed_mps)
+    velocities, displacements = _integrals(measured, predictions, speed_mps, display)
     draw_curves(figure, velocities, yaxis="y2", showlegend=False)
     draw_curves(figure, displacements, yaxis="y3", showlegend=False)
     _join_hover(figure, display)
@@ -57,7 +57,7 @@ def motion(
         hoversubplots="axis",
         xaxis={"anchor": "y3"},
         yaxis={"domain": [0.62, 1.0], "title": display.accel_title},
-        yaxis2={**look, "domain": [0.31, 0.58], "title": "Velocity (km/h)"},
+        yaxis2={**look, "domain": [0.31, 0.58], "title": display.title("Velocity", "km/h")},
         yaxis3={**look, "domain": [0.0, 0.27], "title": "Displacement (mm)"},
     )
     if measured is not None:
@@ -107,7 +107,7 @@ def measured_pulses(
     thin behind them.
     """
     figure = new_figure(height_under_names(len(tests)))
-    for test, style in by_speed(tests, highlight):
+    for test, style in by_speed(tests, highlight, display):
         time_ms, accel = test.pulse.time_s / MS, test.pulse.accel_mps2
         if cfc is not None:
             line = {**style["line"], "dash": "solid", "width": 1}
@@ -127,9 +127,9 @@ def library_band(library: CaeLibrary, tests: Sequence[CrashTest] = (), *, displa
     lower, median, upper = np.quantile(some, [0.05, 0.5, 0.95], axis=0) * display.accel_scale
     add_band(figure, _GRID_MS, lower, upper, colour=COLOURS["cae"], name=f"5–95 % of {len(library):,} runs")
     add_line(figure, _GRID_MS, median, name="Median run", line={"color": COLOURS["cae"], "width": 2.5})
-    for test, style in by_speed(tests):
+    for test, style in by_speed(tests, display=display):
         if (run := library.paired_run(test.condition)) is not None:
-            style["name"] = f"{library.ids[run]} · {test.condition.speed_mps / MPH:.1f} mph"
+            style["name"] = f"{library.ids[run]} · {display.speed(test.condition.speed_mps)}"
             add_line(figure, _GRID_MS, library.accel_mps2[run] * display.accel_scale, **style)
     figure.update_yaxes(title=display.accel_title)
     shade_window(figure, display.window_ms)
@@ -153,21 +153,21 @@ def _accelerations(
 
 
 def _integrals(
-    measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float
+    measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float, display: Display
 ) -> tuple[dict[str, Curve], dict[str, Curve]]:
-    """Curves of velocity in km/h and displacement in mm, each with the band of its draws."""
+    """Curves of velocity in the reader's unit and displacement in mm, each with the band of its draws."""
     velocities, displacements = {}, {}
     for name, prediction in predictions.items():
         v_band = s_band = None
         if prediction.draws_mps2 is not None:
             draws = kinematics(prediction.draws_mps2, speed_mps, DT_S)
-            v_band, s_band = _central(draws.velocity_mps / KPH), _central(draws.displacement_m / _MM)
+            v_band, s_band = _central(display.speeds(draws.velocity_mps)), _central(draws.displacement_m / _MM)
         own = kinematics(prediction.accel_mps2, speed_mps, DT_S)
-        velocities[name] = Curve(_GRID_MS, own.velocity_mps / KPH, v_band)
+        velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
         displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
     if measured is not None:
         own = measured.kinematics(speed_mps)
-        velocities[TEST] = Curve(measured.time_s / MS, own.velocity_mps / KPH)
+        velocities[TEST] = Curve(measured.time_s / MS, display.speeds(own.velocity_mps))
         displacements[TEST] = Curve(measured.time_s / MS, own.displacement_m / _MM)
     return velocities, displacements
 
@@ -180,9 +180,10 @@ def _central(draws: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _join_hover(figure: go.Figure, display: Display) -> None:
     """Show a, v and s of a curve in one hover line instead of three."""
     curves = [trace for trace in figure.data if trace.hoverinfo != "skip"]
+    hover = f"%{{y:.1f}} {display.unit}, %{{customdata[0]:.1f}} {display.units.speed}, %{{customdata[1]:.0f}} mm"
     for group in {trace.legendgroup for trace in curves}:
         accel, velocity, displacement = [trace for trace in curves if trace.legendgroup == group]
         accel.customdata = np.column_stack([velocity.y, displacement.y])
-        accel.hovertemplate = f"%{{y:.1f}} {display.unit}, %{{customdata[0]:.1f}} km/h, %{{customdata[1]:.0f}} mm"
+        accel.hovertemplate = hover
         velocity.update(hovertemplate=None, hoverinfo="none")
         displacement.update(hovertemplate=None, hoverinfo="none")

@@ -10,6 +10,7 @@ from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS
 from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
 from crashfuse.signals.pulse import FloatArray
 
@@ -68,7 +69,7 @@ def reliability(record: TrackRecord) -> go.Figure:
     return figure
 
 
-def record_figure(record: TrackRecord) -> go.Figure:
+def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
     """Draw by criterion what left-out tests were predicted to show, with intervals, what they showed, and the limits.
 
     Tests stand in order of speed. A ring marks a verdict that the test contradicts.
@@ -86,7 +87,8 @@ def record_figure(record: TrackRecord) -> go.Figure:
     figure.update_xaxes(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=tests)
     figure.update_yaxes(y_style)
     for row, criterion in enumerate(criteria, start=1):
-        _draw_trials(figure, [t for t in trials if t.verdict.criterion == criterion], criterion, tests, row)
+        own = [trial for trial in trials if trial.verdict.criterion == criterion]
+        _draw_trials(figure, own, criterion, tests, row, display)
     for word in WORDS:
         _legend(figure, f"predicted, {word}", color=VERDICT_COLOURS[word], symbol="square", line_color=INK)
     _legend(figure, "left out with its speed group", color="rgba(0, 0, 0, 0)", symbol="diamond", line_color=INK)
@@ -108,11 +110,14 @@ def _in_order(record: TrackRecord) -> list[Criterion]:
     return list(dict.fromkeys(criterion for some in fullest_first for criterion in some))
 
 
-def _draw_trials(figure: go.Figure, trials: Sequence[Trial], criterion: Criterion, tests: list[str], row: int) -> None:
+def _draw_trials(
+    figure: go.Figure, trials: Sequence[Trial], criterion: Criterion, tests: list[str], row: int, display: Display
+) -> None:
     """One row of the record: predictions with intervals, measured values, rings around wrong verdicts, limits."""
+    factor = display.units.factor(criterion.unit)
     for left_out, symbol in (("test", "square"), ("speed group", "diamond")):
         own = [trial for trial in trials if trial.left_out == left_out and trial.verdict.value is not None]
-        value, lower, upper = _numbers([(t.verdict.value, t.verdict.lower, t.verdict.upper) for t in own])
+        value, lower, upper = factor * _numbers([(t.verdict.value, t.verdict.lower, t.verdict.upper) for t in own])
         figure.add_scatter(
             x=[_place(trial, tests) for trial in own],
             y=value,
@@ -124,7 +129,7 @@ def _draw_trials(figure: go.Figure, trials: Sequence[Trial], criterion: Criterio
                 "size": 10,
                 "line": {"width": 1, "color": INK},
             },
-            hovertext=[_told(trial) for trial in own],
+            hovertext=[_told(trial, display) for trial in own],
             hovertemplate="%{hovertext}<extra></extra>",
             showlegend=False,
             row=row,
@@ -137,11 +142,11 @@ def _draw_trials(figure: go.Figure, trials: Sequence[Trial], criterion: Criterio
     ):
         figure.add_scatter(
             x=[_place(trial, tests) for trial in some],
-            y=np.array([trial.measured for trial in some], dtype=np.float64),
+            y=factor * np.array([trial.measured for trial in some], dtype=np.float64),
             mode="markers",
             name=name,
             marker=marker,
-            hovertext=[_told(trial) for trial in some],
+            hovertext=[_told(trial, display) for trial in some],
             hovertemplate="%{hovertext}<extra></extra>",
             showlegend=False,
             row=row,
@@ -149,18 +154,21 @@ def _draw_trials(figure: go.Figure, trials: Sequence[Trial], criterion: Criterio
         )
     for limit in (criterion.at_least, criterion.at_most):
         if limit is not None:
-            figure.add_hline(y=limit, line={"color": CURSOR, "width": 1.5, "dash": "dash"}, row=row, col=1)
+            figure.add_hline(y=factor * limit, line={"color": CURSOR, "width": 1.5, "dash": "dash"}, row=row, col=1)
     figure.add_annotation(
-        text=f"<b>{criterion.name}</b>: {criterion.limits} (dashed)", x=0, xref="x domain", xanchor="left",
-        y=1, yref="y domain", yanchor="bottom", showarrow=False, row=row, col=1,
+        text=f"<b>{criterion.name}</b>: {display.words(criterion.limits)} (dashed)", x=0, xref="x domain",
+        xanchor="left", y=1, yref="y domain", yanchor="bottom", showarrow=False, row=row, col=1,
     )  # fmt: skip
-    title = "Rating" if criterion.window_ms is not None else f"{criterion.label} ({criterion.unit})"
+    title = "Rating" if criterion.window_ms is not None else display.title(criterion.label, criterion.unit)
     figure.update_yaxes(title={"text": "<br>".join(wrap(title, 24)), "font": {"size": 13}}, row=row)
 
 
-def _told(trial: Trial) -> str:
+def _told(trial: Trial, display: Display) -> str:
     verdict, alone = trial.verdict, trial.left_out == "test"
-    shown = verdict.criterion.shown
+
+    def shown(value: float | None) -> str:
+        return display.words(verdict.criterion.shown(value))
+
     return "<br>".join(
         [
             f"<b>{trial.held_out}</b>, left out {'alone' if alone else 'with its speed group'}",

@@ -21,12 +21,12 @@ from crashfuse.reporting.certification_sentences import (
 )
 from crashfuse.reporting.certification_tables import counts_table, record_counts
 from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.track_record import record_figure, reliability
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import repeats_table
 from crashfuse.study.repeatability import repeatability
-from crashfuse.units import LB, MPH
 
 _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
 _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # in a figure at the height it has on paper; of several, two fill a page
@@ -35,21 +35,22 @@ _MOST_FIGURES = 20
 _WINDOW_MS = 60.0  # of the rating of a repeat, if no criterion names one
 
 
-def certification_report(certification: Certification) -> str:
+def certification_report(certification: Certification, display: Display = DEFAULT) -> str:
     """HTML report of a certification, made for paper."""
     campaign, criteria, record = certification.campaign, certification.criteria, certification.record
     windows_ms = criteria.windows_ms or (_WINDOW_MS,)
     repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)
-    conditions, conditions_left = _shortened(_conditions(certification), "certification.csv")
-    verdicts, verdicts_left = _shortened(_verdicts(certification), "certification.csv")
-    trials, trials_left = _shortened(_trials(record), "track_record.csv")
-    open_cells, open_left = _shortened(_open_cells(certification), "certification.csv")
+    conditions, conditions_left = _shortened(_conditions(certification, display), "certification.csv")
+    verdicts, verdicts_left = _shortened(_verdicts(certification, display), "certification.csv")
+    trials, trials_left = _shortened(_trials(record, display), "track_record.csv")
+    open_cells, open_left = _shortened(_open_cells(certification, display), "certification.csv")
     return render(
         "certification",
         "certification by analysis",
         campaign,
         certification.config,
-        certify_command(certification.config),
+        certify_command(certification.config, display.system),
+        display,
         campaign.test_ids,
         words=WORDS,
         summary=summary(certification),
@@ -57,17 +58,17 @@ def certification_report(certification: Certification) -> str:
         quantities=list(dict.fromkeys(criterion.label for criterion in criteria.items)),
         repeats=repeats_table(repeats, campaign.test_ids, windows_ms),
         domain=domain_sentences(certification.domain),
-        domain_figure=validated_domain(certification),
+        domain_figure=validated_domain(certification, display),
         conditions=conditions,
         conditions_left=conditions_left,
         confidence=criteria.confidence,
-        criteria=_criteria(criteria.items),
-        counts=counts_table(certification).rename(columns={"criterion": "Criterion", "limit": "Limit"}),
-        matrix_figures=list(_matrix_figures(certification)),
+        criteria=_criteria(criteria.items, display),
+        counts=counts_table(certification, display.units).rename(columns={"criterion": "Criterion", "limit": "Limit"}),
+        matrix_figures=list(_matrix_figures(certification, display)),
         verdict_rows=verdicts,
         verdicts_left=verdicts_left,
         record=record_sentence(record),
-        record_figures=list(_record_figures(record, criteria.items)),
+        record_figures=list(_record_figures(record, criteria.items, display)),
         record_counts=_record_counts(record, criteria.items),
         brier=list(brier_sentence(record)),
         reliability=reliability(record),
@@ -87,14 +88,12 @@ def _shortened(table: pd.DataFrame, file: str) -> tuple[pd.DataFrame, list[str]]
     return table.head(_MOST_ROWS), [f"{left:,} more rows are in {file}."] if left > 0 else []
 
 
-def _conditions(certification: Certification) -> pd.DataFrame:
+def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
     matrix = certification.matrix
     return pd.DataFrame(
         {
             "Condition": i,
-            "Speed (mph)": f"{condition.speed_mps / MPH:.1f}",
-            "Front weight (lb)": f"{condition.front_weight_kg / LB:.0f}",
-            "Rear weight (lb)": f"{condition.rear_weight_kg / LB:.0f}",
+            **display.columns(condition),
             **dict(condition.factors),
             "Validated domain": "outside" if certification.domain.exceeded_by(condition) else "inside",
         }
@@ -102,11 +101,13 @@ def _conditions(certification: Certification) -> pd.DataFrame:
     )
 
 
-def _criteria(criteria: Sequence[Criterion]) -> pd.DataFrame:
-    return pd.DataFrame({"Criterion": own.name, "Quantity": own.label, "Limit": own.limits} for own in criteria)
+def _criteria(criteria: Sequence[Criterion], display: Display) -> pd.DataFrame:
+    return pd.DataFrame(
+        {"Criterion": own.name, "Quantity": own.label, "Limit": display.words(own.limits)} for own in criteria
+    )
 
 
-def _matrix_figures(certification: Certification) -> Iterator[go.Figure]:
+def _matrix_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:
     """The matrix in parts, slow before fast; if it would take too many, as a single figure."""
     matrix = certification.matrix
     order = sorted(range(len(matrix.ids)), key=lambda place: matrix.conditions[place].speed_mps)
@@ -115,43 +116,43 @@ def _matrix_figures(certification: Certification) -> Iterator[go.Figure]:
     for places in parts if len(parts) <= _MOST_FIGURES else [order]:
         own = Matrix(tuple(matrix.ids[i] for i in places), tuple(matrix.conditions[i] for i in places))
         verdicts = tuple(certification.verdicts[i] for i in places)
-        yield verdict_matrix(replace(certification, matrix=own, verdicts=verdicts))
+        yield verdict_matrix(replace(certification, matrix=own, verdicts=verdicts), display)
 
 
-def _record_figures(record: TrackRecord, criteria: Sequence[Criterion]) -> Iterator[go.Figure]:
+def _record_figures(record: TrackRecord, criteria: Sequence[Criterion], display: Display) -> Iterator[go.Figure]:
     """The record in parts of some criteria each."""
     for i in range(0, len(criteria), _CRITERIA_A_FIGURE):
         some = criteria[i : i + _CRITERIA_A_FIGURE]
         trials = tuple(trial for trial in record.trials if trial.verdict.criterion in some)
         if trials:
-            yield record_figure(TrackRecord(trials))
+            yield record_figure(TrackRecord(trials), display)
 
 
-def _verdicts(certification: Certification) -> pd.DataFrame:
+def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "Condition": i,
             "Criterion": own.criterion.name,
-            "Expected, 95 % of tests": _predicted(own),
+            "Expected, 95 % of tests": _predicted(own, display),
             "Probability": _probability(own.probability),
             "Verdict": own.word,
-            "Reason": own.reason,
+            "Reason": display.words(own.reason),
         }
         for i, own in certification.cells
     )
 
 
-def _trials(record: TrackRecord) -> pd.DataFrame:
+def _trials(record: TrackRecord, display: Display) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "Test": trial.held_out,
             "Left out": "alone" if trial.left_out == "test" else _together("speed group"),
             "Criterion": own.criterion.name,
-            "Expected": _together(own.criterion.shown(own.value)),
-            "95 % of tests": _interval(own.criterion, own.lower, own.upper),
+            "Expected": _together(display.words(own.criterion.shown(own.value))),
+            "95 % of tests": _interval(own, display),
             "Probability": _probability(own.probability),
             "Verdict": own.word,
-            "Measured": _together(own.criterion.shown(trial.measured)),
+            "Measured": _together(display.words(own.criterion.shown(trial.measured))),
             "The test": _together(("met it" if trial.met else "missed it") + ", wrong" * trial.wrong),
         }
         for trial in record.counted
@@ -186,7 +187,7 @@ def _bins(record: TrackRecord) -> pd.DataFrame:
     )
 
 
-def _open_cells(certification: Certification) -> pd.DataFrame:
+def _open_cells(certification: Certification, display: Display) -> pd.DataFrame:
     """Open verdicts with the distance of the limit from the expected value, the nearest limit first."""
     rows = []
     for i, own in certification.cells:
@@ -196,9 +197,9 @@ def _open_cells(certification: Certification) -> pd.DataFrame:
         row = {
             "Condition": i,
             "Criterion": own.criterion.name,
-            "Limit": own.criterion.limits,
-            "Expected": _together(own.criterion.shown(own.value)),
-            "Distance": _together(own.criterion.shown(margin)),
+            "Limit": display.words(own.criterion.limits),
+            "Expected": _together(display.words(own.criterion.shown(own.value))),
+            "Distance": _together(display.words(own.criterion.shown(margin))),
             "In half widths of the interval": f"{margin / half_width:.2f}" if half_width else "–",
             "Probability": _probability(own.probability),
         }
@@ -206,18 +207,16 @@ def _open_cells(certification: Certification) -> pd.DataFrame:
     return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))
 
 
-def _predicted(verdict: Verdict) -> str:
+def _predicted(verdict: Verdict, display: Display) -> str:
     """What is expected, and its interval, as far as they are known."""
-    value = _together(verdict.criterion.shown(verdict.value))
-    interval = _interval(verdict.criterion, verdict.lower, verdict.upper)
+    value, interval = _together(display.words(verdict.criterion.shown(verdict.value))), _interval(verdict, display)
     return value if interval == "–" else f"{value}, {interval}"
 
 
-def _interval(criterion: Criterion, lower: float | None, upper: float | None) -> str:
-    if lower is None or upper is None:
+def _interval(verdict: Verdict, display: Display) -> str:
+    if verdict.lower is None or verdict.upper is None:
         return "–"
-    low, high = (criterion.shown(end).partition(" ") for end in (lower, upper))
-    return _together(f"{low[0]} to {high[0]}{high[1]}{high[2]}")
+    return _together(display.words(verdict.criterion.shown(verdict.lower, verdict.upper, between=" to ")))
 
 
 def _together(text: str) -> str:

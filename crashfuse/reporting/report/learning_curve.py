@@ -1,5 +1,6 @@
 """Report on a learning curve: how well tests are predicted from fewer of the others, and what one more would buy."""
 
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
 from crashfuse.reporting.provenance import learning_curve_command
 from crashfuse.reporting.report.page import render
@@ -19,19 +20,20 @@ ONE_MORE_MEANING = (
 )
 
 
-def learning_curve_report(curve: LearningCurve, cost: Cost | None = None) -> str:
+def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, display: Display = DEFAULT) -> str:
     """HTML report of a learning curve; with the cost of a test, also what a hundredth of rating costs."""
     return render(
         "learning_curve",
         "how many tests are enough",
         curve.campaign,
         curve.config,
-        learning_curve_command(curve.config, curve.repeats, str(cost or "")),
+        learning_curve_command(curve.config, curve.repeats, str(cost or ""), display.system),
+        display,
         curve.campaign.test_ids,
         verdict=sentences(curve, cost),
         meaning=LEARNING_CURVE_MEANING,
         law=ONE_MORE_MEANING,
-        drawn=over_number_of_tests(curve),
+        drawn=over_number_of_tests(curve, display),
         steps=gains_table(curve, cost),
-        means=curve_table(curve),
+        means=curve_table(curve, display),
     )

@@ -1,6 +1,7 @@
 """Rendering of a report's template with its own values and those common to all reports."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from itertools import count
 
 import pandas as pd
@@ -14,11 +15,12 @@ from crashfuse.approaches.registry import CLASSES
 from crashfuse.cae.quality import judge_quality
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.exports import spreadsheet_text
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.run_quality import quality_table
 from crashfuse.study.config import StudyConfig
-from crashfuse.units import LB, MPH
+from crashfuse.wording import Sentence, speed, weight
 
 
 @pass_context
@@ -29,15 +31,20 @@ def _figure(context: Context, drawn: go.Figure) -> Markup:
     return Markup(drawn.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=config))  # noqa: S704
 
 
-_TEMPLATES = Environment(
-    loader=PackageLoader("crashfuse.reporting.report"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
-_TEMPLATES.filters["figure"] = _figure
-_TEMPLATES.filters["tabbed"] = spreadsheet_text
+@cache
+def _templates(display: Display) -> Environment:
+    """The templates of reports in which every sentence and condition is said in the reader's units."""
+    templates = Environment(
+        loader=PackageLoader("crashfuse.reporting.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=lambda value: display.words(value) if hasattr(value, "in_units") else value,
+    )
+    templates.filters["figure"] = _figure
+    templates.filters["tabbed"] = spreadsheet_text
+    return templates
 
 
 def render(
@@ -46,42 +53,44 @@ def render(
     campaign: Campaign,
     config: StudyConfig,
     command: str,
+    display: Display,
     held_out: Sequence[str] = (),
     **own: object,
 ) -> str:
     """The complete file, from a report's own template and values; the command is the one that reproduces it."""
     cfc = campaign.channel_filter_class
     quality = judge_quality(campaign.cae, campaign.quality_limits)
-    low, high = campaign.cae.vectors.min(axis=0), campaign.cae.vectors.max(axis=0)
-    return _TEMPLATES.get_template(f"{template}.html.j2").render(
-        own,
-        title=f"{campaign.name}: {title}",
-        verdict_colours=VERDICT_COLOURS,
-        plotly=Markup(get_plotlyjs()),  # noqa: S704
-        numbers=count(1),
-        campaign=campaign,
-        config=config,
-        tests=_tests(campaign),
-        library=f"CAE runs: {low[0] / MPH:.1f}–{high[0] / MPH:.1f} mph, front {low[1] / LB:.0f}–{high[1] / LB:.0f} lb, "
-        f"rear {low[2] / LB:.0f}–{high[2] / LB:.0f} lb.",
-        quality=[quality.summary, *quality.named],
-        quality_table=quality_table(quality),
-        filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
-        methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
-        origin=_origin(provenance(campaign, held_out, config), command),
+    speeds, front, rear = zip(campaign.cae.vectors.min(axis=0), campaign.cae.vectors.max(axis=0), strict=True)
+    return (
+        _templates(display)
+        .get_template(f"{template}.html.j2")
+        .render(
+            own,
+            title=f"{campaign.name}: {title}",
+            verdict_colours=VERDICT_COLOURS,
+            plotly=Markup(get_plotlyjs()),  # noqa: S704
+            numbers=count(1),
+            campaign=campaign,
+            config=config,
+            tests=_tests(campaign, display),
+            library=Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear)),
+            quality=[quality.summary, *quality.named],
+            quality_table=quality_table(quality),
+            filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
+            methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
+            origin=_origin(provenance(campaign, held_out, config), command),
+        )
     )
 
 
-def _tests(campaign: Campaign) -> pd.DataFrame:
+def _tests(campaign: Campaign, display: Display) -> pd.DataFrame:
     rows = []
     for test in campaign.tests:
         run = campaign.cae.paired_run(test.condition)
         rows.append(
             {
                 "Test": test.id,
-                "Speed (mph)": f"{test.condition.speed_mps / MPH:.1f}",
-                "Front weight (lb)": f"{test.condition.front_weight_kg / LB:.0f}",
-                "Rear weight (lb)": f"{test.condition.rear_weight_kg / LB:.0f}",
+                **display.columns(test.condition),
                 **dict(test.condition.factors),
                 "CAE pulse": "emulator" if run is None else campaign.cae.ids[run],
                 "Inside the CAE runs' range": "no" if campaign.cae.extrapolation(test.condition) else "yes",

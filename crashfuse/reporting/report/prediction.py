@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.displacement import over_displacement
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.next_test import next_tests
 from crashfuse.reporting.plots.pulses import motion
 from crashfuse.reporting.plots.sweep import sweep_figure
@@ -28,27 +29,30 @@ NEXT_TEST_MEANING = (
 )
 
 
-def prediction_report(campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> str:
+def prediction_report(
+    campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig, display: Display = DEFAULT
+) -> str:
     """HTML report of a prediction, from one estimate per approach at one condition."""
     condition = estimates[0].prediction.condition
     predictions = {estimate.approach: estimate.prediction for estimate in estimates}
     return render(
         "prediction",
-        f"prediction at {condition}",
+        f"prediction at {display.condition(condition)}",
         campaign,
         config,
-        prediction_command(condition, config),
+        prediction_command(condition, config, display.system),
+        display,
         condition=condition,
         verdict=recommend_for(estimates, campaign, condition).sentences,
         nearest=nearest_sentences(campaign, condition),
-        motion=motion(None, predictions, condition.speed_mps),
-        over_displacement=over_displacement(None, predictions, condition.speed_mps),
-        about=details(campaign, estimates),
-        bias=bias(campaign),
+        motion=motion(None, predictions, condition.speed_mps, display),
+        over_displacement=over_displacement(None, predictions, condition.speed_mps, display),
+        about=details(campaign, estimates, display),
+        bias=bias(campaign, display),
     )
 
 
-def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig) -> str:
+def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, display: Display = DEFAULT) -> str:
     """HTML report of a sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
     condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
     return render(
@@ -56,26 +60,34 @@ def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfi
         "pulse metrics over impact speed",
         campaign,
         config,
-        sweep_command(condition, speeds, config),
+        sweep_command(condition, speeds, config, display.system),
+        display,
         weights=weights_sentence(condition, campaign.tests),
         metrics=[
-            (METRIC_LABELS[name], sweep_figure(sweeps, name, campaign), missing_over_speed(sweeps, name))
+            (METRIC_LABELS[name], sweep_figure(sweeps, name, campaign, display), missing_over_speed(sweeps, name))
             for name in MAIN_METRICS
         ],
     )
 
 
-def next_test_report(campaign: Campaign, over: ConditionRange, ranked: Sequence[NextTest], config: StudyConfig) -> str:
+def next_test_report(
+    campaign: Campaign,
+    over: ConditionRange,
+    ranked: Sequence[NextTest],
+    config: StudyConfig,
+    display: Display = DEFAULT,
+) -> str:
     """HTML report of a ranking of next tests."""
     return render(
         "next_test",
         "which test next",
         campaign,
         config,
-        next_test_command(over.low, over.high, config),
+        next_test_command(over.low, over.high, config, display.system),
+        display,
         over=over,
         meaning=NEXT_TEST_MEANING,
-        drawn=next_tests(ranked, campaign.tests),
-        best=next_tests_table(ranked[:_SHOWN]),
+        drawn=next_tests(ranked, campaign.tests, display),
+        best=next_tests_table(ranked[:_SHOWN], display.units),
         ranked=len(ranked),
     )

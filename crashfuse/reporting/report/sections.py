@@ -12,18 +12,22 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, notes_by_makers
 from crashfuse.reporting.plots.bias import bias_by_speed
+from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
+from crashfuse.wording import joined
 
 
-def details(campaign: Campaign, estimates: Sequence[Estimate], measured: Sequence[Metric] = ()) -> dict[str, object]:
+def details(
+    campaign: Campaign, estimates: Sequence[Estimate], display: Display, measured: Sequence[Metric] = ()
+) -> dict[str, object]:
     """Metrics by approach (and of the test), the main ones and the others; notes of the approaches, their fits."""
-    headings = campaign.metric_headings
+    headings = {name: display.heading(label) for name, label in campaign.metric_headings.items()}
     columns = [("Measured", measured)] if measured else []
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
-    metrics = pd.DataFrame({who: {metric.name: metric.text for metric in own} for who, own in columns})
+    metrics = pd.DataFrame({who: {metric.name: display.metric(metric).text for metric in own} for who, own in columns})
     main = metrics.index.isin(MAIN_METRICS)
     shown = metrics.rename(index=headings).rename_axis("Pulse metric").reset_index()
     return {
@@ -31,7 +35,7 @@ def details(campaign: Campaign, estimates: Sequence[Estimate], measured: Sequenc
         "more_metrics": shown[~main],
         "remarks": [
             *missing_sentences(columns),
-            *(f"{', '.join(who)}: {note}" for note, who in notes_by_makers(estimates).items()),
+            *(joined([", ".join(who), note], ": ") for note, who in notes_by_makers(estimates).items()),
         ],
         "fits": [
             (LABELS[estimate.approach], sentences, fit_table(estimate.state))
@@ -41,10 +45,10 @@ def details(campaign: Campaign, estimates: Sequence[Estimate], measured: Sequenc
     }
 
 
-def bias(campaign: Campaign) -> go.Figure:
+def bias(campaign: Campaign, display: Display) -> go.Figure:
     """Figure of the CAE model's error in every test, by speed; its emulator is in the cache by now."""
     model = CaeModel(cache=Cache()).fit(campaign.cae)
-    return bias_by_speed(campaign.tests, [measured_bias(test, model) for test in campaign.tests])
+    return bias_by_speed(campaign.tests, [measured_bias(test, model) for test in campaign.tests], display=display)
 
 
 def repeats_table(

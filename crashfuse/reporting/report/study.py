@@ -1,15 +1,18 @@
 """Report of a study: how well each approach predicted every test that was left out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
 from crashfuse.approaches.calibration import LEVELS
 from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import SPEED_STEP_MPS
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.paper_tables import REPEAT, TABLE_3, TABLE_5, best, rating_table
 from crashfuse.reporting.plots.displacement import over_displacement
-from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.pulses import motion
 from crashfuse.reporting.plots.ratings import calibration_curves, rating_heatmap, rating_spread
 from crashfuse.reporting.provenance import study_command
@@ -18,6 +21,7 @@ from crashfuse.reporting.report.sections import bias, details, repeats_table
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
+from crashfuse.wording import speed
 
 _CAPTIONS = (
     (TABLE_3, "Table 3: the network before (LF) and after (MF) it has learned from the other tests"),
@@ -25,11 +29,12 @@ _CAPTIONS = (
 )
 
 
-def study_report(study: Study) -> str:
+def study_report(study: Study, display: Display = DEFAULT) -> str:
     """HTML report of a study."""
     campaign, config, verdict = study.campaign, study.config, recommend(study)
     held_out = [fold.held_out for fold in study.folds]
     window_ms = max(config.windows_ms)
+    display = replace(display, window_ms=window_ms)
     tables = [(caption, rating_table(study, rows)) for rows, caption in _CAPTIONS]
     spread = study.rating_spread(window_ms)
     return render(
@@ -37,19 +42,21 @@ def study_report(study: Study) -> str:
         f"study with each {config.split_configs[0].leave_out} left out",
         campaign,
         config,
-        study_command(campaign, held_out, config),
+        study_command(campaign, held_out, config, display.system),
+        display,
         held_out,
         verdict=verdict.sentences,
         window=f"0–{window_ms:g} ms",
         result=_result(study),
         speed_groups=study.speed_groups and _result(study.speed_groups),
+        speed_step=speed(SPEED_STEP_MPS, form=".2g"),
         repeats=repeats_table(study.repeatability, [fold.held_out for fold in study.folds], config.windows_ms),
         paper_tables=[(caption, _shown(table, best(table))) for caption, table in tables if len(table)],
         spread=rating_spread(spread, study.repeats(window_ms)) if any(spread.values()) else None,
         band=study.coverage
         and {"coverage": coverage_table(study.coverage), "curves": calibration_curves(LEVELS, study.reliability)},
-        bias=bias(campaign),
-        folds=[_fold(study, fold) for fold in study.folds],
+        bias=bias(campaign, display),
+        folds=[_fold(study, fold, display) for fold in study.folds],
         weak_spots=_weak_spots(study, verdict.approach),
     )
 
@@ -86,12 +93,12 @@ def _shown(ratings: pd.DataFrame, bold: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(cells, ratings.index, ratings.columns, dtype=object).reset_index()
 
 
-def _fold(study: Study, fold: Fold) -> dict[str, object]:
+def _fold(study: Study, fold: Fold, display: Display) -> dict[str, object]:
     """The recommendation made for a test before it was run, and the actual outcome."""
     test = study.campaign.test(fold.held_out)
     window = max(study.config.windows_ms)
     predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
-    speed = test.condition.speed_mps
+    v0 = test.condition.speed_mps
     rest = study.config.training_campaign(study.campaign, test.id)
     advice = recommend_for(fold.estimates, rest, test.condition, window)
     repeat = study.repeats(window).get(test.id)
@@ -100,12 +107,12 @@ def _fold(study: Study, fold: Fold) -> dict[str, object]:
         "advice": advice.sentences,
         "outcome": fold.ratings[advice.approach][window],
         "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall, LABELS[advice.approach]),
-        "motion": motion(test.pulse, predictions, speed, Display(window_ms=window)),
+        "motion": motion(test.pulse, predictions, v0, display),
         "ratings": _by_approach(
             {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}
         ),
-        "over_displacement": over_displacement(test.pulse, predictions, speed),
-        "details": details(study.campaign, fold.estimates, study.campaign.metrics_of(test)),
+        "over_displacement": over_displacement(test.pulse, predictions, v0, display),
+        "details": details(study.campaign, fold.estimates, display, study.campaign.metrics_of(test)),
     }
 
 

@@ -11,7 +11,7 @@ from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES
-from crashfuse.units import KPH, MPH, G
+from crashfuse.units import MPH, G
 
 
 @pytest.fixture
@@ -105,7 +105,7 @@ def test_velocity_and_displacement_are_those_of_the_closed_form(
     time = np.minimum(GRID_S, duration)
     velocity = v0 * (0.45 + 0.55 * np.cos(np.pi * time / duration))
     moved = v0 * (0.45 * time + 0.55 * duration / np.pi * np.sin(np.pi * time / duration)) - 0.1 * v0 * (GRID_S - time)
-    np.testing.assert_allclose(trace(figure, "Test", 2).y, velocity / KPH, atol=0.02)
+    np.testing.assert_allclose(trace(figure, "Test", 2).y, velocity / MPH, atol=0.02)
     np.testing.assert_allclose(trace(figure, "Test", 3).y, moved * 1000, atol=0.5)
 
 
