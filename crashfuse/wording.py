@@ -15,7 +15,9 @@ _DIMENSIONS = {
     "speed": {"mph": MPH, "km/h": KPH},
     "weight": {"lb": LB, "kg": 1.0},
 }
-_IN_SI = {unit: (dimension, factor) for dimension, own in _DIMENSIONS.items() for unit, factor in own.items()}
+_DIMENSION_OF = {unit: dimension for dimension, own in _DIMENSIONS.items() for unit in own}
+IN_SI = {unit: factor for own in _DIMENSIONS.values() for unit, factor in own.items()}
+"""Factors to SI of every unit that a reader can choose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +30,11 @@ class UnitSystem:
 
     def unit(self, unit: str) -> str:
         """The reader's unit for quantities in this unit (``"km/h"``: ``"mph"``); one of no choice is unchanged."""
-        return str(getattr(self, _IN_SI[unit][0])) if unit in _IN_SI else unit
+        return str(getattr(self, _DIMENSION_OF[unit])) if unit in IN_SI else unit
 
     def factor(self, unit: str) -> float:
         """Factor from a unit to the reader's."""
-        return _IN_SI[unit][1] / _IN_SI[self.unit(unit)][1] if unit in _IN_SI else 1.0
+        return IN_SI[unit] / IN_SI[self.unit(unit)] if unit in IN_SI else 1.0
 
 
 MPH_LB, KPH_KG = UnitSystem(), UnitSystem("km/h", "kg")

@@ -49,14 +49,14 @@ certification = result_of(
     ),
     button="Certify",
 )
-show_verdicts(certification)
+show_verdicts(certification, view.display)
 with st.expander("All verdicts as a table", icon=":material/table:"):
-    show_table(certification)
+    show_table(certification, view.display)
 
 st.header("Track record")
-show_record(certification, request.key)
+show_record(certification, view.display, request.key)
 st.header("Validated domain")
-show_domain(certification, request.key)
+show_domain(certification, view.display, request.key)
 st.header("Exceptions")
 show_exceptions(certification)
 explanations.show_terms(config)
@@ -65,4 +65,4 @@ with st.container(horizontal=True):
     download_table("track_record.csv", lambda: track_record_table(certification))
     download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode())
     download_table("matrix.csv", lambda: matrix_table(certification.matrix))
-    download_report(lambda: certification_report(certification))
+    download_report(lambda: certification_report(certification, view.display))

@@ -16,7 +16,9 @@ TABS = {
     "Files and report": files.show,
 }
 
-view = frame.enter_with_campaign("Compare", lambda view: f"Test {plain(view.held_out.id)}: {view.held_out.condition}")
+view = frame.enter_with_campaign(
+    "Compare", lambda view: f"Test {plain(view.held_out.id)}: {view.display.condition(view.held_out.condition)}"
+)
 test, campaign, config = view.held_out, view.campaign, chosen_config()
 stop_with_a_single_test(campaign)
 

@@ -15,7 +15,7 @@ from crashfuse.ui.navigation import show_link
 from crashfuse.ui.opening import show_open_forms
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
-from crashfuse.units import MPH
+from crashfuse.wording import speed
 
 CLASSES = (60, 180, 600)
 AS_READ = "As read"
@@ -24,11 +24,11 @@ AS_READ = "As read"
 def show_summary(view: frame.View) -> None:
     """Summarise in numbers what was accepted."""
     campaign = view.campaign
-    speeds = [test.condition.speed_mps / MPH for test in campaign.tests]
+    speeds = [test.condition.speed_mps for test in campaign.tests]
     paired = sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
     numbers = st.columns(3)
     numbers[0].metric("Tests", len(campaign.tests), help=f"{paired} of them have a CAE run at their own condition.")
-    numbers[1].metric("Test speeds", f"{min(speeds):.0f}–{max(speeds):.0f} mph")
+    numbers[1].metric("Test speeds", view.display.words(speed(min(speeds), max(speeds), form=".0f")))
     numbers[2].metric("CAE runs", f"{len(campaign.cae):,}")
     st.caption(
         f"Fingerprint {campaign.fingerprint[:12]}",
@@ -80,16 +80,17 @@ def show_conditions(view: frame.View) -> None:
     campaign = view.campaign
     st.subheader("Conditions")
     show_cached_figure(
-        lambda: condition_space(campaign.cae, campaign.tests, held_out=view.held_out.id),
+        lambda: condition_space(campaign.cae, campaign.tests, held_out=view.held_out.id, display=view.display),
         "Speed against front and rear weight of CAE runs and tests; the same numbers are in the table below",
         "conditions",
         campaign.fingerprint,
         view.held_out.id,
+        view.display.system,
     )
     st.markdown(
         f"**The tests, and how the CAE model rates against each before any correction** ({campaign.rating_basis})"
     )
-    show_table(page_tables.conditions(campaign), "conditions")
+    show_table(page_tables.conditions(campaign, view.display), "conditions")
 
 
 def show_library(view: frame.View) -> None:

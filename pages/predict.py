@@ -19,7 +19,7 @@ TABS = {
 
 view = frame.enter_with_campaign("Predict", lambda view: f"from all {len(view.campaign.tests)} tests and the CAE runs")
 campaign, config = view.campaign, chosen_config()
-condition = choose_condition(campaign)
+condition = choose_condition(campaign, view.display)
 request = FitRequest(campaign, config)
 fitted = result_of(
     request,

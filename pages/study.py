@@ -38,7 +38,7 @@ study = result_of(
 outcome = Outcome(view, config, study)
 explanations.show_missing(config, study.config.approaches)
 if outcome.whole:
-    first, *others = recommend(study).sentences
+    first, *others = map(view.display.words, recommend(study).sentences)
     use, _, why = first.partition(". ")
     explanations.show_recommendation([f"{use}. {others[0]}", why, *others[1:]])
 TABS[tab](outcome)

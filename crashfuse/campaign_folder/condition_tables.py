@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -19,6 +19,7 @@ from crashfuse.run_quality import QUANTITIES as QUALITIES
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import MASS, SPEED
+from crashfuse.wording import KPH_KG, MPH_LB, UnitSystem
 
 _QUANTITIES: dict[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
 _SMALLEST = {"speed": 0.1, "front_weight": 1.0, "rear_weight": 1.0}  # m/s, kg: less is not a crash, not a vehicle
@@ -36,13 +37,14 @@ Role = Literal["tests", "cae"]
 class ConditionTable:
     """The rows of a condition table, each with its row number in the file (the header is row 1).
 
-    ``quality`` is what the solver says of each, empty if the table says nothing.
+    ``quality`` is what the solver says of each, empty if the table says nothing; ``units`` are those of the columns.
     """
 
     ids: tuple[str, ...]
     conditions: tuple[Condition, ...]
     rows: tuple[int, ...]
     quality: tuple[RunQuality, ...] = ()
+    units: UnitSystem = MPH_LB
 
     def without(self, places: Sequence[int]) -> "ConditionTable":
         """The table without the rows at these places."""
@@ -51,7 +53,13 @@ class ConditionTable:
         def kept(cells: tuple[T, ...]) -> tuple[T, ...]:
             return tuple(cell for place, cell in enumerate(cells) if place not in gone)
 
-        return ConditionTable(kept(self.ids), kept(self.conditions), kept(self.rows), kept(self.quality))
+        return replace(
+            self,
+            ids=kept(self.ids),
+            conditions=kept(self.conditions),
+            rows=kept(self.rows),
+            quality=kept(self.quality),
+        )
 
 
 def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
@@ -93,7 +101,8 @@ def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Prob
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=str).tolist()]
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
     conditions = tuple(Condition(float(v), float(front), float(rear), fac) for v, front, rear, fac in rows)
-    return ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality)
+    units = MPH_LB if "speed_mph" in names else KPH_KG
+    return ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, units)
 
 
 def sound_ids(path: Path) -> tuple[str, ...]:

@@ -92,6 +92,7 @@ def load_campaign(folder: str | Path) -> Campaign:
     return Campaign(
         settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, settings.quality.limits,
         settings.occupant, _common({settings.tests_imported_with.get(test.id) for test in crash_tests}),
+        tables["tests"].units,
     )  # fmt: skip
 
 

@@ -14,10 +14,10 @@ from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, shortened
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.study.estimate import FASTEST_MPS, HEAVIEST_KG
-from crashfuse.units import LB, MPH
+from crashfuse.wording import Sentence, speed, weight
 
 _MOST = 10_000  # each costs a prediction
-_BOUNDS = f"at most {FASTEST_MPS / MPH:.0f} mph and {HEAVIEST_KG / LB:.0f} lb in all"
+_BOUNDS = Sentence("at most {} and {} in all", speed(FASTEST_MPS, form=".0f"), weight(HEAVIEST_KG))
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ class Matrix:
         ids = tuple(f"M{number:03d}" for number in range(1, len(axes) + 1))
         conditions = tuple(Condition(v, front, rear, kind) for v, front, rear, kind in axes)
         if beyond := next(filter(_is_beyond, conditions), None):
-            raise UsageError(f"No barrier test is made at {beyond}: a grid has {_BOUNDS}.")
+            raise UsageError(Sentence("No barrier test is made at {}: a grid has {}.", beyond, _BOUNDS))
         return cls(ids, conditions)
 
 

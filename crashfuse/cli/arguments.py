@@ -155,11 +155,9 @@ def _add_axes(
 
 
 def _in_si(factor: float) -> Callable[[str], float]:
-    """Parser of a number above 0 in a unit with this factor to SI."""
+    """Parser of a number in a unit with this factor to SI."""
 
     def number(text: str) -> float:
-        if not 0 < float(text) < float("inf"):
-            raise argparse.ArgumentTypeError(f"must be a number above 0, not {text}")
         return float(text) * factor
 
     return number

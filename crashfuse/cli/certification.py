@@ -63,7 +63,7 @@ def _matrix(arguments: argparse.Namespace, campaign: "Campaign") -> "Matrix":
         return Matrix.read(path, campaign.factors)
     if arguments.matrix is not None or not all(axes):
         raise UsageError(
-            "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb (or in kph, kg), all three, and no "
+            "A grid takes --speed-mph, --front-weight-lb and --rear-weight-lb, all three (or in kph and kg), and no "
             "--matrix."
         )
     factors: dict[str, dict[str, None]] = {}

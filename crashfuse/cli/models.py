@@ -47,6 +47,7 @@ def predict(arguments: argparse.Namespace) -> None:
     from crashfuse.study.nearest import nearest_sentences
     from crashfuse.study.recommendation import recommend_for
 
+    _require_positive(arguments)
     export, display = pulse_export(arguments), Display(system=SYSTEMS[arguments.units])
     require_output(arguments.out, arguments.campaign, "prediction")
     campaign = load_campaign(arguments.campaign)
@@ -74,6 +75,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
     from crashfuse.wording import speed
 
+    _require_positive(arguments)
     export, display = pulse_export(arguments), Display(system=SYSTEMS[arguments.units])
     require_output(arguments.out, arguments.campaign, "sweep")
     campaign = load_campaign(arguments.campaign)
@@ -128,6 +130,13 @@ def next_test(arguments: argparse.Namespace) -> None:
     print(f"The band of the displacement domain over {low} to {high}:")
     print(next_tests_table(ranked[:_BEST], display.units).to_string(index=False))
     say_written(arguments.out, "ranking of next tests")
+
+
+def _require_positive(arguments: argparse.Namespace) -> None:
+    asked = arguments.speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg
+    numbers = [number for each in asked if each is not None for number in (each if isinstance(each, list) else [each])]
+    if not all(0 < number < float("inf") for number in numbers):
+        raise UsageError("Speed and weights must be numbers above 0.")
 
 
 def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mps: float) -> "Condition":

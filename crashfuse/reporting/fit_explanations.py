@@ -9,7 +9,7 @@ import pandas as pd
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
 from crashfuse.study.estimate import Estimate
-from crashfuse.wording import Quantity, Sentence
+from crashfuse.wording import IN_SI, MPH_LB, Quantity, Sentence, UnitSystem
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration"}
@@ -30,13 +30,20 @@ def coverage_table(coverage: Mapping[str, Calibration]) -> pd.DataFrame:
     )
 
 
-def fit_table(state: Mapping[str, Any]) -> pd.DataFrame:
+def fit_table(state: Mapping[str, Any], units: UnitSystem = MPH_LB) -> pd.DataFrame:
     """Hyperparameters of a bias model and their uncertainty; empty for an approach without any."""
+
+    def shown(name: str, value: float) -> tuple[str, float]:
+        for si, unit in ((" in m/s", "mph"), (" in kg", "lb")):
+            if name.endswith(si):
+                return f"{name.removesuffix(si)} in {units.unit(unit)}", value / IN_SI[unit] * units.factor(unit)
+        return name, value
+
     spread, touched = state.get("spread_factors", {}), state.get("touched_bounds", [])
     return pd.DataFrame(
         {
-            "Hyperparameter": name,
-            "Value": f"{value:.3g}",
+            "Hyperparameter": shown(name, value)[0],
+            "Value": f"{shown(name, value)[1]:.3g}",
             "Known to a factor of": f"{spread[name]:.2f}" if name in spread else "–",
             "At its bound": "yes" if name in touched else "no",
         }

@@ -15,6 +15,7 @@ from streamlit.runtime.scriptrunner import get_script_run_ctx
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.certification.verdict import WORDS
 from crashfuse.study.config import WINDOWS_MS
+from crashfuse.wording import SYSTEMS
 
 Value = str | float | bool | tuple[str, ...] | None
 
@@ -75,7 +76,8 @@ CHOICES: dict[str, Choice] = {
     "seed": Choice(int, 0),
     # how it is shown
     "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict")),
-    "unit": Choice(str, "g", ("g", "m/s²"), ("data", "compare", "predict")),
+    "system": Choice(options=tuple(SYSTEMS)),
+    "unit": Choice(str, "g", ("g", "m/s²"), ("data", "compare", "study", "predict", "certify")),
     "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "compare", "predict")),
     # what is shown on a page
     "filter": Choice(pages=("data",)),
@@ -128,6 +130,13 @@ def default(key: str, value: Value, known: Sequence[Value] = ()) -> None:
     state.setdefault(_DEFAULTS, {})[key] = value
     if state.get(key) is None or (known and state[key] not in known):
         state[key] = value
+
+
+def forget_default(key: str) -> None:
+    """Let another campaign decide a choice that nobody has made: its value is the default of the one before."""
+    state = _state()
+    if state.get(key) == state.get(_DEFAULTS, {}).get(key):
+        state[key] = None
 
 
 def publish() -> None:

@@ -16,7 +16,7 @@ from crashfuse.ui import page_tables
 from crashfuse.ui.frame import View
 from crashfuse.ui.look import fill
 from crashfuse.ui.tables import show_table
-from crashfuse.ui.text import plain
+from crashfuse.ui.text import chosen_units, plain
 
 
 def show_recommendation(sentences: Sequence[str], beside: Sequence[str] = ()) -> None:
@@ -55,7 +55,7 @@ def show_missing(config: StudyConfig, known: Collection[str]) -> None:
 def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) -> None:
     """Show pulse metrics by column (the test, an approach), the main ones first, and explain missing numbers."""
     st.subheader("Pulse metrics", help=glossary.TTZV)
-    main, more = page_tables.metrics(columns, view.campaign, view.display.unit)
+    main, more = page_tables.metrics(columns, view.campaign, view.display)
     show_table(main, "metrics")
     with st.expander("More of the pulse: equivalent pulses, loading, rebound", icon=":material/ssid_chart:"):
         show_table(more, "more metrics")
@@ -79,5 +79,5 @@ def show_fits(estimates: Iterable[Estimate]) -> None:
         if sentences := fit_sentences(estimate.state):
             with st.expander(f"How the fit went: {LABELS[estimate.approach].lower()}"):
                 st.markdown("\n\n".join(plain(sentence) for sentence in sentences))
-                if not (table := fit_table(estimate.state)).empty:
+                if not (table := fit_table(estimate.state, chosen_units())).empty:
                     st.table(table.style.hide(axis="index"), border="horizontal")

@@ -18,8 +18,8 @@ from crashfuse.ui.figures import choose_image_format
 from crashfuse.ui.navigation import navigate, show_link, show_links
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.settings import choose_left_out
-from crashfuse.ui.text import plain
-from crashfuse.units import MPH
+from crashfuse.ui.text import chosen_units, plain
+from crashfuse.wording import SYSTEMS, said, speed
 
 _NOT_FOUND = "not found"  # session key: what the link asked for and was not found
 REFUSED = "refused"  # session key: what is wrong with the campaign last tried
@@ -160,6 +160,8 @@ def _sidebar(page: str) -> _Choice:
 def _choose_view(page: str, name: str, campaign: Campaign) -> View:
     """The choices for an open campaign; those that do not act on this page are kept, and not asked for."""
     state = st.session_state
+    address.default("system", next(name for name, system in SYSTEMS.items() if system == campaign.units))
+    units = chosen_units()
     tests = {test.id: test for test in campaign.tests}
     if state["test"] not in (None, *tests):
         _note("This link holds out {}, but no test here has that name.", state["test"])
@@ -170,14 +172,14 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
         st.selectbox(
             "Held-out test",
             list(tests),
-            format_func=lambda test_id: f"{test_id} · {tests[test_id].condition.speed_mps / MPH:.1f} mph",
+            format_func=lambda test_id: f"{test_id} · {said(speed(tests[test_id].condition.speed_mps), units)}",
             key="test",
             persist_state="session",
             on_change=_forget,
             help="The test to be predicted. Nothing that predicts it sees its pulse.",
         )
         for note in campaign.cae.extrapolation(tests[state["test"]].condition):
-            st.caption(f":material/warning: {note}")
+            st.caption(f":material/warning: {plain(note)}")
     if page == "compare":  # the page Train has it among its settings
         choose_left_out()
     if address.acts("window", page):
@@ -185,16 +187,21 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
             "Rated time window", list(WINDOWS_MS), required=True, format_func=lambda ms: f"0–{ms:g} ms", key="window",
             persist_state="session",
         )  # fmt: skip
+    st.segmented_control(
+        "Units", list(SYSTEMS), required=True, format_func={"mph-lb": "mph, lb", "kph-kg": "km/h, kg"}.__getitem__,
+        key="system", persist_state="session", help="Of speeds and weights everywhere; files keep their own.",
+    )  # fmt: skip
     if address.acts("unit", page):
         st.segmented_control(
-            "Unit", address.CHOICES["unit"].options, required=True, key="unit", persist_state="session"
+            "Accelerations in", address.CHOICES["unit"].options, required=True, key="unit", persist_state="session"
         )
+    if address.acts("sign", page):
         st.segmented_control(
             "Show as", address.CHOICES["sign"].options, required=True, key="sign", persist_state="session",
             help="Braking is negative as an acceleration (SAE J1733), positive as a deceleration.",
         )  # fmt: skip
         choose_image_format()
-    display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration")
+    display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration", SYSTEMS[state["system"]])
     return View(campaign, campaigns.folder_of(name), tests[state["test"]], display)
 
 
@@ -206,6 +213,7 @@ def _note(sentence: str, asked: str) -> None:
 def _turn_to_campaign() -> None:
     """Begin with another campaign's own default test: its names may mean other conditions there."""
     st.session_state["test"] = None
+    address.forget_default("system")
     _forget()
 
 

@@ -82,7 +82,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     cost = Cost(amount) if amount else None
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
     show_figure(
-        over_number_of_tests(curve),
+        over_number_of_tests(curve, view.display),
         alt="Mean rating of tests not learned from, width of the band and decided verdicts, over the number of tests",
     )
     st.caption(
@@ -94,7 +94,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
         show_table(steps, "gains")
         st.caption(ONE_MORE_MEANING)
     with st.expander("All means", icon=":material/table:"):
-        show_table(curve_table(curve), "learning curve")
+        show_table(curve_table(curve, view.display), "learning curve")
     with st.container(horizontal=True):
         download_table("learning_curve.csv", lambda: table.assign(basis=view.campaign.rating_basis))
-        download_report(lambda: learning_curve_report(curve, cost), "learning_curve.html")
+        download_report(lambda: learning_curve_report(curve, cost, view.display), "learning_curve.html")

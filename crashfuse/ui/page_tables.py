@@ -9,7 +9,7 @@ from pandas.io.formats.style import Styler
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.paper_tables import REPEAT, best, rating_table
-from crashfuse.reporting.plots.display import Unit
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
@@ -19,7 +19,7 @@ from crashfuse.study.next_test import NextTest, next_tests_table
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.ui.look import fill
-from crashfuse.units import KPH, LB, MPH, G
+from crashfuse.wording import UnitSystem
 
 _PARTS = ("corridor", "phase", "magnitude", "slope")
 
@@ -29,17 +29,19 @@ def window_label(window_ms: float) -> str:
     return f"0–{window_ms:g} ms"
 
 
-def conditions(campaign: Campaign) -> Styler:
+def conditions(campaign: Campaign, display: Display) -> Styler:
     """Every test with its condition, its paired CAE run, and the rating of the uncorrected run over each window."""
-    return _coloured(_conditions(campaign.fingerprint, campaign))
+    return _coloured(_conditions(campaign.fingerprint, display.system, campaign))
 
 
 @st.cache_data(show_spinner=False, max_entries=4)
-def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa: ARG001 - the key
-    campaign, rows = _campaign, []
+def _conditions(fingerprint: str, system: UnitSystem, _campaign: Campaign) -> pd.DataFrame:  # noqa: ARG001 - the key
+    campaign, display = _campaign, Display(system=system)
+    rows = []
     for test in campaign.tests:
         condition, run = test.condition, campaign.cae.paired_run(test.condition)
-        row: dict[str, str] = {"Test": test.id, "Speed (mph)": f"{condition.speed_mps / MPH:.1f}"}
+        (of_speed, speed), *weights = display.columns(condition).items()
+        row: dict[str, str] = {"Test": test.id, of_speed: speed}
         # the most important first: the rest may be cut off on a narrow page
         by_window: dict[float, Rating] = {}
         if run is not None:
@@ -48,9 +50,7 @@ def _conditions(fingerprint: str, _campaign: Campaign) -> pd.DataFrame:  # noqa:
         row |= {window_label(w): _graded(by_window[w].overall) if w in by_window else "–" for w in WINDOWS_MS}
         row["In CAE range"] = "no" if campaign.cae.extrapolation(condition) else "yes"
         row |= {
-            "Speed (km/h)": f"{condition.speed_mps / KPH:.1f}",
-            "Front (lb)": f"{condition.front_weight_kg / LB:.0f}",
-            "Rear (lb)": f"{condition.rear_weight_kg / LB:.0f}",
+            **dict(weights),
             **{name.capitalize(): value for name, value in condition.factors},
             "Paired run": "none" if run is None else campaign.cae.ids[run],
         }
@@ -111,16 +111,13 @@ def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
 
 
 def metrics(
-    columns: Sequence[tuple[str, Sequence[Metric]]], campaign: Campaign, unit: Unit = "g"
+    columns: Sequence[tuple[str, Sequence[Metric]]], campaign: Campaign, display: Display
 ) -> tuple[Styler, Styler]:
     """Pulse metrics, the main ones and the others, one column each for the test and every approach, with intervals."""
     headings = campaign.metric_headings
-    shown = {heading: {metric.name: _in_unit(metric, unit) for metric in own} for heading, own in columns}
+    shown = {heading: {metric.name: display.metric(metric) for metric in own} for heading, own in columns}
     rows = [
-        {
-            "Pulse metric": label.replace("(g)", f"({unit})"),
-            **{heading: own[name].text for heading, own in shown.items()},
-        }
+        {"Pulse metric": display.heading(label), **{heading: own[name].text for heading, own in shown.items()}}
         for name, label in headings.items()
     ]
     main = [name in MAIN_METRICS for name in headings]
@@ -128,22 +125,21 @@ def metrics(
     return _plain(table[main]), _plain(table[[not each for each in main]])
 
 
-def next_tests(ranked: Sequence[NextTest]) -> Styler:
+def next_tests(ranked: Sequence[NextTest], display: Display) -> Styler:
     """Ranked tests, with the ranking criterion first."""
-    table = next_tests_table(ranked)
-    first = ["rank", "speed (mph)", "gain (%)", "extrapolation"]
+    table = next_tests_table(ranked, display.units)
+    speed = display.title("speed", "mph")
+    first = ["rank", speed, "gain (%)", "extrapolation"]
     table = table[[*first, *table.columns.drop(first)]].rename(columns=str.capitalize)
-    digits = {"Gain (%)": 1, "Speed (mph)": 1, "Band now (± g)": 2, "Band then (± g)": 2}
-    texts = table.assign(**{name: table[name].map(f"{{:.{n}f}}".format) for name, n in digits.items()})
+    digits = {"Gain": 1, "Speed": 1, "Band": 2}
+    texts = table.assign(
+        **{
+            name: table[name].map(f"{{:.{digits[name.split()[0]]}f}}".format)
+            for name in table.columns
+            if name.split()[0] in digits
+        }
+    )
     return _plain(texts.astype(str))
-
-
-def _in_unit(metric: Metric, unit: Unit) -> Metric:
-    """A metric in this unit if it is an acceleration; others unchanged."""
-    if metric.unit != "g" or unit == "g":
-        return metric
-    value, lower, upper = (None if n is None else n * G for n in (metric.value, metric.lower, metric.upper))
-    return Metric(metric.name, value, lower, upper, unit)
 
 
 def _graded(overall: float) -> str:

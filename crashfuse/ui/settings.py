@@ -5,9 +5,12 @@ import torch
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.approaches.settings import DEVICES
+from crashfuse.campaign import SPEED_STEP_MPS
 from crashfuse.reporting import glossary
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui.computation import chosen_config
+from crashfuse.ui.text import chosen_units
+from crashfuse.wording import said, speed
 
 
 def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
@@ -59,5 +62,5 @@ def choose_left_out() -> None:
         key="leave_out",
         persist_state="session",
         help="Without any test at about its speed the prediction is a step to a new speed: the harder question. Tests "
-        "less than 2 mph apart are at about one speed.",
+        f"less than {said(speed(SPEED_STEP_MPS, form='.2g'), chosen_units())} apart are at about one speed.",
     )

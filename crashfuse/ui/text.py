@@ -1,10 +1,24 @@
-"""Untrusted text on a page: a file's name, a table cell, the texts of a campaign."""
+"""Text on a page: untrusted text, such as a file's name or a table cell, and sentences in the reader's units."""
 
 import string
+from dataclasses import replace
+
+import streamlit as st
+
+from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem, said
 
 _MARKS = {ord(char): f"\\{char}" for char in string.punctuation}
 
 
-def plain(text: str) -> str:
-    """Text that Markdown shows literally, on one line: no links, images, formulas, icons or HTML."""
-    return " ".join(text.split()).translate(_MARKS)
+def plain(text: object) -> str:
+    """Text that Markdown shows literally, on one line: no links, images, formulas, icons or HTML.
+
+    A sentence, a condition or a quantity is said in the units that were chosen in the sidebar.
+    """
+    return " ".join(said(text, chosen_units()).split()).translate(_MARKS)
+
+
+def chosen_units() -> UnitSystem:
+    """The units that were chosen in the sidebar, for the session as a whole."""
+    system = SYSTEMS.get(st.session_state.get("system") or "", MPH_LB)
+    return replace(system, acceleration=st.session_state.get("unit") or "g")

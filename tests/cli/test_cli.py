@@ -472,6 +472,20 @@ def test_version_and_help_end_well(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(command in out for command in ("app", "sample", "check", "study", "predict", "rate"))
 
 
+def test_speeds_and_weights_are_given_in_either_unit(capsys: pytest.CaptureFixture[str]) -> None:
+    """Never in both at once."""
+    here = ["predict", "campaign", "--out", "out"]
+    found = cli.parser().parse_args(
+        [*here, "--speed-kph", "56", "--front-weight-kg", "950", "--rear-weight-lb", "1500"]
+    )
+    np.testing.assert_allclose(found.speed_mps * 3.6, 56)
+    np.testing.assert_allclose([found.front_weight_kg, found.rear_weight_kg], [950, 1500 * 0.45359237])
+    with pytest.raises(SystemExit) as ended:
+        cli.parser().parse_args([*here, *at_condition(35, 2000, 1500), "--speed-kph", "56"])
+    assert ended.value.code == cli.WRONG_USAGE
+    assert "--speed-kph: not allowed with argument --speed-mph" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("seed", ["-1", "99999999999999999999", "x"])
 def test_an_impossible_seed_is_wrong_usage(campaign_on_disk: Path, tmp_path: Path, seed: str) -> None:
     """Said before anything is computed."""

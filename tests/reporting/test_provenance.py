@@ -2,12 +2,22 @@
 
 import shlex
 
+import numpy as np
+import pytest
+
 from crashfuse.campaign import Campaign
 from crashfuse.cli import parser
 from crashfuse.condition import Condition
-from crashfuse.reporting.provenance import prediction_command, provenance, study_command
+from crashfuse.reporting.provenance import (
+    next_test_command,
+    prediction_command,
+    provenance,
+    study_command,
+    sweep_command,
+)
 from crashfuse.study.config import StudyConfig
-from crashfuse.units import LB, MPH
+from crashfuse.units import KPH, LB, MPH
+from crashfuse.wording import KPH_KG, SYSTEMS
 
 
 def test_the_command_of_a_study_is_parsed_back_to_its_settings(campaign: Campaign) -> None:
@@ -21,12 +31,26 @@ def test_the_command_of_a_study_is_parsed_back_to_its_settings(campaign: Campaig
     assert tuple(parsed.windows_ms) == config.windows_ms
 
 
-def test_the_command_of_a_prediction_is_parsed_back_to_its_condition() -> None:
-    """To ten digits, with its factors."""
+@pytest.mark.parametrize("units", SYSTEMS)
+def test_the_command_of_a_prediction_is_parsed_back_to_its_condition(units: str) -> None:
+    """To ten digits, with its factors, in the units of the report."""
     condition = Condition(33.3 * MPH, 2100.5 * LB, 1500 * LB, (("drive", "all wheels"), ("motor", "")))
-    parsed = parser().parse_args(shlex.split(prediction_command(condition, StudyConfig()))[1:])
-    assert (parsed.speed_mph, parsed.front_weight_lb, parsed.rear_weight_lb) == (33.3, 2100.5, 1500.0)
+    parsed = parser().parse_args(shlex.split(prediction_command(condition, StudyConfig(), SYSTEMS[units]))[1:])
+    found = parsed.speed_mps, parsed.front_weight_kg, parsed.rear_weight_kg
+    np.testing.assert_allclose(found, condition.vector, rtol=1e-9)
+    assert parsed.units == units
     assert parsed.factor == ["drive=all wheels"]
+
+
+def test_commands_are_in_the_units_of_the_report() -> None:
+    """Round numbers stay round: 56 km/h is no 34.8 mph."""
+    condition, higher = Condition(56 * KPH, 950.0, 700.0), Condition(64 * KPH, 1000.0, 750.0)
+    vehicle = " --front-weight-kg 950 --rear-weight-kg 700"
+    assert f" --speed-kph 56{vehicle} --out" in prediction_command(condition, StudyConfig(), KPH_KG)
+    speeds = np.array([condition.speed_mps, 16.0, higher.speed_mps])
+    assert f" --speed-kph 56 64{vehicle} --out" in sweep_command(condition, speeds, StudyConfig(), KPH_KG)
+    over = " --speed-kph 56 64 --front-weight-kg 950 1000 --rear-weight-kg 700 750 --out"
+    assert over in next_test_command(condition, higher, StudyConfig(), KPH_KG)
 
 
 def test_the_provenance_names_data_versions_and_settings(campaign: Campaign) -> None:

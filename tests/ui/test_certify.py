@@ -240,7 +240,7 @@ def test_a_grid_is_in_the_link(visit: Visit) -> None:
 def test_a_grid_that_cannot_be_read_is_a_sentence(visit: Visit, text: str) -> None:
     """What was expected, and what was found."""
     session = visit("certify")
-    session.app.text_input(key="speeds").set_value(text)
+    session.app.text_input(key="speeds in mph").set_value(text)
     session.run()
     errors = [error.value.replace("\\", "") for error in session.app.error]
     assert len(errors) == 1

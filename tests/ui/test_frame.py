@@ -52,9 +52,9 @@ def test_the_sidebar_asks_only_for_what_acts_on_the_page(visit: Visit) -> None:
         page: {str(own.key) for kind in ("selectbox", "button_group") for own in visit(page).app.sidebar.get(kind)}
         for page in ("data", "study", "certify")
     }
-    assert asked["data"] >= {"campaign", "test", "window", "unit", "sign"}
-    assert asked["study"] == {"campaign", "window"}
-    assert asked["certify"] == {"campaign"}
+    assert asked["data"] >= {"campaign", "test", "window", "system", "unit", "sign"}
+    assert asked["study"] == {"campaign", "window", "system", "unit"}
+    assert asked["certify"] == {"campaign", "system", "unit"}
 
 
 @pytest.mark.slow

@@ -7,12 +7,13 @@ from pandas.io.formats.style import Styler
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.reporting.plots.display import Unit
+from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.metrics import Metric, pulse_metrics
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.next_test import NextTest
 from crashfuse.ui import page_tables
 from crashfuse.units import LB, MPH, G
+from crashfuse.wording import KPH_KG, AccelerationUnit
 
 
 def test_accelerations_follow_the_unit_and_other_metrics_do_not(campaign: Campaign) -> None:
@@ -21,7 +22,7 @@ def test_accelerations_follow_the_unit_and_other_metrics_do_not(campaign: Campai
     draws = np.multiply.outer(np.linspace(0.9, 1.1, 101), accel)
     found = pulse_metrics(accel, campaign.tests[0].condition.speed_mps, draws_mps2=draws)
     peak, ratio = (next(m for m in found if m.name == name) for name in ("peak", "loading_ratio"))
-    units: tuple[tuple[Unit, float], ...] = (("g", 1.0), ("m/s²", G))
+    units: tuple[tuple[AccelerationUnit, float], ...] = (("g", 1.0), ("m/s²", G))
     for unit, factor in units:
         main, more = (table.data.set_index("Pulse metric")["Test"] for table in show(campaign, found, unit))
         assert list(main.index)[:2] == [f"Peak deceleration ({unit})", "Time of peak (ms)"]
@@ -40,17 +41,17 @@ def test_settings_of_the_occupant_stand_beside_its_metrics(campaign: Campaign) -
     assert "VPI, vehicle pulse index, CFC 60 (g)" in list(main.data["Pulse metric"])
 
 
-def show(campaign: Campaign, found: tuple[Metric, ...], unit: Unit) -> tuple[Styler, Styler]:
+def show(campaign: Campaign, found: tuple[Metric, ...], unit: AccelerationUnit) -> tuple[Styler, Styler]:
     """Both tables of a test's metrics."""
-    return page_tables.metrics([("Test", found)], campaign, unit)
+    return page_tables.metrics([("Test", found)], campaign, Display(unit=unit))
 
 
 def test_ratings_and_range_come_before_weights_and_factors(campaign: Campaign) -> None:
     """What lies beyond the edge of a narrow page is what can be done without."""
-    columns = page_tables.conditions(campaign).data.columns.tolist()
+    columns = page_tables.conditions(campaign, Display()).data.columns.tolist()
     assert columns[:2] == ["Test", "Speed (mph)"]
     assert columns[2:6] == ["0–20 ms", "0–40 ms", "0–60 ms", "In CAE range"]
-    assert {"Speed (km/h)", "Front (lb)", "Rear (lb)", "Paired run"} <= set(columns[6:])
+    assert {"Front weight (lb)", "Rear weight (lb)", "Paired run"} <= set(columns[6:])
 
 
 def test_the_next_tests_show_their_gain_first_and_equal_digits() -> None:
@@ -59,9 +60,21 @@ def test_the_next_tests_show_their_gain_first_and_equal_digits() -> None:
         NextTest(Condition(30 * MPH, 2000 * LB, 1500 * LB), 3.5 * 9.80665, 3.1 * 9.80665),
         NextTest(Condition(31.5 * MPH, 2000 * LB, 1500 * LB), 3.5 * 9.80665, 3.09 * 9.80665, ("Extrapolation.",)),
     ]
-    table = page_tables.next_tests(ranked).data
+    table = page_tables.next_tests(ranked, Display()).data
     assert table.columns[:4].tolist() == ["Rank", "Speed (mph)", "Gain (%)", "Extrapolation"]
     assert table["Band then (± g)"].tolist() == ["3.10", "3.09"]
     assert table["Speed (mph)"].tolist() == ["30.0", "31.5"]
     assert table["Gain (%)"].tolist() == ["11.4", "11.7"]
     assert table["Extrapolation"].tolist() == ["no", "yes"]
+    metric = page_tables.next_tests(ranked, Display(unit="m/s²", system=KPH_KG)).data
+    assert metric["Speed (km/h)"].tolist() == ["48.3", "50.7"]
+    assert metric["Front weight (kg)"].tolist() == ["907", "907"]
+    assert metric["Band then (± m/s²)"].tolist() == ["30.40", "30.30"]
+
+
+def test_conditions_are_in_the_chosen_units_alone(campaign: Campaign) -> None:
+    """One column for each speed and weight, not one in each unit."""
+    table = page_tables.conditions(campaign, Display(system=KPH_KG)).data.set_index("Test")
+    assert table.columns[0] == "Speed (km/h)"
+    assert table.loc["T1", ["Speed (km/h)", "Front weight (kg)", "Rear weight (kg)"]].tolist() == ["24.1", "907", "658"]
+    assert not [name for name in table.columns if "mph" in name or "lb" in name]

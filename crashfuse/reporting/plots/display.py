@@ -14,7 +14,6 @@ from crashfuse.units import LB, MPH, G
 from crashfuse.wording import MPH_LB, AccelerationUnit, UnitSystem, said, speed, weight
 
 Number = TypeVar("Number", float, FloatArray)
-Unit = AccelerationUnit
 
 _LAST_UNIT = re.compile(r"\(([^()]+)\)$")
 
@@ -36,7 +35,7 @@ class Display:
     """
 
     window_ms: float = WINDOWS_MS[-1]
-    unit: Unit = "g"
+    unit: AccelerationUnit = "g"
     deceleration: bool = False
     system: UnitSystem = MPH_LB
 

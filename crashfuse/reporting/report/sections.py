@@ -38,7 +38,7 @@ def details(
             *(joined([", ".join(who), note], ": ") for note, who in notes_by_makers(estimates).items()),
         ],
         "fits": [
-            (LABELS[estimate.approach], sentences, fit_table(estimate.state))
+            (LABELS[estimate.approach], sentences, fit_table(estimate.state, display.units))
             for estimate in estimates
             if (sentences := fit_sentences(estimate.state))
         ],

@@ -1,6 +1,6 @@
 """The acceptance criteria: those of the campaign, an uploaded file's, or typed into a table."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import streamlit as st
 from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria
 from crashfuse.certification.criteria_file import criteria_of, read_criteria
 from crashfuse.errors import DataError
-from crashfuse.signals.metrics import metric_headings
+from crashfuse.signals.metrics import METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
 from crashfuse.ui.certify.files import show_wrong, uploaded
 from crashfuse.ui.frame import View
@@ -47,10 +47,13 @@ class _Draft:
 def choose_criteria(view: View) -> Criteria | None:
     """Ask for criteria and confidence; None while there are none or some cannot be judged, which is said here."""
     draft = _draft(view)
-    editor = f"criteria {view.campaign.fingerprint[:8]} {draft.round}"
-    if editor not in st.session_state:  # at first, or back from another page, which forgets the editor's changes
-        draft.begun = draft.rows
-    draft.rows = st.data_editor(
+    display = view.display
+    labels = {name: display.heading(label) for name, label in _METRICS.items()}
+    editor = f"criteria {view.campaign.fingerprint[:8]} {draft.round} {display.units}"
+    # at first, or back from another page, which forgets the editor's changes, or in other units
+    if editor not in st.session_state:
+        draft.begun = _converted(draft.rows, display.units.factor)
+    edited = st.data_editor(
         draft.begun,
         key=editor,
         num_rows="dynamic",
@@ -63,7 +66,7 @@ def choose_criteria(view: View) -> Criteria | None:
             "metric": st.column_config.SelectboxColumn(
                 "Metric",
                 options=list(_METRICS),
-                format_func=lambda name: _METRICS[str(name)],
+                format_func=lambda name: labels[str(name)],
                 width="large",
                 required=True,
             ),
@@ -75,6 +78,7 @@ def choose_criteria(view: View) -> Criteria | None:
         },
         alt="Acceptance criteria: name, metric, window, and limits",
     )
+    draft.rows = _converted(edited, lambda unit: 1 / display.units.factor(unit)).map(_rounded)
     left, right = st.columns([1, 2], gap="large")
     confidence = left.number_input(
         "Confidence", min_value=0.5, max_value=0.999, step=0.01, format="%.3f", key="confidence",
@@ -84,7 +88,8 @@ def choose_criteria(view: View) -> Criteria | None:
     with right.expander("How criteria are declared, or brought as a file", icon=":material/help:"):
         st.markdown(
             "One row a criterion: a metric with its limit, `at least`, `at most`, or both, in the unit beside the "
-            f"metric. In a file, `{_FILE}` in the campaign folder or uploaded here, with limits in place of the dots:"
+            f"metric. In a file, `{_FILE}` in the campaign folder or uploaded here, with limits in place of the dots, "
+            "always in the units of `metrics.csv`:"
         )
         st.code(_EXAMPLE, language="toml")
         _show_upload(view, draft)
@@ -123,6 +128,18 @@ def _draft(view: View) -> _Draft:
 def _rows(criteria: Criteria | None) -> pd.DataFrame:
     rows = [[getattr(own, name) for name in _COLUMNS] for own in criteria.items] if criteria else []
     return pd.DataFrame(rows, columns=list(_COLUMNS)).astype(_COLUMNS)
+
+
+def _converted(rows: pd.DataFrame, factor: Callable[[str], float]) -> pd.DataFrame:
+    """The same table with its limits times a factor for the unit of their metric."""
+    factors = rows["metric"].map(lambda name: factor(METRIC_UNITS.get(name, "")))
+    limits = rows[["at_least", "at_most"]].mul(factors.astype(float), axis=0)
+    return rows.assign(**limits)
+
+
+def _rounded(cell: object) -> object:
+    """A number to twelve digits, so that a limit of 60 that was shown in other units comes back as 60."""
+    return float(f"{cell:.12g}") if isinstance(cell, float) else cell
 
 
 def _declared(rows: pd.DataFrame) -> list[dict[str, Any]]:

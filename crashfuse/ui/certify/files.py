@@ -26,6 +26,6 @@ def uploaded(file: Upload, name: str, read: Callable[[Path], T]) -> T:
 
 def show_wrong(error: CrashfuseError) -> None:
     """Show what is wrong, a sentence each."""
-    sentences = [str(problem) for problem in error.problems] if isinstance(error, DataError) else [str(error)]
+    sentences = [str(problem) for problem in error.problems] if isinstance(error, DataError) else [error.args[0]]
     more = [f"{len(sentences) - _MOST} more like these."] if len(sentences) > _MOST else []
     st.error("  \n".join(plain(sentence) for sentence in [*sentences[:_MOST], *more]), icon=":material/error:")

@@ -1,23 +1,28 @@
 """The conditions to judge: the campaign's matrix, an uploaded one, or a grid."""
 
+import re
+
 import numpy as np
+import pandas as pd
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.csv_output import without_formulas
-from crashfuse.reporting.certification_tables import matrix_table
+from crashfuse.reporting.plots.display import Display
 from crashfuse.ui import address
 from crashfuse.ui.certify.files import show_wrong, uploaded
 from crashfuse.ui.figures import choose
 from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
-from crashfuse.units import LB, MPH
+from crashfuse.wording import IN_SI, UnitSystem, speed
 
 _FILE = "matrix.csv"
 _OWN, _UPLOAD, _GRID = "The campaign's", "Upload", "Grid"
 _MOST_VALUES = 1000  # of a range
+_NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
 _HELP = "Numbers separated by commas, or first:last:step, such as 20:35:5."
 
 
@@ -33,17 +38,25 @@ def choose_matrix(view: View) -> Matrix | None:
         return None
     if matrix is None:
         return None
-    speeds = [condition.speed_mps / MPH for condition in matrix.conditions]
+    speeds = [condition.speed_mps for condition in matrix.conditions]
     n = f"{len(speeds):,} conditions" if len(speeds) > 1 else "1 condition"
-    with st.expander(f"{n}, {min(speeds):.1f} to {max(speeds):.1f} mph", icon=":material/table:"):
-        st.dataframe(without_formulas(matrix_table(matrix)).round(2), hide_index=True, alt="The conditions to judge")
+    ends = view.display.words(speed(min(speeds), max(speeds), between=" to "))
+    with st.expander(f"{n}, {ends}", icon=":material/table:"):
+        st.dataframe(without_formulas(_table(matrix, view.display)), hide_index=True, alt="The conditions to judge")
     return matrix
+
+
+def _table(matrix: Matrix, display: Display) -> pd.DataFrame:
+    return pd.DataFrame(
+        {"Condition": i, **display.columns(condition), **dict(condition.factors)}
+        for i, condition in zip(matrix.ids, matrix.conditions, strict=True)
+    )
 
 
 def _chosen(source: str, view: View) -> Matrix | None:
     if source == _OWN:
         return Matrix.read(view.folder / _FILE, view.campaign.factors)
-    return _uploaded(view.campaign) if source == _UPLOAD else _grid(view.campaign)
+    return _uploaded(view.campaign) if source == _UPLOAD else _grid(view.campaign, view.display.units)
 
 
 def _uploaded(campaign: Campaign) -> Matrix | None:
@@ -66,22 +79,24 @@ def _uploaded(campaign: Campaign) -> Matrix | None:
     return found
 
 
-def _grid(campaign: Campaign) -> Matrix:
+def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
     """A grid as typed in, at first over the tests' speeds at their middle weights."""
-    tests = np.array([test.condition.vector for test in campaign.tests]) / (MPH, LB, LB)
-    low, high = np.ceil(tests[:, 0].min() / 5) * 5, np.floor(tests[:, 0].max() / 5) * 5
-    speeds = f"{low:.0f}:{high:.0f}:5" if low < high else f"{np.median(tests[:, 0]):.1f}"
+    own = Display(system=campaign.units)  # the first texts are round in these
+    tests, step = own.vectors(np.array([test.condition.vector for test in campaign.tests])), 5
+    low, high = np.ceil(tests[:, 0].min() / step) * step, np.floor(tests[:, 0].max() / step) * step
+    speeds = f"{low:.0f}:{high:.0f}:{step}" if low < high else f"{np.median(tests[:, 0]):.1f}"
     weights = [f"{weight:.0f}" for weight in np.median(tests[:, 1:], axis=0)]
-    axes = (
-        ("Speeds (mph)", "speeds", MPH, speeds),
-        ("Front weights (lb)", "front_weights", LB, weights[0]),
-        ("Rear weights (lb)", "rear_weights", LB, weights[1]),
-    )
     values = []
-    for column, (label, key, unit, usual) in zip(st.columns(3), axes, strict=True):
-        address.default(key, usual)
-        text = column.text_input(label, key=key, help=_HELP, persist_state="session")
-        values.append([value * unit for value in _numbers(text, label)])
+    for column, label, key, usual in zip(
+        st.columns(3),
+        ("Speeds", "Front weights", "Rear weights"),
+        ("speeds", "front_weights", "rear_weights"),
+        (speeds, *weights),
+        strict=True,
+    ):
+        unit = campaign.units.speed if key == "speeds" else campaign.units.weight
+        address.default(key, f"{usual} {unit}")
+        values.append(_axis(column, label, key, units.unit(unit)))
     factors = {}
     for column, (name, known) in zip(st.columns(max(len(campaign.factors), 3)), campaign.factors.items(), strict=False):
         key = f"grid_{name}"
@@ -93,6 +108,27 @@ def _grid(campaign: Campaign) -> Matrix:
         if chosen:
             factors[name] = chosen
     return Matrix.grid(values[0], values[1], values[2], factors)
+
+
+def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> list[float]:
+    """Values of one axis in SI, typed in the reader's unit.
+
+    The session and the address have the text with the unit that it was typed in: the values stay the same when another
+    unit is chosen, whose field shows them converted.
+    """
+    state, field = st.session_state, f"{key} in {unit}"
+    typed, _, given = state[key].strip().rpartition(" ")
+    if given not in IN_SI:  # of a link that was typed
+        typed, given = state[key], unit
+        state[key] = f"{typed} {unit}"
+    factor = IN_SI[given] / IN_SI[unit]
+    state[field] = typed if given == unit else _NUMBER.sub(lambda found: f"{float(found[0]) * factor:.6g}", typed)
+
+    def take() -> None:
+        state[key] = f"{state[field]} {unit}"
+
+    column.text_input(f"{label} ({unit})", key=field, help=_HELP, on_change=take)
+    return [value * IN_SI[given] for value in _numbers(typed, f"{label} ({unit})")]
 
 
 def _numbers(text: str, label: str) -> list[float]:

@@ -15,13 +15,14 @@ from crashfuse.reporting.certification_sentences import (
 )
 from crashfuse.reporting.certification_tables import record_counts
 from crashfuse.reporting.plots.certification import validated_domain
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.track_record import record_figure, reliability
 from crashfuse.ui.figures import show_cached_figure
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 
-def show_record(certification: Certification, key: Hashable) -> None:
+def show_record(certification: Certification, display: Display, key: Hashable) -> None:
     """Show how often verdicts on left-out tests were wrong, by criterion, and how reliable the probabilities are."""
     record = certification.record
     st.markdown(
@@ -31,14 +32,15 @@ def show_record(certification: Certification, key: Hashable) -> None:
     st.markdown("\n".join(f"- {plain(s)}" for s in (record_sentence(record), *brier_sentence(record))))
     if not record.trials:
         return
-    show_table(_counts(certification), "counts")
+    show_table(_counts(certification, display), "counts")
     measured, said = st.tabs(["What left-out tests showed", "Are the probabilities right?"])
     with measured:
         show_cached_figure(
-            lambda: record_figure(record),
+            lambda: record_figure(record, display),
             "Predicted and measured values of each left-out test by criterion, with intervals and limits",
             "record",
             key,
+            display,
         )
         st.caption(
             "Lines: 95 % of tests are predicted to lie there. Left: left out alone; right: with its speed group."
@@ -57,13 +59,14 @@ def show_record(certification: Certification, key: Hashable) -> None:
         )
 
 
-def show_domain(certification: Certification, key: Hashable) -> None:
+def show_domain(certification: Certification, display: Display, key: Hashable) -> None:
     """Show where predictions are checked, with the conditions of the matrix in it."""
     show_cached_figure(
-        lambda: validated_domain(certification),
+        lambda: validated_domain(certification, display),
         "Speed against mass: the checked region, CAE runs, tests and the conditions of the matrix",
         "domain",
         key,
+        display.system,
     )
     st.caption("  \n".join(plain(sentence) for sentence in domain_sentences(certification.domain)))
 
@@ -74,7 +77,7 @@ def show_exceptions(certification: Certification) -> None:
         st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in sentences))
 
 
-def _counts(certification: Certification) -> pd.DataFrame:
+def _counts(certification: Certification, display: Display) -> pd.DataFrame:
     record, rows = certification.record, []
     for criterion in certification.criteria.items:
         counts = record_counts(record, criterion)
@@ -82,7 +85,7 @@ def _counts(certification: Certification) -> pd.DataFrame:
         rows.append(
             {
                 "Criterion": plain(criterion.name),
-                "Limit": criterion.limits,
+                "Limit": display.words(criterion.limits),
                 **{word.capitalize(): _said(counts[word]) for word in ("met", "not met", "open", "outside")},
                 "Wrong at most": "–" if bound is None else f"{100 * float(str(bound)):.0f} %",
                 "What this record supports": plain(

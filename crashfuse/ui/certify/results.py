@@ -13,6 +13,7 @@ from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.certification_sentences import to_test
 from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name, verdict_matrix
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.ui.figures import show_clickable
 from crashfuse.ui.look import fill
@@ -29,7 +30,7 @@ _MEANINGS = {
 }
 
 
-def show_verdicts(certification: Certification) -> None:
+def show_verdicts(certification: Certification, display: Display) -> None:
     """Show the counts of verdicts, and the matrix in which a cell can be chosen."""
     counts, columns = verdict_counts(certification), st.columns(len(WORDS) + 1)
     for column, word in zip(columns, WORDS, strict=False):
@@ -47,7 +48,7 @@ def show_verdicts(certification: Certification) -> None:
     n = len(certification.matrix.ids)
     with st.container(height=46 + 24 * FEW_CONDITIONS if n > FEW_CONDITIONS else "content", border=False):
         show_clickable(
-            verdict_matrix(certification),
+            verdict_matrix(certification, display),
             alt="Verdicts by condition and criterion; the same words are in the table below",
             key="verdict matrix",
             on_click=lambda cell: st.session_state.update({_CELL: cell}),
@@ -56,17 +57,17 @@ def show_verdicts(certification: Certification) -> None:
     _show_cell(certification)
 
 
-def show_table(certification: Certification) -> None:
+def show_table(certification: Certification, display: Display) -> None:
     """Show verdicts of chosen kinds, one row a condition and criterion."""
     words = st.pills("Verdicts", WORDS, selection_mode="multi", key="verdicts", persist_state="session")
-    table = without_formulas(_table(certification))  # the page offers it as CSV
+    table = without_formulas(_table(certification, display))  # the page offers it as CSV
     table = table[table["Verdict"].isin(words)]
     st.dataframe(
         _coloured(table),
         hide_index=True,
         height=min(36 * len(table) + 40, 560),
         column_config={
-            "Speed (mph)": st.column_config.NumberColumn(format="%.1f"),
+            display.title("Speed", "mph"): st.column_config.NumberColumn(format="%.1f"),
             "Probability": st.column_config.NumberColumn(format="%.3f"),
             "Reason": st.column_config.TextColumn(width="large"),
         },
@@ -88,7 +89,7 @@ def _show_cell(certification: Certification) -> None:
     with st.container(border=True):
         st.markdown(f"**{plain(chosen)}: {verdict.word}**")
         st.markdown(plain(verdict.reason))
-        st.caption(f"{plain(str(verdict.condition))}; {plain(verdict.criterion.label)}, {verdict.criterion.limits}")
+        st.caption(f"{plain(verdict.condition)}; {plain(verdict.criterion.label)}, {plain(verdict.criterion.limits)}")
         button = "See the predicted pulse there"
         args = (certification.campaign, verdict.condition)
         if st.button(button, icon=":material/arrow_forward:", on_click=_take_to_predict, args=args):
@@ -100,35 +101,35 @@ def _take_to_predict(campaign: Campaign, condition: Condition) -> None:
     given = dict(condition.factors)
     st.session_state.update(
         {
-            "speed_mph": round(condition.speed_mps / MPH, 3),
-            "front_weight_lb": round(condition.front_weight_kg / LB, 3),
-            "rear_weight_lb": round(condition.rear_weight_kg / LB, 3),
+            "speed_mph": round(condition.speed_mps / MPH, 9),
+            "front_weight_lb": round(condition.front_weight_kg / LB, 9),
+            "rear_weight_lb": round(condition.rear_weight_kg / LB, 9),
             **{f"factor_{name}": given.get(name) or None for name in campaign.factors},
         }
     )
 
 
-def _table(certification: Certification) -> pd.DataFrame:
+def _table(certification: Certification, display: Display) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "Condition": i,
-            "Speed (mph)": verdict.condition.speed_mps / MPH,
+            display.title("Speed", "mph"): display.speeds(verdict.condition.speed_mps),
             "Criterion": verdict.criterion.name,
-            "Limit": verdict.criterion.limits,
-            "Expected": verdict.criterion.shown(verdict.value),
-            "95 % of tests": _interval(verdict),
+            "Limit": display.words(verdict.criterion.limits),
+            "Expected": display.words(verdict.criterion.shown(verdict.value)),
+            "95 % of tests": _interval(verdict, display),
             "Probability": verdict.probability,
             "Verdict": verdict.word,
-            "Reason": verdict.reason,
+            "Reason": display.words(verdict.reason),
         }
         for i, verdict in certification.cells
     )
 
 
-def _interval(verdict: Verdict) -> str:
+def _interval(verdict: Verdict, display: Display) -> str:
     if verdict.lower is None or verdict.upper is None:
         return "–"
-    return f"{verdict.criterion.shown(verdict.lower)} to {verdict.criterion.shown(verdict.upper)}"
+    return display.words(verdict.criterion.shown(verdict.lower, verdict.upper, between=" to "))
 
 
 def _coloured(table: pd.DataFrame) -> Styler:

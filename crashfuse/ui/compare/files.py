@@ -17,7 +17,7 @@ def show(comparison: Comparison) -> None:
         download_table("pulses.csv", lambda: pulses_table((test.id, estimate) for estimate in estimates))
         download_table("metrics.csv", lambda: study_metrics(study))
         if comparison.advice is not None:
-            download_report(lambda: study_report(study))
+            download_report(lambda: study_report(study, comparison.view.display))
     if comparison.advice is not None:
         remark = f"Test {test.id}, at this condition, was left out."
         offer_pulses(comparison.others, estimates, comparison.advice.approach, comparison.config.seed, [remark])

@@ -6,12 +6,15 @@ from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.reporting.plots.display import Display
 from crashfuse.ui import address
 from crashfuse.ui.text import plain
 from crashfuse.units import LB, MPH
 
+_DECIMALS = 9  # of mph and lb in the session and the address: 56 km/h come back as 56
 
-def choose_condition(campaign: Campaign) -> Condition:
+
+def choose_condition(campaign: Campaign, display: Display) -> Condition:
     """Ask for a condition, and warn if it lies outside the CAE runs; factors not given are left out."""
     left, middle, right = st.columns(3)
     columns = st.columns(max(len(campaign.factors), 3))
@@ -23,47 +26,59 @@ def choose_condition(campaign: Campaign) -> Condition:
             name.capitalize(), values, index=None, placeholder="not given", key=key, persist_state="session",
             help="Tests may differ by it; if it is not given, the band covers every value.",
         )  # fmt: skip
+    runs = campaign.cae.vectors.T
+    speed = display.title("Impact speed", "mph"), "speed_mph", MPH, display.speeds(1.0)
+    front, rear = (
+        (display.title(label, "lb"), name, LB, display.weights(1.0))
+        for label, name in (("Front weight", "front_weight_lb"), ("Rear weight", "rear_weight_lb"))
+    )
     condition = Condition(
-        speed_mps=_field(campaign, left, "Impact speed (mph)", "speed_mph", MPH, 0, step=0.1, digits=1),
-        front_weight_kg=_field(campaign, middle, "Front weight (lb)", "front_weight_lb", LB, 1, step=1.0, digits=0),
-        rear_weight_kg=_field(campaign, right, "Rear weight (lb)", "rear_weight_lb", LB, 2, step=1.0, digits=0),
+        speed_mps=_field(left, *speed, runs[0], step=0.1, digits=1),
+        front_weight_kg=_field(middle, *front, runs[1], step=1.0, digits=0),
+        rear_weight_kg=_field(right, *rear, runs[2], step=1.0, digits=0),
         factors=tuple((name, choice) for name, choice in factors.items() if choice),
     )
-    st.caption(f"{plain(str(condition))}; {condition.mass_kg:.0f} kg in all")
+    st.caption(f"{plain(condition)}; {display.weight(condition.mass_kg)} in all")
     for note in campaign.cae.extrapolation(condition):
-        st.warning(note, icon=":material/warning:")
+        st.warning(plain(note), icon=":material/warning:")
     return condition
 
 
 def _field(
-    campaign: Campaign,
     column: DeltaGenerator,
     label: str,
     name: str,
-    unit: float,
-    axis: int,
+    in_si: float,
+    shown: float,
+    runs: np.ndarray,
     *,
     step: float,
     digits: int,
 ) -> float:
-    """Slider over the CAE runs' range, and a number field, kept in the address, for values beyond it; returns SI."""
-    values = campaign.cae.vectors[:, axis] / unit
+    """Slider over the CAE runs' range, and a number field for values beyond it; returns SI.
+
+    The session and the address have the value in mph or lb, under ``name``, whatever the reader's unit is: so it stays
+    the same when the unit is changed. ``in_si`` is the factor from it to SI, ``shown`` that from SI to the reader's.
+    """
+    state, values = st.session_state, runs * shown
     low, high = max(float(np.floor(values.min())), step), float(np.ceil(values.max()))
     least, most = max(low / 2, step), 2 * high  # a decimal comma typed by mistake gives ten times the intended value
-    slider = f"slider {name}"
-    if not least <= (st.session_state[name] or 0.0) <= most:  # nothing yet, or left from another campaign
-        st.session_state[name] = None
-    address.default(name, round(float(np.median(values)), digits))
+    if not least <= (state[name] or 0.0) * in_si * shown <= most:  # nothing yet, or left from another campaign
+        state[name] = None
+    address.default(name, round(float(np.median(runs)) / in_si, digits))
+    field, slider = f"field {name}", f"slider {name}"
+    state[field] = value = state[name] * in_si * shown
+    state[slider] = min(max(value, low), high)
 
-    def take_slider() -> None:
-        st.session_state[name] = st.session_state[slider]
+    def take(key: str) -> None:
+        state[name] = round(state[key] / shown / in_si, _DECIMALS)
 
-    number = column.number_input(
-        label, min_value=least, max_value=most, step=step, format=f"%.{digits}f", key=name, persist_state="session",
-    )  # fmt: skip
-    st.session_state[slider] = min(max(number, low), high)
+    form = f"%.{digits}f"
+    column.number_input(
+        label, min_value=least, max_value=most, step=step, format=form, key=field, on_change=take, args=(field,)
+    )
     column.slider(
-        f"{label}, over the CAE runs", low, high, step=step, format=f"%.{digits}f", key=slider, on_change=take_slider,
+        f"{label}, over the CAE runs", low, high, step=step, format=form, key=slider, on_change=take, args=(slider,),
         label_visibility="collapsed",
     )  # fmt: skip
-    return number * unit
+    return float(state[name] * in_si)

@@ -24,5 +24,5 @@ def show(answer: Answer) -> None:
             "metrics.csv", lambda: metrics_table((("", each.approach, each.metrics) for each in estimates), campaign)
         )
         download_bytes("pulses.parquet", lambda: parquet_bytes(pulses()))
-        download_report(lambda: prediction_report(campaign, estimates, config))
+        download_report(lambda: prediction_report(campaign, estimates, config, answer.view.display))
     offer_pulses(campaign, estimates, answer.advice.approach, config.seed)

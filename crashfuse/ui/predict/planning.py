@@ -1,6 +1,10 @@
 """Planning: pulse metrics over impact speed, and which test to run next."""
 
+from collections.abc import Sequence
+
+import numpy as np
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
@@ -21,7 +25,7 @@ from crashfuse.ui.figures import show_figure
 from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.predict.answer import Answer
 from crashfuse.ui.tables import show_table
-from crashfuse.units import LB, MPH
+from crashfuse.ui.text import plain
 
 _BEST = 5
 
@@ -41,15 +45,15 @@ def show_over_speed(answer: Answer) -> None:
         "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep metric", help=TTZV
     )
     show_figure(
-        sweep_figure(sweeps, metric, view.campaign),
+        sweep_figure(sweeps, metric, view.campaign, view.display),
         alt=f"{METRIC_LABELS[metric]} over impact speed, every approach with its band, tests as points",
     )
-    st.caption(weights_sentence(condition, view.campaign.tests))
+    st.caption(plain(weights_sentence(condition, view.campaign.tests)))
     for sentence in missing_over_speed(sweeps, metric):
-        st.caption(sentence)
+        st.caption(plain(sentence))
     with st.container(horizontal=True):
         download_table("sweep.csv", lambda: sweep_table(sweeps, view.campaign))
-        download_report(lambda: sweep_report(view.campaign, sweeps, request.config), "sweep.html")
+        download_report(lambda: sweep_report(view.campaign, sweeps, request.config, view.display), "sweep.html")
 
 
 def show_next_test(answer: Answer) -> None:
@@ -61,40 +65,57 @@ def show_next_test(answer: Answer) -> None:
         return
     st.markdown(NEXT_TEST_MEANING)
     usual = ConditionRange.of(campaign.tests)
-    ends = []
-    axes = (("Speeds (mph)", MPH, 0.5), ("Front weights (lb)", LB, 10.0), ("Rear weights (lb)", LB, 10.0))
-    library = campaign.cae.vectors
-    for column, (label, unit, step), axis in zip(st.columns(3), axes, range(3), strict=True):
-        low, high = (end.vector[axis] / unit for end in (usual.low, usual.high))
-        least = max(min(float(library[:, axis].min()) / unit, low), step)
-        most = max(float(library[:, axis].max()) / unit, high)
-        ends.append(
-            column.slider(
-                label, _down(least, step), _up(most, step), (_down(low, step), _up(high, step)), step=step,
-                format="%.1f" if step < 1 else "%.0f",
-                key=f"range of {label} {campaign.fingerprint[:8]}", persist_state="session",
-                help="The range of interest; all conditions in it are weighted equally.",
-            )
-        )  # fmt: skip
+    ends, display = [], answer.view.display
+    axes = (("Speeds", "mph", 0.5), ("Front weights", "lb", 10.0), ("Rear weights", "lb", 10.0))
+    for place, (column, (label, unit, step)) in enumerate(zip(st.columns(3), axes, strict=True)):
+        tests = [float(end.vector[place]) for end in (usual.low, usual.high)]
+        in_si = 1 / (display.speeds(1.0) if unit == "mph" else display.weights(1.0))
+        key = f"range of {label} {campaign.fingerprint[:8]}"
+        ends.append(_range(column, display.title(label, unit), key, campaign.cae.vectors[:, place], tests, in_si, step))
     kind = answer.condition.factors or usual.low.factors
-    low, high = (Condition(ends[0][i] * MPH, ends[1][i] * LB, ends[2][i] * LB, kind) for i in (0, 1))
+    low, high = (Condition(v0, front, rear, kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
         ranked = _ranked(request.key, over, domains[0])
     except UsageError as error:
-        st.warning(str(error), icon=":material/warning:")
+        st.warning(plain(error.args[0]), icon=":material/warning:")
         return
-    show_figure(next_tests(ranked, campaign.tests), alt="How much each candidate would narrow the band, over its speed")
+    figure = next_tests(ranked, campaign.tests, display)
+    show_figure(figure, alt="How much each candidate would narrow the band, over its speed")
     st.markdown(f"**The best {_BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
-    show_table(page_tables.next_tests(ranked[:_BEST]), "next tests")
+    show_table(page_tables.next_tests(ranked[:_BEST], display), "next tests")
     with st.container(horizontal=True):
         download_table("next_tests.csv", lambda: next_tests_table(ranked))
-        download_report(lambda: next_test_report(campaign, over, ranked, request.config), "next_test.html")
+        download_report(lambda: next_test_report(campaign, over, ranked, request.config, display), "next_test.html")
 
 
 @st.cache_data(show_spinner="Ranking candidates …", max_entries=32)
 def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> tuple[NextTest, ...]:  # noqa: ARG001
     return rank_next_tests(_domain, over)
+
+
+def _range(
+    column: DeltaGenerator, label: str, key: str, runs: np.ndarray, tests: Sequence[float], in_si: float, step: float
+) -> tuple[float, float]:
+    """Slider for the ends of a range, at first that of the tests, in a unit with this factor to SI; returns SI.
+
+    The session has the ends in SI, so that they stay the same when the unit is changed.
+    """
+    state, slider = st.session_state, f"{key} in {label}"
+    least, most = min(float(runs.min()), *tests) / in_si, max(float(runs.max()), *tests) / in_si
+    low, high = _down(max(least, step), step), _up(most, step)
+    at_first = _down(tests[0] / in_si, step) * in_si, _up(tests[1] / in_si, step) * in_si
+    ends: tuple[float, float] = state.setdefault(key, at_first)
+    state[slider] = tuple(min(max(end / in_si, low), high) for end in ends)
+
+    def take() -> None:
+        state[key] = tuple(end * in_si for end in state[slider])
+
+    column.slider(
+        label, low, high, step=step, format="%.1f" if step < 1 else "%.0f", key=slider, on_change=take,
+        help="The range of interest; all conditions in it are weighted equally.",
+    )  # fmt: skip
+    return ends
 
 
 def _down(value: float, step: float) -> float:

@@ -20,5 +20,5 @@ def show(answer: Answer) -> None:
             return over_displacement(None, predictions, condition.speed_mps, display)
         return energy_over_crush(None, predictions, condition.speed_mps, condition.mass_kg)
 
-    alt = f"Prediction by every approach at {condition}: {shown.lower()}"
+    alt = f"Prediction by every approach at {display.condition(condition)}: {shown.lower()}"
     show_cached_figure(draw, alt, shown, answer.key)

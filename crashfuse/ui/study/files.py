@@ -19,4 +19,4 @@ def show(outcome: Outcome) -> None:
         if study.speed_groups is not None:
             download_table("speed_groups.csv", partial(scores_table, study.speed_groups))
         if outcome.whole:
-            download_report(lambda: study_report(study))
+            download_report(lambda: study_report(study, outcome.view.display))

@@ -1,0 +1,38 @@
+"""Units in a real browser: one choice, which condition, figure, table and report follow."""
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+if TYPE_CHECKING:
+    from tests.browser.conftest import Server, User
+
+FIGURE, TABLE = ".js-plotly-plot", '[data-testid="stTable"]'
+
+
+def test_all_of_predict_follows_the_units(small_server: "Server", user: "User") -> None:
+    """The condition stays the very same: 56 km/h come back as 56.0, not as 34.8 mph rounded twice."""
+    user.open(small_server, "predict", campaign="campaign", approaches="cae")
+    user.press("Predict")
+    user.sees("Velocity (mph)", FIGURE)
+    user.press("km/h, kg")
+    user.sees("Velocity (km/h)", FIGURE)
+    user.fill("Impact speed (km/h)", "56")
+    user.sees("56.0 km/h, front")
+    assert " lb" not in user.sees("kg in all")
+    user.press("Metrics")
+    assert "(mph)" not in user.sees("ΔV, rebound included (km/h)", TABLE)
+    user.press("Files and report")
+    report = user.downloads_file("report.html")
+    assert "prediction at 56.0 km/h, front" in report
+    assert "--speed-kph 56 --front-weight-kg" in report
+    user.press("mph, lb")
+    user.sees("34.8 mph, front")
+    user.press("Metrics")
+    assert "km/h" not in user.sees("ΔV, rebound included (mph)", TABLE)
+    user.browser.refresh()
+    user.sees("34.8 mph, front")
+    user.press("km/h, kg")
+    user.sees("56.0 km/h, front")

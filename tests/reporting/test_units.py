@@ -1,0 +1,187 @@
+"""A figure, a table and a report are in one system of units; the numbers in another are the same, converted."""
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+from plotly.offline import get_plotlyjs
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.certification.certify import Certification
+from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.domain import Domain
+from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.track_record import TrackRecord, Trial
+from crashfuse.certification.verdict import Verdict
+from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
+from crashfuse.reporting.plots.conditions import condition_space
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.next_test import next_tests
+from crashfuse.reporting.plots.pulses import library_band, measured_pulses, motion
+from crashfuse.reporting.plots.sweep import sweep_figure
+from crashfuse.reporting.plots.track_record import record_figure
+from crashfuse.reporting.report import (
+    certification_report,
+    next_test_report,
+    prediction_report,
+    study_report,
+    sweep_report,
+)
+from crashfuse.signals.metrics import pulse_metrics
+from crashfuse.signals.pulse import GRID_S
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.fold import Fold
+from crashfuse.study.next_test import ConditionRange, NextTest
+from crashfuse.study.study import Study
+from crashfuse.study.sweep import Sweep
+from crashfuse.units import KPH, LB, MPH
+from crashfuse.wording import KPH_KG, MPH_LB, Sentence, UnitSystem, speed
+
+CONFIG = StudyConfig(approaches=("cae",))
+OF_ONE = {MPH_LB: r"\bmph\b|[_-]mph|\blb\b|[_-]lb\b", KPH_KG: r"km/h|kph|\bkg\b"}
+SYSTEMS = pytest.mark.parametrize("system", OF_ONE, ids=["mph-lb", "kph-kg"])
+
+
+def other_units(text: str, system: UnitSystem) -> list[str]:
+    """Where a text has units of the system that it is not in."""
+    [foreign] = [pattern for own, pattern in OF_ONE.items() if own != system]
+    text = text.replace(get_plotlyjs(), "").replace("\\u002f", "/")
+    text = re.sub(r'"bdata":"[^"]*"', "", text)
+    assert re.search(OF_ONE[system], text)
+    return [text[max(found.start() - 60, 0) : found.end() + 20] for found in re.finditer(foreign, text)]
+
+
+def estimate(test: CrashTest) -> Estimate:
+    """The test itself, with 100 draws around it, and a note that names a speed."""
+    accel = test.pulse.accel_mps2
+    notes = (Sentence("Nearest test {} away.", speed(1.0)),)
+    prediction = Prediction(test.condition, accel, np.linspace(0.9, 1.1, 100)[:, None] * accel, notes)
+    state = {
+        "hyperparameters": {"by weight, length in speed in m/s": 12.0, "length in front weight in kg": 300.0},
+        **{"points": 9, "bias_rms_g": 3.2, "log_marginal_likelihood": 1.0, "retries": 0, "dead": False},
+    }
+    return Estimate("cae", prediction, state, 0.1, {test.id: accel})
+
+
+def sweeps(campaign: Campaign) -> list[Sweep]:
+    """One approach at two speeds, slower than all runs and faster, so that both ends are shaded."""
+    speeds = np.array([1.0, 40.0])
+    metrics = tuple(pulse_metrics(-300 * np.exp(-GRID_S / 0.03), v0) for v0 in speeds)
+    return [Sweep("cae", campaign.tests[1].condition, speeds, metrics)]
+
+
+def ranked(campaign: Campaign) -> list[NextTest]:
+    """Two candidates, one of them an extrapolation."""
+    first, second = (test.condition for test in campaign.tests[:2])
+    return [NextTest(first, 30.0, 25.0), NextTest(second, 30.0, 28.0, ("Extrapolation.",))]
+
+
+def certification(campaign: Campaign) -> Certification:
+    """Limits of ΔV and mean deceleration, met at one condition, outside at another, missed by a test."""
+    criteria = Criterion("change", "delta_v", at_most=60.0), Criterion("mean", "mean", at_least=10.0)
+    domain, tests = Domain.of(campaign), campaign.tests
+    far = replace(tests[0].condition, speed_mps=90 * MPH, front_weight_kg=2000.0)
+    rows = []
+    for condition in (tests[0].condition, far):
+        outside = domain.exceeded_by(condition)
+        reasons = [outside[0] if outside else own.compared(55.0, 50.0, 61.0) for own in criteria]
+        word = "outside" if outside else "met"
+        rows.append(
+            tuple(
+                Verdict(condition, own, 55.0, 50.0, 61.0, 0.9, word, reason)  # type: ignore[arg-type]
+                for own, reason in zip(criteria, reasons, strict=True)
+            )
+        )
+    trials = tuple(Trial(tests[0].id, "test", verdict, 62.0, 0.5) for verdict in rows[0])
+    matrix = Matrix(("M1", "M2"), (tests[0].condition, far))
+    asked = Criteria(criteria, 0.8)
+    return Certification(campaign, asked, matrix, CONFIG, domain, tuple(rows), TrackRecord(trials), {})
+
+
+REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
+    "prediction": lambda campaign, display: prediction_report(campaign, [estimate(campaign.tests[0])], CONFIG, display),
+    "study": lambda campaign, display: study_report(study(campaign), display),
+    "sweep": lambda campaign, display: sweep_report(campaign, sweeps(campaign), CONFIG, display),
+    "next test": lambda campaign, display: next_test_report(
+        campaign, ConditionRange.of(campaign.tests), ranked(campaign), CONFIG, display
+    ),
+    "certification": lambda campaign, display: certification_report(certification(campaign), display),
+}
+FIGURES: dict[str, Callable[[Campaign, Display], go.Figure]] = {
+    "motion": lambda campaign, display: motion(
+        campaign.tests[0].pulse, {}, campaign.tests[0].condition.speed_mps, display
+    ),
+    "tests": lambda campaign, display: measured_pulses(campaign.tests, display=display),
+    "runs": lambda campaign, display: library_band(campaign.cae, campaign.tests, display=display),
+    "conditions": lambda campaign, display: condition_space(campaign.cae, campaign.tests, display=display),
+    "sweep of ΔV": lambda campaign, display: sweep_figure(sweeps(campaign), "delta_v", campaign, display),
+    "next test": lambda campaign, display: next_tests(ranked(campaign), campaign.tests, display),
+    "verdicts": lambda campaign, display: verdict_matrix(certification(campaign), display),
+    "domain": lambda campaign, display: validated_domain(certification(campaign), display),
+    "record": lambda campaign, display: record_figure(certification(campaign).record, display),
+}
+
+
+def study(campaign: Campaign) -> Study:
+    """Two tests left out, also with their speed groups."""
+    folds = tuple(Fold.of(test, [estimate(test)], CONFIG.windows_ms) for test in campaign.tests[:2])
+    alone = Study(campaign, CONFIG, folds)
+    return replace(alone, speed_groups=alone)
+
+
+@SYSTEMS
+@pytest.mark.parametrize("name", REPORTS)
+def test_a_report_is_in_one_system(campaign: Campaign, name: str, system: UnitSystem) -> None:
+    """Condition, figures, tables, sentences and the command that makes it again."""
+    assert other_units(REPORTS[name](campaign, Display(system=system)), system) == []
+
+
+@SYSTEMS
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_figure_is_in_one_system(campaign: Campaign, name: str, system: UnitSystem) -> None:
+    """Axes, legend and what the cursor reads."""
+    figure = FIGURES[name](campaign, Display(system=system))
+    drawn = json.dumps(figure.to_plotly_json(), default=repr, ensure_ascii=False)
+    assert other_units(drawn, system) == []
+
+
+@pytest.mark.parametrize("name", ["conditions", "domain", "next test", "sweep of ΔV"])
+def test_speeds_are_the_same_converted(campaign: Campaign, name: str) -> None:
+    """Every point along the axis of speed, and the axis itself."""
+    usual, metric = (FIGURES[name](campaign, Display(system=system)) for system in (MPH_LB, KPH_KG))
+    for one, other in zip(numbers(usual, "x"), numbers(metric, "x"), strict=True):
+        np.testing.assert_allclose(other * KPH, one * MPH, rtol=1e-5)
+    ends = [figure.layout.xaxis.range for figure in (usual, metric)]
+    if ends[0] is not None:
+        np.testing.assert_allclose(np.array(ends[1]) * KPH, np.array(ends[0]) * MPH, rtol=1e-6)
+
+
+def test_weights_are_the_same_converted(campaign: Campaign) -> None:
+    """Every point along the axes of weight."""
+    usual, metric = (FIGURES["conditions"](campaign, Display(system=system)) for system in (MPH_LB, KPH_KG))
+    for one, other in zip(numbers(usual, "y"), numbers(metric, "y"), strict=True):
+        np.testing.assert_allclose(other, one * LB, rtol=1e-5)
+
+
+def test_limits_are_the_same_converted(campaign: Campaign) -> None:
+    """60 km/h is 37.28 mph: the point, its interval and the dashed line."""
+    usual, metric = (FIGURES["record"](campaign, Display(system=system)) for system in (MPH_LB, KPH_KG))
+    of_speed = [next(trace for trace in figure.data if trace.error_y.array is not None) for figure in (usual, metric)]
+    np.testing.assert_allclose([of_speed[1].y[0], of_speed[0].y[0] * MPH / KPH], 55.0)
+    np.testing.assert_allclose(of_speed[0].error_y.array[0] * MPH / KPH, 6.0)
+    assert [round(figure.layout.shapes[0].y0, 2) for figure in (usual, metric)] == [37.28, 60.0]
+    assert "at most 37.28 mph" in json.dumps(usual.to_plotly_json()["layout"], default=repr)
+
+
+def numbers(figure: go.Figure, axis: str) -> Iterator[np.ndarray]:
+    """The numbers of all traces along an axis."""
+    for trace in figure.data:
+        values = trace[axis]
+        if values is not None and len(values) and values[0] is not None:
+            yield np.asarray(values, dtype=np.float64)

@@ -1,0 +1,103 @@
+"""The pages say everything in the units that were chosen; the condition stays the same when they are switched."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.units import KPH, LB, MPH
+from tests.ui.conftest import Session
+
+Visit = Callable[..., Session]
+pytestmark = pytest.mark.usefixtures("open_campaign")
+
+
+def fields(session: Session) -> dict[str, float]:
+    """The number fields of a page by their labels."""
+    return {field.label: float(field.value or 0.0) for field in session.app.number_input}
+
+
+def read(session: Session) -> str:
+    """All text and tables of a page, but for what it says of the units that files may be in."""
+    words = "\n".join(line for line in session.words.splitlines() if "`_mph`" not in line)
+    return "\n".join([words, *(table.to_csv() for table in session.tables)])
+
+
+def test_a_page_is_in_the_units_that_were_chosen(visit: Visit) -> None:
+    """Numbers, tables and the tests' labels; in mph and lb as long as neither user nor files say anything else."""
+    usual, metric = visit("data"), visit("data", system="kph-kg")
+    assert (usual.numbers["Test speeds"], metric.numbers["Test speeds"]) == ("15–35 mph", "24–56 km/h")
+    assert not re.search(r"km/h|\bkg\b", read(usual))
+    assert not re.search(r"\bmph\b|\blb\b", read(metric))
+    assert "Front weight (lb)" in read(usual)
+    assert "Front weight (kg)" in read(metric)
+    assert "T1 · 24.1 km/h" in metric.app.sidebar.selectbox(key="test").options
+
+
+@pytest.mark.slow
+def test_a_condition_stays_the_same_when_the_units_are_switched(visit: Visit) -> None:
+    """56 km/h are 34.8 mph, and come back as 56.0; only what is typed changes it."""
+    session = visit("predict", system="kph-kg")
+    speed = next(field for field in session.app.number_input if field.label == "Impact speed (km/h)")
+    speed.set_value(56.0)
+    session.run()
+    typed = session.app.session_state["speed_mph"]
+    assert typed == round(56 * KPH / MPH, 9)
+    units = session.app.sidebar.button_group(key="system")
+    units.set_value("mph-lb")
+    session.run()
+    assert "34.8 mph, front" in session.words
+    assert fields(session)["Impact speed (mph)"] == pytest.approx(56 * KPH / MPH, rel=1e-9)
+    session.app.sidebar.button_group(key="system").set_value("kph-kg")
+    session.run()
+    assert "56.0 km/h, front" in session.words
+    assert session.app.session_state["speed_mph"] == typed
+    assert fields(session)["Impact speed (km/h)"] == pytest.approx(56.0, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_grid_stays_the_same_when_the_units_are_switched(visit: Visit) -> None:
+    """The address has it in the units that it was typed in."""
+    session = visit("certify", matrix="Grid", system="kph-kg")
+    session.app.text_input(key="speeds in km/h").set_value("30:50:10")
+    session.run()
+    session.app.sidebar.button_group(key="system").set_value("mph-lb")
+    session.run()
+    assert session.app.text_input(key="speeds in mph").value == "18.6411:31.0686:6.21371"
+    assert session.app.session_state["speeds"] == "30:50:10 km/h"
+    assert any(own.label == "3 conditions, 18.6 to 31.1 mph" for own in session.app.expander)
+
+
+@pytest.mark.slow
+def test_the_campaigns_files_decide_at_first(open_campaign: Path, visit: Visit) -> None:
+    """A table of tests in km/h and kg is shown in these, and its link says nothing of units."""
+    table = pd.read_csv(open_campaign / "tests.csv")
+    table["speed_kph"] = table.pop("speed_mph") * MPH / KPH
+    for weight in ("front_weight", "rear_weight"):
+        table[f"{weight}_kg"] = table.pop(f"{weight}_lb") * LB
+    table.to_csv(open_campaign / "tests.csv", index=False)
+    session = visit("data")
+    assert session.numbers["Test speeds"] == "24–56 km/h"
+    assert "system" not in session.app.query_params
+    session.app.sidebar.button_group(key="system").set_value("mph-lb")
+    session.run()
+    assert session.numbers["Test speeds"] == "15–35 mph"
+    assert session.app.query_params["system"] == "mph-lb"
+
+
+@pytest.mark.slow
+def test_limits_are_shown_and_typed_in_the_chosen_units(open_campaign: Path, visit: Visit) -> None:
+    """A file's 60 km/h are 37.28 mph on the page, and the same criterion in either unit."""
+    criteria = 'confidence = 0.9\n[[criterion]]\nmetric = "delta_v"\nat_most = 60\n'
+    (open_campaign / "criteria.toml").write_text(criteria + '[[criterion]]\nmetric = "max_crush"\nat_most = 430\n')
+    limits = {}
+    for system in ("mph-lb", "kph-kg"):
+        session = visit("certify", system=system)
+        draft = session.app.session_state[f"draft {load_campaign(open_campaign).fingerprint[:8]}"]
+        limits[system] = draft.begun["at_most"].tolist()
+        assert draft.rows["at_most"].tolist() == [60.0, 430.0]
+    assert limits["kph-kg"] == [60.0, 430.0]
+    assert limits["mph-lb"] == pytest.approx([60 * KPH / MPH, 430.0])
