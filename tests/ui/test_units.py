@@ -8,8 +8,9 @@ import pandas as pd
 import pytest
 
 from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.ui.computation import jobs
 from crashfuse.units import KPH, LB, MPH
-from tests.ui.conftest import Session
+from tests.ui.conftest import SOON, Session
 
 Visit = Callable[..., Session]
 pytestmark = pytest.mark.usefixtures("open_campaign")
@@ -101,3 +102,26 @@ def test_limits_are_shown_and_typed_in_the_chosen_units(open_campaign: Path, vis
         assert draft.rows["at_most"].tolist() == [60.0, 430.0]
     assert limits["kph-kg"] == [60.0, 430.0]
     assert limits["mph-lb"] == pytest.approx([60 * KPH / MPH, 430.0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("system", "foreign"), [("mph-lb", r"km/h|\bkg\b"), ("kph-kg", r"\bmph\b|\blb\b")])
+def test_results_are_in_the_units_that_were_chosen(visit: Visit, system: str, foreign: str) -> None:
+    """Tests, recommendations, ratings, metrics, notes and the figures of Compare, Study and Predict."""
+    for page, button, tabs in (
+        ("compare", "Predict test T1", ("Pulses", "Ratings and metrics")),
+        ("study", "Leave out each of 4 tests", ("Ratings", "Bands")),
+        ("predict", "Predict", ("Pulses", "Metrics")),
+    ):
+        for tab in tabs:
+            session = visit(page, system=system, approaches="cae", **{f"{page}_tab": tab})
+            if button in session.buttons:
+                session.press(button)
+                for job in jobs().active:
+                    job.wait(SOON)
+                session.run()
+            assert button not in session.buttons
+            figures = [chart.proto.spec for chart in session.app.get("plotly_chart")]
+            drawn = re.sub(r'"bdata":"[^"]*"', "", "\n".join(figures)).replace(r"\u002f", "/")
+            assert not re.findall(f".*(?:{foreign}).*", read(session))
+            assert not re.findall(f".{{40}}(?:{foreign})", drawn)

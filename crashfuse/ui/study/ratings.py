@@ -26,7 +26,7 @@ def show(outcome: Outcome) -> None:
     st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
     for test in campaign.tests:
         for note in campaign.cae.extrapolation(test.condition):
-            st.caption(f":material/warning: {plain(test.id)}: {note}")
+            st.caption(f":material/warning: {plain(test.id)}: {plain(note)}")
 
 
 def _show_tests(outcome: Outcome, study: Study) -> None:
