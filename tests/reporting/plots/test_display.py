@@ -34,4 +34,4 @@ def test_metrics_are_in_the_chosen_units() -> None:
     assert METRIC.metric(delta_v) == delta_v
     shown = USUAL.metric(delta_v)
     assert (shown.unit, shown.upper) == ("mph", None)
-    np.testing.assert_allclose(shown.value, 66 * KPH / MPH, rtol=1e-12)
+    np.testing.assert_allclose(shown.value or 0.0, 66 * KPH / MPH, rtol=1e-12)
