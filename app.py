@@ -1,5 +1,12 @@
-"""Entry point of the dashboard: ``streamlit run app.py``."""
+"""Entry point of the dashboard: ``streamlit run app.py`` imports it as the server, and runs it for each session."""
+
+import streamlit as st
+from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.ui.frame import route
+from crashfuse.ui.server import MIDDLEWARE, lifespan, tell
 
-route()
+if get_script_run_ctx(suppress_warning=True) is None:
+    app = st.App(__file__, middleware=MIDDLEWARE, lifespan=lifespan, on_script_error=tell)
+else:
+    route()

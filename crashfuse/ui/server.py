@@ -1,0 +1,68 @@
+"""What the dashboard's server adds to Streamlit's, whichever command starts it."""
+
+import secrets
+import webbrowser
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from http.cookies import SimpleCookie
+
+import streamlit as st
+from starlette.datastructures import MutableHeaders
+from starlette.middleware import Middleware
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from streamlit import net_util
+
+from crashfuse.errors import OUT_OF_MEMORY, out_of_memory
+
+BROWSER = "crashfuse_browser"  # cookie with a random name, so that a browser is known again after a reload
+_NO_FRAMING = {"X-Frame-Options": "DENY", "Content-Security-Policy": "frame-ancestors 'none'"}
+_A_YEAR_S = 365 * 24 * 3600
+
+# on refusing a page of another origin, Streamlit would ask a server on the network for this machine's address
+net_util._external_ip = ""
+
+
+class Guard:
+    """Lets no other page embed the dashboard, so that nobody clicks in it unknowingly, and names each browser."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        sent = SimpleCookie(next((value.decode("latin-1") for name, value in scope["headers"] if name == b"cookie"), ""))
+
+        async def guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers.update(_NO_FRAMING)
+                if BROWSER not in sent and headers.get("content-type", "").startswith("text/html"):
+                    secure = "; Secure" if scope["scheme"] == "https" else ""
+                    cookie = f"{BROWSER}={secrets.token_urlsafe()}; Path=/; Max-Age={_A_YEAR_S}; HttpOnly; SameSite=Lax"
+                    headers.append("Set-Cookie", cookie + secure)
+            await send(message)
+
+        await self._app(scope, receive, guarded)
+
+
+@asynccontextmanager
+async def lifespan(_: object) -> AsyncIterator[None]:
+    """Open the browser as the server starts, as ``streamlit run`` does for scripts, unless there is none."""
+    if not st.get_option("server.headless"):
+        address = st.get_option("browser.serverAddress") or "localhost"
+        webbrowser.open(f"http://{address}:{st.get_option('server.port')}")
+    yield
+
+
+def tell(error: Exception) -> bool:
+    """Say in a sentence that memory ran out while a page was drawn; other errors are Streamlit's to show."""
+    if out_of_memory(error):
+        st.error(OUT_OF_MEMORY, icon=":material/memory:")
+        return True
+    return False
+
+
+MIDDLEWARE = (Middleware(Guard),)
