@@ -1,8 +1,10 @@
-"""Campaigns open on this server, each read once and shared by all sessions."""
+"""Campaigns open on this server, each read once; everyone sees their own, those of the server, and those linked to."""
 
 import os
+import secrets
 import tempfile
 import threading
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import streamlit as st
@@ -12,38 +14,85 @@ from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.synthetic import write_sample
+from crashfuse.ui.visitors import visitor
 
 SAMPLE = "sample"
 _SHIPPED = Path(__file__).parents[2] / "sample_data"
+ROOTS = "CRASHFUSE_ROOT"  # environment variable: folders that pages may open and write to, separated as in PATH
 _opening = threading.Lock()
 
 
-@st.cache_resource
-def open_campaigns() -> dict[str, Path | None]:
-    """Folders to choose from, by name: the sample, the campaign given at start-up, and those opened since.
+@dataclass(frozen=True)
+class _Opened:
+    """A folder that is open on this server, and whose lists it stands in."""
 
-    A link can ask for one of these names, never for a path.
-    """
-    folders: dict[str, Path | None] = {SAMPLE: None}
+    folder: Path | None
+    for_all: bool = False
+    visitors: set[str] = field(default_factory=set)
+
+
+@st.cache_resource
+def opened_here() -> dict[str, _Opened]:
+    """All that is open on this server, by name: the sample, the campaign given at start-up, and those opened since."""
+    opened = {SAMPLE: _Opened(None, for_all=True)}
     if at_start := os.environ.get("CRASHFUSE_CAMPAIGN"):
-        _put(Path(at_start).resolve(), folders)
-    return folders
+        _put(Path(at_start).resolve(), opened, for_all=True)
+    return opened
+
+
+def open_campaigns() -> dict[str, Path | None]:
+    """Folders that the visitor may choose from, by name: the server's own, those they opened, and that of their link.
+
+    A link can ask for one of these names, never for a path; that of an upload cannot be guessed.
+    """
+    me, opened = visitor().key, opened_here()
+    if (linked := opened.get(st.query_params.get("campaign", ""))) is not None:
+        linked.visitors.add(me)
+    return {name: one.folder for name, one in opened.items() if one.for_all or me in one.visitors}
 
 
 def at_start() -> str | None:
     """Name of the campaign that the server was started with, if any."""
-    return list(open_campaigns())[1] if os.environ.get("CRASHFUSE_CAMPAIGN") else None
+    return list(opened_here())[1] if os.environ.get("CRASHFUSE_CAMPAIGN") else None
+
+
+def allowed(path: Path) -> Path:
+    """The path with links resolved, if pages may open or write to it; else a DataError that says what they may.
+
+    Nothing outside the folders of ``CRASHFUSE_ROOT`` is looked at; without that variable all folders are allowed.
+    """
+    try:
+        path = path.expanduser().resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # no such home directory, or an invalid folder name
+        raise _unreadable(path, error) from error
+    roots = [Path(root).resolve() for root in os.environ.get(ROOTS, "").split(os.pathsep) if root]
+    outside = [path] if roots and not _inside(path, roots) else []
+    if roots and not outside and path.is_dir():
+        outside = [link for link in path.rglob("*") if link.is_symlink() and not _inside(link.resolve(), roots)]
+    if outside:
+        expected = f"a path inside {' or '.join(map(str, roots))}"
+        found = "one outside" if outside[0] == path else f"{outside[0].name}, a link to elsewhere"
+        raise DataError(Problem(str(path), expected, found, "this server opens and writes nothing else"))
+    return path
+
+
+def _inside(path: Path, roots: list[Path]) -> bool:
+    return any(path.is_relative_to(root) for root in roots)
 
 
 def open_folder(folder: Path) -> str:
     """Read a folder and, if it holds a valid campaign, open it; returns its name."""
-    try:
-        folder = folder.expanduser().resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # no such home directory, or an invalid folder name
-        raise _unreadable(folder, error) from error
+    folder = allowed(folder)
     read(folder)
-    with _opening:
-        return _put(folder, open_campaigns())
+    return _put(folder, opened_here(), visitor().key)
+
+
+def open_uploaded(folder: Path) -> str:
+    """Open a folder made of a visitor's upload, under a name that only their link tells."""
+    read(folder)
+    name = f"{folder.name}-{secrets.token_urlsafe(9)}"
+    opened_here()[name] = _Opened(folder.resolve(), visitors={visitor().key})
+    return name
 
 
 def load(name: str) -> Campaign:
@@ -53,7 +102,7 @@ def load(name: str) -> Campaign:
 
 def folder_of(name: str) -> Path:
     """The folder of the open campaign of this name."""
-    return open_campaigns()[name] or _sample_folder()
+    return opened_here()[name].folder or _sample_folder()
 
 
 def read(folder: Path) -> Campaign:
@@ -69,16 +118,18 @@ def is_sample(folder: Path) -> bool:
     return bool({folder, *folder.parents} & {_SHIPPED.resolve(), (default_folder() / SAMPLE).resolve()})
 
 
-def _put(folder: Path, folders: dict[str, Path | None]) -> str:
-    """Register a folder under its own name, numbered if that name is taken; returns the name."""
-    for name, other in folders.items():
-        if other == folder:
-            return name
-    name, number = folder.name or "campaign", 2
-    while name in folders:
-        name, number = f"{folder.name} ({number})", number + 1
-    folders[name] = folder
-    return name
+def _put(folder: Path, opened: dict[str, _Opened], *visitors: str, for_all: bool = False) -> str:
+    """Open a folder under its own name, numbered if that name is taken; returns the name."""
+    with _opening:
+        for name, one in opened.items():
+            if one.folder == folder:
+                one.visitors.update(visitors)
+                return name
+        name, number = folder.name or "campaign", 2
+        while name in opened:
+            name, number = f"{folder.name} ({number})", number + 1
+        opened[name] = _Opened(folder, for_all, set(visitors))
+        return name
 
 
 def _unreadable(folder: Path, error: Exception) -> DataError:

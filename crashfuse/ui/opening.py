@@ -80,28 +80,23 @@ def _open_folder() -> None:
 
 def _campaign_or_source(path: Path) -> str | Source:
     """Open a campaign folder; a folder that is not a campaign, but can be imported, is a source."""
-    if _is_file(path):
+    path = campaigns.allowed(path)
+    if path.is_file():
         return _source_or_advice(path)
     try:
         return campaigns.open_folder(path)
     except DataError:
         if path.is_dir() and any((path / table).is_file() for table in ("tests.csv", "cae.csv")):
             raise
-        with suppress(DataError, OSError, RuntimeError, ValueError):
-            return source_at(path.expanduser())
+        with suppress(DataError, OSError):
+            return source_at(path)
         raise
-
-
-def _is_file(path: Path) -> bool:
-    with suppress(OSError, RuntimeError, ValueError):  # no such home directory, or an invalid file name
-        return path.expanduser().is_file()
-    return False
 
 
 def _source_or_advice(file: Path) -> Source:
     """Start the import of a file; if it cannot be imported, it may be a campaign that has to be opened another way."""
     try:
-        return source_at(file.expanduser())
+        return source_at(file)
     except (DataError, OSError) as error:
         expected, found = "a campaign folder, or a file that can be imported", "a file of another kind"
         advice = "name the folder that holds tests.csv and cae.csv"

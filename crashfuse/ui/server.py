@@ -13,8 +13,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from streamlit import net_util
 
 from crashfuse.errors import OUT_OF_MEMORY, out_of_memory
+from crashfuse.ui.visitors import BROWSER
 
-BROWSER = "crashfuse_browser"  # cookie with a random name, so that a browser is known again after a reload
 _NO_FRAMING = {"X-Frame-Options": "DENY", "Content-Security-Policy": "frame-ancestors 'none'"}
 _A_YEAR_S = 365 * 24 * 3600
 

@@ -16,6 +16,7 @@ from crashfuse.importing.unpacking import is_archive, lay_out_source, members_of
 from crashfuse.readers.formats import formats_of
 from crashfuse.ui import campaigns
 from crashfuse.ui.importing.session import Source, source_at
+from crashfuse.ui.visitors import visitor
 
 T = TypeVar("T")
 
@@ -47,9 +48,9 @@ def open_uploads(files: Sequence[Upload]) -> str | Source:
         digest.update(f"{name}|{len(content)}|".encode())
         digest.update(content)
     opened = _opened()
-    key = digest.hexdigest()
+    key = visitor().key, digest.hexdigest()
     if key not in opened:
-        opened[key] = _keep(lambda own: campaigns.open_folder(lay_out(uploads, own)))
+        opened[key] = _keep(lambda own: campaigns.open_uploaded(lay_out(uploads, own)))
     return opened[key]
 
 
@@ -84,8 +85,8 @@ def _keep(lay_out_in: Callable[[Path], T]) -> T:
 
 
 @st.cache_resource
-def _opened() -> dict[str, str]:
-    """Names of uploaded campaigns by content: a file dropped twice is one campaign."""
+def _opened() -> dict[tuple[str, str], str]:
+    """Names of uploaded campaigns by visitor and content: a file dropped twice is one campaign."""
     return {}
 
 

@@ -179,7 +179,7 @@ def _target() -> Path:
         folder = Path(text).expanduser()
         if not folder.is_absolute():
             raise DataError(Problem("campaign folder", expected, text or "none", advice))
-        folder = folder.resolve()
+        folder = campaigns.allowed(folder)
         trouble = None
         if campaigns.is_sample(folder) or is_scratch(folder):
             trouble = "one of crashfuse's own"

@@ -17,6 +17,7 @@ from crashfuse.importing.table_forms import TableForm, table_forms
 from crashfuse.importing.unpacking import is_archive
 from crashfuse.readers.formats import TABLES
 from crashfuse.readers.record import Record
+from crashfuse.ui.visitors import visitor
 
 _KEY, _SOURCE = "import", "import source"  # session keys, like the next; the first stands in the address
 REFUSED, UNFINISHED = "import refused", "import unfinished"
@@ -32,13 +33,16 @@ class Source:
     ----------
     key : str
         Identifies this import: prefix of the keys of its widgets.
+    owner : str
+        Key of the visitor who began it; whoever follows their link may continue it as well.
     scratch : Path, optional
-        Folder to delete when the import is over; None for the user's own files.
+        Folder to delete when the owner's import is over; None for the user's own files.
     """
 
     path: Path
     fmt: str
     key: str
+    owner: str
     scratch: Path | None = None
 
     @property
@@ -56,7 +60,7 @@ def source_at(path: Path, scratch: Path | None = None) -> Source:
     if fmt == TABLES and is_archive(path.name):  # so that the columns of each table can be asked for
         advice = "upload it, or unpack it and name its folder"
         raise DataError(Problem(path.name, "a file or folder to import", "tables in an archive", advice))
-    return Source(path, fmt, uuid.uuid4().hex, scratch)
+    return Source(path, fmt, uuid.uuid4().hex, visitor().key, scratch)
 
 
 def begin(source: Source) -> None:
@@ -67,12 +71,12 @@ def begin(source: Source) -> None:
 
 
 def leave() -> None:
-    """End the import, and delete its temporary files."""
+    """End the import; whoever began it deletes its temporary files, too."""
     source = st.session_state.get(_SOURCE)
     st.session_state[_KEY] = None
     for key in (_SOURCE, REFUSED, UNFINISHED):
         st.session_state.pop(key, None)
-    if source is None:
+    if source is None or source.owner != visitor().key:
         return
     _begun().pop(source.key, None)
     if source.scratch is not None:
