@@ -13,9 +13,10 @@ from crashfuse.ui.computation import FitRequest, Fitted, Request, StudyRequest, 
 from crashfuse.ui.downloads import download_bytes
 from crashfuse.ui.figures import choose
 from crashfuse.ui.navigation import open_page, show_link
-from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test
+from crashfuse.ui.panel import show_end, show_job, stop_with_a_single_test, title_of
 from crashfuse.ui.settings import choose_settings
 from crashfuse.ui.text import plain
+from crashfuse.ui.visitors import visitor
 
 T = TypeVar("T")
 FIT, LEAVE_OUT = "Fit on all tests", "Leave tests out"
@@ -59,7 +60,10 @@ def compute(
     if others := [other for other in jobs().active if other is not job]:
         st.subheader("Also running or waiting")
         for other in others:
-            show_job(other)
+            if visitor() in other.wanted_by:
+                show_job(other)
+            else:
+                st.caption(f":material/hourglass_top: {title_of(other)}")
 
 
 def show_models(fitted: Fitted) -> None:

@@ -24,9 +24,10 @@ _opening = threading.Lock()
 
 @dataclass(frozen=True)
 class _Opened:
-    """A folder that is open on this server, and whose lists it stands in."""
+    """A folder that is open on this server, how it is called if not by its name, and whose lists it stands in."""
 
     folder: Path | None
+    label: str = ""
     for_all: bool = False
     visitors: set[str] = field(default_factory=set)
 
@@ -46,7 +47,7 @@ def open_campaigns() -> dict[str, Path | None]:
     A link can ask for one of these names, never for a path; that of an upload cannot be guessed.
     """
     me, opened = visitor().key, opened_here()
-    if (linked := opened.get(st.query_params.get("campaign", ""))) is not None:
+    if (linked := opened.get(st.session_state.get("campaign") or "")) is not None:
         linked.visitors.add(me)
     return {name: one.folder for name, one in opened.items() if one.for_all or me in one.visitors}
 
@@ -90,9 +91,15 @@ def open_folder(folder: Path) -> str:
 def open_uploaded(folder: Path) -> str:
     """Open a folder made of a visitor's upload, under a name that only their link tells."""
     read(folder)
-    name = f"{folder.name}-{secrets.token_urlsafe(9)}"
-    opened_here()[name] = _Opened(folder.resolve(), visitors={visitor().key})
+    token = secrets.token_urlsafe(12)
+    name = f"{folder.name}-{token}"
+    opened_here()[name] = _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})", visitors={visitor().key})
     return name
+
+
+def label(name: str) -> str:
+    """What the open campaign of this name is called where others may read it."""
+    return opened_here()[name].label or name
 
 
 def load(name: str) -> Campaign:
@@ -128,7 +135,7 @@ def _put(folder: Path, opened: dict[str, _Opened], *visitors: str, for_all: bool
         name, number = folder.name or "campaign", 2
         while name in opened:
             name, number = f"{folder.name} ({number})", number + 1
-        opened[name] = _Opened(folder, for_all, set(visitors))
+        opened[name] = _Opened(folder, for_all=for_all, visitors=set(visitors))
         return name
 
 

@@ -25,6 +25,7 @@ from crashfuse.study.study import Study, fold_key, run_study
 from crashfuse.study.sweep import Sweep, sweep_speed, usual_speeds
 from crashfuse.ui.downloads import zipped
 from crashfuse.ui.jobs import Job, Jobs
+from crashfuse.ui.visitors import visitor
 
 
 @st.cache_resource(show_spinner=False)
@@ -91,8 +92,8 @@ class Request(ABC, Generic[T]):
         return False
 
     def start(self) -> None:
-        """Queue the job unless it is already queued or done."""
-        jobs().start(self.key, self.title, self.work)
+        """Queue the job for the visitor, or join them to it if it is already queued."""
+        jobs().start(self.key, self.title, self.work, visitor())
 
     def find(self) -> Job[T] | None:
         """The job, if any; it is started at once if the slow part of its result is in the disk cache."""
@@ -103,7 +104,7 @@ class Request(ABC, Generic[T]):
                 return jobs().get(self.key)
             with st.spinner("Looking for earlier results …"), suppress(CrashfuseError):  # starting the job shows it
                 if self.in_cache():
-                    job = jobs().start(self.key, self.title, self.work, at_once=True)
+                    job = jobs().start(self.key, self.title, self.work, visitor(), at_once=True)
                     job.wait(_PATIENCE_S)
             _lookups().ended_before[self.key] = jobs().ended
         return job

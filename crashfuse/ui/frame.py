@@ -16,6 +16,7 @@ from crashfuse.ui import address, campaigns
 from crashfuse.ui.computation import chosen_config, jobs
 from crashfuse.ui.figures import choose_image_format
 from crashfuse.ui.navigation import navigate, show_link, show_links
+from crashfuse.ui.panel import title_of
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.settings import choose_left_out
 from crashfuse.ui.text import chosen_units, plain
@@ -144,7 +145,7 @@ def _sidebar(page: str) -> _Choice:
             state["campaign"] = campaigns.at_start()
         name = st.selectbox(
             "Campaign", names, index=None, placeholder="none open", key="campaign", persist_state="session",
-            on_change=_turn_to_campaign,
+            format_func=campaigns.label, on_change=_turn_to_campaign,
         )  # fmt: skip
         if name is not None:
             try:
@@ -232,4 +233,4 @@ def _keep_up(theme: str | None) -> None:
     if st.context.theme.type != theme:
         st.rerun()
     for job in jobs().active:
-        st.caption(f":material/hourglass_top: {plain(job.title)}" + (" (waiting)" if job.state == "waiting" else ""))
+        st.caption(f":material/hourglass_top: {title_of(job)}" + (" (waiting)" if job.state == "waiting" else ""))

@@ -1,4 +1,4 @@
-"""Computations in the background: queued, watched and cancelled from any page, shared by all sessions.
+"""Computations in the background: queued and watched from any page, one for all who want the same.
 
 A job knows nothing of Streamlit. Its thread writes plain numbers, and a page reads them at any time; closing or
 reloading the page changes nothing.
@@ -10,10 +10,13 @@ import threading
 import time
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
-from typing import Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
+
+if TYPE_CHECKING:
+    from crashfuse.ui.visitors import Visitor
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 T = TypeVar("T")
@@ -59,16 +62,18 @@ class Step:
 
 
 class Job(Generic[T]):
-    """A computation, its progress and its outcome; the title tells the user what is computed."""
+    """A computation, its progress and its outcome; the title tells those who want it what is computed."""
 
     def __init__(self, title: str, work: Callable[[Watch], T]) -> None:
         self.title = title
+        self.wanted_by: set[Visitor] = set()
         self.state: State = "waiting"
         self.steps: dict[str, Step] = {}  # every step so far, in order of start
         self.first: T | None = None  # while it runs: a part of the result that is known long before the rest
         self.result: T | None = None  # what the work returned, once done
         self.message = ""  # one sentence on why it failed
         self._work: Callable[[Watch], T] | None = work
+        self._joining = threading.Lock()
         self._cancel = threading.Event()
         self._ended = threading.Event()
 
@@ -82,9 +87,19 @@ class Job(Generic[T]):
         """True if it was told to stop but has not stopped yet."""
         return self.active and self._cancel.is_set()
 
-    def cancel(self) -> None:
-        """Ask it to stop, which it does at its next progress report."""
-        self._cancel.set()
+    def join(self, visitor: "Visitor") -> bool:
+        """Note that someone wants it; False if it is being stopped already."""
+        with self._joining:
+            if not self._cancel.is_set():
+                self.wanted_by.add(visitor)
+            return not self._cancel.is_set()
+
+    def cancel(self, visitor: "Visitor | None" = None) -> None:
+        """Note that someone wants it no more; once nobody does, it stops at its next progress report."""
+        with self._joining:
+            self.wanted_by.discard(visitor)  # type: ignore[arg-type]
+            if not self.wanted_by:
+                self._cancel.set()
 
     def wait(self, timeout_s: float | None = None) -> bool:
         """Wait until it has ended; False on timeout."""
@@ -151,14 +166,25 @@ class Jobs:
         with self._lock:
             return [job for job in self._jobs.values() if job.active]
 
-    def start(self, key: Hashable, title: str, work: Callable[[Watch], T], *, at_once: bool = False) -> Job[T]:
-        """Queue some work, or return the job that is doing it or has done it; short work may start at once."""
+    def start(
+        self,
+        key: Hashable,
+        title: str,
+        work: Callable[[Watch], T],
+        visitor: "Visitor | None" = None,
+        *,
+        at_once: bool = False,
+    ) -> Job[T]:
+        """Queue work for someone, or join the job that is doing it or has done it; short work may start at once."""
         with self._lock:
             job = self._jobs.get(key)
-            if job is not None and (job.state == "done" or (job.active and not job.cancelling)):
+            joined = job is not None and not job.cancelling and (visitor is None or job.join(visitor))
+            if job is not None and (job.state == "done" or (job.active and joined)):
                 return job
             self._jobs.pop(key, None)
             job = self._jobs[key] = Job(title, work)
+            if visitor is not None:
+                job.join(visitor)
             finished = [old for old, kept in self._jobs.items() if not kept.active]
             for old in finished[: max(len(finished) - _KEPT, 0)]:
                 del self._jobs[old]

@@ -11,6 +11,7 @@ from crashfuse.ui.figures import show_figure
 from crashfuse.ui.jobs import Job, Step
 from crashfuse.ui.navigation import show_link
 from crashfuse.ui.text import plain
+from crashfuse.ui.visitors import visitor
 
 T = TypeVar("T")
 
@@ -75,14 +76,16 @@ def show_job(job: Job[Any], *, in_full: bool = True, until_first: bool = False) 
     with st.container(border=True):
         with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
             st.markdown(f"**{plain(job.title)}**", width="content")
-            st.button(
-                "Cancel", icon=":material/stop:", on_click=job.cancel, disabled=job.cancelling, key=f"cancel {id(job)}"
-            )
+            _show_wanting(job)
         if job.cancelling:
             st.caption("Stopping at the next opportunity …")
+        elif others := sorted(other.name for other in job.wanted_by - {visitor()}):
+            names = plain(" and ".join(others))
+            mine = visitor() in job.wanted_by
+            st.caption(f"Also wanted by {names}: Cancel ends it only for you." if mine else f"Started by {names}.")
         elif job.state == "waiting":
             ahead = next((other for other in jobs().active if other is not job), None)
-            st.caption("Waiting for its turn" + (f" behind: {plain(ahead.title)}" if ahead else "") + ".")
+            st.caption("Waiting for its turn" + (f" behind: {title_of(ahead)}" if ahead else "") + ".")
         steps = list(job.steps.items())
         for name, step in steps:
             _show_step(name, step)
@@ -96,6 +99,28 @@ def show_job(job: Job[Any], *, in_full: bool = True, until_first: bool = False) 
                 value = "Loss" if all(what.endswith("loss") for what in curves) else "Error"
                 figure = learning_curves(curves, value=value, total=step.progress.total)
                 show_figure(figure, alt=f"{name}, so far", key=f"{name} {id(job)}")
+
+
+def title_of(job: Job[Any]) -> str:
+    """The title of a job to those who want it; to others, whose it is."""
+    if visitor() in job.wanted_by:
+        return plain(job.title)
+    return f"a computation of {plain(' and '.join(sorted(other.name for other in job.wanted_by)) or 'nobody now')}"
+
+
+def _show_wanting(job: Job[Any]) -> None:
+    """Let the visitor cancel a job, as far as they are concerned, or ask for one that another has started."""
+    me = visitor()
+    if me in job.wanted_by or job.cancelling:
+        st.button(
+            "Cancel", icon=":material/stop:", on_click=job.cancel, args=(me,), disabled=job.cancelling,
+            key=f"cancel {id(job)}",
+        )  # fmt: skip
+    else:
+        st.button(
+            "I want it, too", icon=":material/add:", on_click=job.join, args=(me,), key=f"join {id(job)}",
+            help="It then goes on for you if the other cancels it.",
+        )  # fmt: skip
 
 
 def _show_step(name: str, step: Step) -> None:

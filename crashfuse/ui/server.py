@@ -33,7 +33,9 @@ class Guard:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        sent = SimpleCookie(next((value.decode("latin-1") for name, value in scope["headers"] if name == b"cookie"), ""))
+        sent = SimpleCookie(
+            next((value.decode("latin-1") for name, value in scope["headers"] if name == b"cookie"), "")
+        )
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":

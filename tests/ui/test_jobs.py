@@ -10,6 +10,7 @@ import pytest
 from crashfuse.errors import OUT_OF_MEMORY, DataError, Problem
 from crashfuse.execution.progress import Watch
 from crashfuse.ui.jobs import Job, Jobs
+from crashfuse.ui.visitors import Visitor
 
 SOON = 10.0
 
@@ -219,3 +220,39 @@ def test_only_the_last_outcomes_are_kept() -> None:
     kept = [i for i in range(40) if jobs.get(i) is not None]
     assert kept[-1] == 39
     assert len(kept) <= 25
+
+
+ANNA, BEN = Visitor("k1", "anna@example.com"), Visitor("k2", "browser 0a1b2c")
+
+
+def test_what_two_want_goes_on_until_neither_does(gate: threading.Event) -> None:
+    """Anna cancels for herself; the job runs on for Ben, and stops once he cancels, too."""
+    jobs, reached = Jobs(), threading.Event()
+
+    def endless(watch: Watch) -> None:
+        for i in range(10**9):
+            watch.report("Step", i, 10**9)
+            reached.set()
+            gate.wait(0.001)
+
+    job = jobs.start("a", "A", endless, ANNA)
+    assert jobs.start("a", "A", endless, BEN) is job
+    assert reached.wait(SOON)
+    job.cancel(ANNA)
+    assert (job.state, job.cancelling, job.wanted_by) == ("running", False, {BEN})
+    job.cancel(BEN)
+    assert ended(job)
+    assert job.state == "cancelled"
+
+
+def test_who_asks_for_what_is_being_stopped_gets_a_job_of_their_own(gate: threading.Event) -> None:
+    """It cannot be joined any more."""
+    jobs = Jobs()
+    first = jobs.start("a", "A", lambda _: gate.wait(SOON), ANNA)
+    first.cancel(ANNA)
+    second = jobs.start("a", "A", lambda _: 2, BEN)
+    assert second is not first
+    assert not first.join(BEN)
+    gate.set()
+    assert ended(second)
+    assert second.result == 2

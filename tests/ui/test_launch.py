@@ -99,7 +99,7 @@ def _settings(command: str, folder: Path, environment: dict[str, str]) -> dict[s
         "import json, os, sys\n"
         "from streamlit import config\n"
         "from streamlit.web import bootstrap, cli\n"
-        "bootstrap.run = lambda *_, **__: None\n"
+        "bootstrap.run_asgi_app = lambda *_, **__: None\n"
         "sys.argv = ['crashfuse']\n"
         f"{command}\n"
         f"names = {[*SAFE, 'server.maxUploadSize']!r}\n"
