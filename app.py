@@ -4,9 +4,9 @@ import streamlit as st
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.ui.frame import route
-from crashfuse.ui.server import MIDDLEWARE, lifespan, tell
+from crashfuse.ui.server import lifespan, prepare, tell
 
 if get_script_run_ctx(suppress_warning=True) is None:
-    app = st.App(__file__, middleware=MIDDLEWARE, lifespan=lifespan, on_script_error=tell)
+    app = st.App(__file__, middleware=prepare(), lifespan=lifespan, on_script_error=tell)
 else:
     route()

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from crashfuse.cli.arguments import parser
+from crashfuse.cli.output import giving_back
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, DataError, UsageError, out_of_memory, printable
 from crashfuse.readers.axes import TRAVELS
 
@@ -28,7 +29,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return WRONG_USAGE
     command: Callable[[argparse.Namespace], None] = arguments.run
     try:
-        command(arguments)
+        with giving_back():
+            command(arguments)
         sys.stdout.flush()
     except BrokenPipeError:  # the reader of the output (head, say) has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

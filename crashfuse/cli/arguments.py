@@ -43,6 +43,19 @@ def parser() -> argparse.ArgumentParser:
     app = command("app", data.app, "start the dashboard on 127.0.0.1", None)
     app.add_argument("--port", type=_whole(1, 65535), default=8501, help="port to listen on (default: %(default)s)")
     app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
+    app.add_argument(
+        "--root",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="DIR",
+        help="let the pages open and write to this folder, and what is in it, only; may be given several times",
+    )
+    app.add_argument("--log", type=Path, metavar="FILE", help="append the log to this file (default: standard error)")
+    app.add_argument(
+        "--allow-host", action="append", default=[], metavar="NAME", help="name by which a reverse proxy makes it known"
+    )
+    app.add_argument("--login", type=Path, metavar="FILE.toml", help="require the log-in that [auth] in FILE sets up")
 
     sample = command("sample", data.sample, "write the synthetic sample campaign", None)
     sample.add_argument("folder", type=Path, metavar="DIR", help="folder to make; it must not hold anything yet")

@@ -9,9 +9,17 @@ def app(arguments: argparse.Namespace) -> None:
     """Start the dashboard."""
     from crashfuse.ui.launch import launch
 
-    if arguments.campaign is not None and not arguments.campaign.is_dir():
-        raise UsageError(f"There is no folder {arguments.campaign}.")
-    launch(arguments.port, arguments.campaign)
+    for folder in (arguments.campaign, *arguments.root):
+        if folder is not None and not folder.is_dir():
+            raise UsageError(f"There is no folder {folder}.")
+    launch(
+        arguments.port,
+        arguments.campaign,
+        roots=arguments.root,
+        hosts=arguments.allow_host,
+        secrets=arguments.login,
+        log=arguments.log,
+    )
 
 
 def sample(arguments: argparse.Namespace) -> None:

@@ -2,20 +2,27 @@
 
 A folder holds results of one kind. Once new results are written, leftovers of older ones of the same kind (speed
 groups that the new study did not request, say) are removed, so that nothing stale is left beside them. Results of
-another kind are never touched: the command refuses their folder.
+another kind are never touched: the command refuses their folder. While a command runs, the folder is its own.
 """
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.atomic import written_together
+from crashfuse.files.claim import sole_writer
+
+_claimed: dict[Path, ExitStack] = {}
 
 
 def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
-    """Refuse a folder that is, or lies in, a campaign, holds results of another kind, or is not writable."""
+    """Claim a folder for this command.
+
+    Refuses one that is, or lies in, a campaign, holds results of another kind, is not writable, or that another command
+    is writing to.
+    """
     from crashfuse.reporting.results import RESULT_FILES
 
     if out.resolve().is_relative_to(campaign.resolve()):
@@ -28,6 +35,20 @@ def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
         if kind not in (None, other) and (out / mark).exists():
             raise UsageError(f"{out} holds a {other} ({mark}); name another folder for the {kind}.")
     require_writable(out)
+    if out.resolve() not in _claimed:
+        claim = ExitStack()
+        claim.enter_context(sole_writer(out.resolve()))
+        _claimed[out.resolve()] = claim
+
+
+@contextmanager
+def giving_back() -> Iterator[None]:
+    """Context of a command: the folders that it claims are others' again at its end."""
+    try:
+        yield
+    finally:
+        while _claimed:
+            _claimed.popitem()[1].close()
 
 
 def require_writable(out: Path) -> None:

@@ -14,6 +14,7 @@ from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.synthetic import write_sample
+from crashfuse.ui import journal
 from crashfuse.ui.visitors import visitor
 
 SAMPLE = "sample"
@@ -47,8 +48,10 @@ def open_campaigns() -> dict[str, Path | None]:
     A link can ask for one of these names, never for a path; that of an upload cannot be guessed.
     """
     me, opened = visitor().key, opened_here()
-    if (linked := opened.get(st.session_state.get("campaign") or "")) is not None:
+    linked = opened.get(name := st.session_state.get("campaign") or "")
+    if linked is not None and not linked.for_all and me not in linked.visitors:
         linked.visitors.add(me)
+        journal.note(visitor(), f"followed a link to {label(name)}")
     return {name: one.folder for name, one in opened.items() if one.for_all or me in one.visitors}
 
 
@@ -71,6 +74,7 @@ def allowed(path: Path) -> Path:
     if roots and not outside and path.is_dir():
         outside = [link for link in path.rglob("*") if link.is_symlink() and not _inside(link.resolve(), roots)]
     if outside:
+        journal.note(visitor(), f"was refused {path}, outside {' and '.join(map(str, roots))}")
         expected = f"a path inside {' or '.join(map(str, roots))}"
         found = "one outside" if outside[0] == path else f"{outside[0].name}, a link to elsewhere"
         raise DataError(Problem(str(path), expected, found, "this server opens and writes nothing else"))
@@ -85,6 +89,7 @@ def open_folder(folder: Path) -> str:
     """Read a folder and, if it holds a valid campaign, open it; returns its name."""
     folder = allowed(folder)
     read(folder)
+    journal.note(visitor(), f"opened {folder}")
     return _put(folder, opened_here(), visitor().key)
 
 
@@ -94,6 +99,7 @@ def open_uploaded(folder: Path) -> str:
     token = secrets.token_urlsafe(12)
     name = f"{folder.name}-{token}"
     opened_here()[name] = _Opened(folder.resolve(), f"{folder.name} (upload {token[:4]})", visitors={visitor().key})
+    journal.note(visitor(), f"uploaded {label(name)}")
     return name
 
 

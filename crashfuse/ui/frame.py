@@ -12,7 +12,7 @@ from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import DataError, Problem
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig
-from crashfuse.ui import address, campaigns
+from crashfuse.ui import address, campaigns, login
 from crashfuse.ui.computation import chosen_config, jobs
 from crashfuse.ui.figures import choose_image_format
 from crashfuse.ui.navigation import navigate, show_link, show_links
@@ -49,6 +49,7 @@ _choice: ContextVar[_Choice | None] = ContextVar("choice", default=None)
 def route() -> None:
     """Set up the frame and run the page given in the address; this is all that app.py does."""
     page = navigate()
+    login.require(page.url_path)
     if not page.url_path:  # the address without a page
         page.run()
     address.follow(page.url_path)
@@ -153,6 +154,7 @@ def _sidebar(page: str) -> _Choice:
             except DataError as error:
                 choice.problems = error.problems
             _keep_up(st.context.theme.type)
+        login.show_account()
     with links:
         show_links()
     return choice

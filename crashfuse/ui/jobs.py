@@ -10,13 +10,12 @@ import threading
 import time
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
-
-if TYPE_CHECKING:
-    from crashfuse.ui.visitors import Visitor
+from crashfuse.ui import journal
+from crashfuse.ui.visitors import Visitor
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 T = TypeVar("T")
@@ -87,17 +86,17 @@ class Job(Generic[T]):
         """True if it was told to stop but has not stopped yet."""
         return self.active and self._cancel.is_set()
 
-    def join(self, visitor: "Visitor") -> bool:
-        """Note that someone wants it; False if it is being stopped already."""
+    def join(self, visitor: Visitor) -> None:
+        """Note that someone wants it, unless it is being stopped already."""
         with self._joining:
             if not self._cancel.is_set():
                 self.wanted_by.add(visitor)
-            return not self._cancel.is_set()
 
-    def cancel(self, visitor: "Visitor | None" = None) -> None:
+    def cancel(self, visitor: Visitor | None = None) -> None:
         """Note that someone wants it no more; once nobody does, it stops at its next progress report."""
         with self._joining:
-            self.wanted_by.discard(visitor)  # type: ignore[arg-type]
+            if visitor is not None:
+                self.wanted_by.discard(visitor)
             if not self.wanted_by:
                 self._cancel.set()
 
@@ -109,6 +108,8 @@ class Job(Generic[T]):
         """Compute; any error becomes the job's state and message."""
         work, self._work = self._work, None  # so that the objects the work refers to can be freed
         self.state = "running"
+        journal.note(self.wanted_by, f"started: {self.title}")
+        wanted_by = self.wanted_by.copy()
         try:
             if self._cancel.is_set():
                 raise Cancelled("Stopped before it began.")
@@ -128,6 +129,8 @@ class Job(Generic[T]):
             self.state = "failed"
         finally:
             self.first = None
+            told = f" ({self.message})" if self.message else ""
+            journal.note(wanted_by | self.wanted_by, f"{self.state}: {self.title}{told}")
             self._ended.set()
 
     def _show_first(self, part: T) -> None:
@@ -171,15 +174,16 @@ class Jobs:
         key: Hashable,
         title: str,
         work: Callable[[Watch], T],
-        visitor: "Visitor | None" = None,
+        visitor: Visitor | None = None,
         *,
         at_once: bool = False,
     ) -> Job[T]:
         """Queue work for someone, or join the job that is doing it or has done it; short work may start at once."""
         with self._lock:
             job = self._jobs.get(key)
-            joined = job is not None and not job.cancelling and (visitor is None or job.join(visitor))
-            if job is not None and (job.state == "done" or (job.active and joined)):
+            if job is not None and visitor is not None:
+                job.join(visitor)
+            if job is not None and (job.state == "done" or (job.active and not job.cancelling)):
                 return job
             self._jobs.pop(key, None)
             job = self._jobs[key] = Job(title, work)

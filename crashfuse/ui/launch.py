@@ -1,10 +1,13 @@
 """Start of the dashboard's server in this process, so that stopping the process stops the server."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
-from streamlit import net_util
 from streamlit.web.cli import main
+
+from crashfuse.ui import journal, login
+from crashfuse.ui.campaigns import ROOTS
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in a checkout
@@ -12,23 +15,58 @@ _PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in
 _HOSTS = ("localhost", "127.0.0.1")  # else a page elsewhere reaches the server under a name of its own (DNS rebinding)
 
 
-def launch(port: int, campaign: Path | None) -> None:
-    """Serve the dashboard on 127.0.0.1 until interrupted; ``campaign`` is a folder to open at start-up."""
-    if "CRASHFUSE_CACHE" in os.environ:
-        os.environ["CRASHFUSE_CACHE"] = str(Path(os.environ["CRASHFUSE_CACHE"]).resolve())
-    if campaign is not None:
-        os.environ["CRASHFUSE_CAMPAIGN"] = str(campaign.resolve())
-    os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # the folder with the pages and settings
-    options = {  # includes the security settings of config.toml, which the user's own settings can't override here
-        "server.address": "127.0.0.1",
-        "server.port": port,
-        "server.showEmailPrompt": "false",
-        "server.enableXsrfProtection": "true",
-        "server.enableCORS": "true",
-        "browser.gatherUsageStats": "false",
-        "client.showErrorDetails": "none",
+def launch(
+    port: int,
+    campaign: Path | None = None,
+    *,
+    roots: Sequence[Path] = (),
+    hosts: Sequence[str] = (),
+    secrets: Path | None = None,
+    log: Path | None = None,
+) -> None:
+    """Serve the dashboard on 127.0.0.1 until interrupted.
+
+    Parameters
+    ----------
+    port : int
+        Port to listen on.
+    campaign : Path, optional
+        Folder to open at start-up.
+    roots : sequence of Path, optional
+        Folders that the pages may open and write to, with all in them; none for no restriction.
+    hosts : sequence of str, optional
+        Names under which a reverse proxy makes it known.
+    secrets : Path, optional
+        Secrets file whose section ``[auth]`` says how to log in; without it, nobody has to.
+    log : Path, optional
+        File to append the log to, instead of standard error.
+
+    Raises
+    ------
+    DataError
+        If nobody could log in by that file.
+    """
+    if secrets is not None:
+        login.check([secrets], required=True)
+    given = {
+        "CRASHFUSE_CACHE": os.environ.get("CRASHFUSE_CACHE"),
+        "CRASHFUSE_CAMPAIGN": campaign,
+        journal.LOG: log,
     }
-    # on refusing a page of another origin, Streamlit would ask a server on the network for this machine's address
-    net_util._external_ip = ""
-    given = [*(("server.allowedHosts", host) for host in _HOSTS), *options.items()]
-    main(["run", "app.py", *(f"--{name}={value}" for name, value in given)], standalone_mode=False)
+    os.environ |= {name: str(Path(path).resolve()) for name, path in given.items() if path is not None}
+    if roots:
+        os.environ[ROOTS] = os.pathsep.join(str(root.resolve()) for root in roots)
+    options = [  # includes the security settings of config.toml, which the user's own settings can't override here
+        ("server.address", "127.0.0.1"),
+        ("server.port", port),
+        ("server.showEmailPrompt", "false"),
+        ("server.enableXsrfProtection", "true"),
+        ("server.enableCORS", "true"),
+        ("browser.gatherUsageStats", "false"),
+        ("client.showErrorDetails", "none"),
+        *(("server.allowedHosts", host) for host in (*_HOSTS, *hosts)),
+    ]
+    if secrets is not None:
+        options.append(("secrets.files", secrets.resolve()))
+    os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # the folder with the pages and settings
+    main(["run", "app.py", *(f"--{name}={value}" for name, value in options)], standalone_mode=False)

@@ -1,18 +1,20 @@
 """What the dashboard's server adds to Streamlit's, whichever command starts it."""
 
 import secrets
+import sys
 import webbrowser
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from http.cookies import SimpleCookie
 
 import streamlit as st
 from starlette.datastructures import MutableHeaders
 from starlette.middleware import Middleware
+from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from streamlit import net_util
 
-from crashfuse.errors import OUT_OF_MEMORY, out_of_memory
+from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
+from crashfuse.ui import journal, login
 from crashfuse.ui.visitors import BROWSER
 
 _NO_FRAMING = {"X-Frame-Options": "DENY", "Content-Security-Policy": "frame-ancestors 'none'"}
@@ -33,15 +35,13 @@ class Guard:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        sent = SimpleCookie(
-            next((value.decode("latin-1") for name, value in scope["headers"] if name == b"cookie"), "")
-        )
+        is_known = BROWSER in HTTPConnection(scope).cookies
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 headers.update(_NO_FRAMING)
-                if BROWSER not in sent and headers.get("content-type", "").startswith("text/html"):
+                if not is_known and headers.get("content-type", "").startswith("text/html"):
                     secure = "; Secure" if scope["scheme"] == "https" else ""
                     cookie = f"{BROWSER}={secrets.token_urlsafe()}; Path=/; Max-Age={_A_YEAR_S}; HttpOnly; SameSite=Lax"
                     headers.append("Set-Cookie", cookie + secure)
@@ -67,4 +67,14 @@ def tell(error: Exception) -> bool:
     return False
 
 
-MIDDLEWARE = (Middleware(Guard),)
+def prepare() -> tuple[Middleware, ...]:
+    """Begin the log, and check the log-in; returns what every request goes through.
+
+    A server whose log-in is set up wrongly does not start, for it would let in everybody.
+    """
+    try:
+        journal.begin()
+        login.check(st.get_option("secrets.files"))
+    except (CrashfuseError, OSError) as error:
+        sys.exit(f"crashfuse: {error}")
+    return (Middleware(Guard),)

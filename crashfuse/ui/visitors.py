@@ -32,8 +32,12 @@ def visitor() -> Visitor:
         person = st.user.to_dict()
         key = f"{person.get('iss')} {person.get('sub')}"
         return Visitor(key, str(person.get("email") or person.get("name") or person.get("sub")))
-    key = st.context.cookies.to_dict().get(BROWSER) or st.session_state.setdefault(_SESSION, uuid.uuid4().hex)
-    return Visitor(key, f"browser {hashlib.sha256(key.encode()).hexdigest()[:6]}")
+    return Visitor(browser(), f"browser {hashlib.sha256(browser().encode()).hexdigest()[:6]}")
+
+
+def browser() -> str:
+    """The random value by which the browser is known; one for this session alone if it keeps no cookies."""
+    return str(st.context.cookies.to_dict().get(BROWSER) or st.session_state.setdefault(_SESSION, uuid.uuid4().hex))
 
 
 def logged_in() -> bool:

@@ -11,11 +11,12 @@ from crashfuse.campaign_folder.condition_tables import Role, read_conditions
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing import Choices, Reading, Settled, add_settled
-from crashfuse.ui import campaigns, frame
+from crashfuse.ui import campaigns, frame, journal
 from crashfuse.ui.importing.session import NEXT_ROLE, REFUSED, UNFINISHED, Source, leave, settled_of
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
 from crashfuse.ui.uploads import is_scratch
+from crashfuse.ui.visitors import visitor
 
 _FOLDER, _INTO = "import folder", "import into"  # session keys
 WHAT: dict[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
@@ -139,6 +140,7 @@ def _add(source: Source, reading: Reading, choices: Choices, role: Role) -> None
         settled = tuple(_with_factors(one, source, role) for one in settled)
         with _adding:
             add_settled(folder, settled, role=role)
+        journal.note(visitor(), f"added {counted(len(settled), role)} to {folder}")
     except DataError as error:
         st.session_state[REFUSED] = error.problems
         return
