@@ -144,14 +144,16 @@ class User:
 
 
 @contextmanager
-def serve(folder: Path, campaign: Path | None = None) -> Iterator[Server]:
-    """Run the dashboard as ``streamlit run app.py`` does, with an empty cache."""
+def serve(folder: Path, campaign: Path | None = None, *options: str) -> Iterator[Server]:
+    """Run the dashboard as ``streamlit run app.py`` does, or ``crashfuse app`` with options, with an empty cache."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     command = [sys.executable, "-m", "streamlit", "run", "app.py"]
-    command += ["--server.port", str(port), "--server.headless", "true"]
-    environment = {**os.environ, "CRASHFUSE_CACHE": str(folder / "cache")}
+    command += ["--server.port", str(port)]
+    if options:
+        command = [sys.executable, "-m", "crashfuse", "app", "--port", str(port), *options]
+    environment = {**os.environ, "CRASHFUSE_CACHE": str(folder / "cache"), "STREAMLIT_SERVER_HEADLESS": "true"}
     environment.pop("CRASHFUSE_CAMPAIGN", None)
     if campaign is not None:
         environment["CRASHFUSE_CAMPAIGN"] = str(campaign)

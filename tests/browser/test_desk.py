@@ -1,0 +1,148 @@
+"""Safe on any desk: other sites, other people, and servers that ask who someone is."""
+
+import io
+import threading
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import pytest
+from selenium.webdriver.common.by import By
+
+from tests.browser.conftest import serve
+from tests.browser.identity_provider import CLIENT, SECRET, identity_provider
+
+pytestmark = pytest.mark.slow
+
+if TYPE_CHECKING:
+    from tests.browser.conftest import Server, User
+
+SIDEBAR = '[data-testid="stSidebar"]'
+
+
+class _Quiet(SimpleHTTPRequestHandler):
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class's name
+        """Nothing is logged."""
+
+
+@contextmanager
+def another_site(folder: Path, page: str) -> Iterator[str]:
+    """A page under another origin; gives its address."""
+    (folder / "index.html").write_text(page, encoding="utf-8")
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(_Quiet, directory=str(folder))) as site:
+        threading.Thread(target=site.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{site.server_address[1]}/"
+        site.shutdown()
+
+
+def becomes_another(user: "User") -> None:
+    """Someone else sits down, in a browser that the server has not seen."""
+    user.browser.get("about:blank")
+    user.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})
+
+
+def test_another_site_cannot_embed_the_dashboard(small_server: "Server", user: "User", tmp_path: Path) -> None:
+    """Its frame stays empty; by itself the same address shows the page."""
+    frame = f'<iframe src="{small_server.address}/data" width="900" height="700"></iframe>'
+    with another_site(tmp_path, frame) as site:
+        user.browser.get(site)
+        user.browser.switch_to.frame(user.find("iframe"))
+        user.wait(lambda: user.browser.execute_script("return document.readyState") == "complete")
+        assert user.browser.find_elements(By.CSS_SELECTOR, "#root") == []
+        user.browser.switch_to.default_content()
+    user.open(small_server, "data")
+    user.find("#root")
+
+
+def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
+    small_server: "Server", user: "User", campaign_on_disk: Path, tmp_path: Path
+) -> None:
+    """After a reload it is still theirs; another browser's list does not have it, its link does."""
+
+    def listed() -> str:
+        user.press("", f'{SIDEBAR} [data-testid="stSelectbox"] input')
+        return " ".join(option.text for option in user.wait(lambda: user.all('[role="option"]')))
+
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        for path in campaign_on_disk.rglob("*"):
+            archive.write(path, Path("secret-car", path.relative_to(campaign_on_disk)))
+    dropped = tmp_path / "secret-car.zip"
+    dropped.write_bytes(content.getvalue())
+    user.open(small_server, "data")
+    user.wait(lambda: user.browser.find_elements(By.CSS_SELECTOR, 'input[type="file"]'))[0].send_keys(str(dropped))
+    user.press("Open upload")
+    user.sees("secret-car", "h1")
+    link = user.browser.current_url
+    user.open(small_server, "data")
+    assert "secret-car (upload" in listed()
+
+    becomes_another(user)
+    user.open(small_server, "data")
+    user.sees("CAE runs")
+    assert "secret-car" not in listed()
+    user.browser.get(link)
+    user.sees("secret-car", "h1")
+
+
+def test_nobody_cancels_what_another_waits_for(small_server: "Server", user: "User") -> None:
+    """The other sees whose it is and asks for it, too; cancelled by the first, it goes on until the other cancels."""
+    user.open(small_server, "compare", preset="paper")
+    user.press("Predict test")
+    first = user.find("button", "Cancel")
+    assert first
+    mine = user.browser.current_window_handle
+    user.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})
+    user.browser.switch_to.new_window("tab")
+    user.open(small_server, "compare", preset="paper")
+    user.sees("Started by browser ")
+    assert "Cancel" not in [button.text for button in user.all("button")]
+    user.press("I want it, too")
+    user.sees("Also wanted by browser ")
+    user.browser.switch_to.window(mine)
+    user.sees("Also wanted by browser ")
+    user.press("Cancel")
+    user.sees("Started by browser ")
+    user.browser.switch_to.window(user.browser.window_handles[-1])
+    user.press("Cancel")
+    user.sees("Cancelled.")
+    assert ": cancelled: " in small_server.log
+
+
+def test_a_server_that_asks_for_a_log_in_shows_nothing_before(
+    user: "User", campaign_on_disk: Path, tmp_path: Path
+) -> None:
+    """No name of a campaign; then the page of the link, who it is, and the same after a reload; logged out, nothing."""
+    secrets = tmp_path / "secrets.toml"
+    log = tmp_path / "log"
+    with identity_provider() as metadata:
+        secrets.write_text(
+            '[auth]\nredirect_uri = "http://127.0.0.1:{port}/oauth2callback"\n'
+            f'cookie_secret = "{"0123456789" * 4}"\nclient_id = "{CLIENT}"\nclient_secret = "{SECRET}"\n'
+            f'server_metadata_url = "{metadata}"\n',
+            encoding="utf-8",
+        )
+        asked = ("--campaign", str(campaign_on_disk), "--login", str(secrets), "--log", str(log))
+        with serve(tmp_path, None, *asked) as server:
+            user.open(server, "train", campaign=campaign_on_disk.name)
+            user.find("button", "Log in")
+            assert campaign_on_disk.name not in user.browser.page_source.replace(user.browser.current_url, "")
+            assert not user.all('[data-testid="stSelectbox"]')
+            user.press("Log in")
+            user.press("anna@example.com", "a")
+            user.sees("anna@example.com", SIDEBAR)
+            user.wait(lambda: urlsplit(user.browser.current_url).path == "/train")
+            user.sees("Fit on all tests")
+            user.browser.refresh()
+            user.sees("anna@example.com", SIDEBAR)
+            user.press("Log out")
+            user.find("button", "Log in")
+            assert not user.all('[data-testid="stSelectbox"]')
+    told = log.read_text(encoding="utf-8")
+    assert "anna@example.com: logged in" in told
+    assert "anna@example.com: logged out" in told
