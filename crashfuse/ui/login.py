@@ -11,6 +11,7 @@ import streamlit as st
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.ui import address, journal
 from crashfuse.ui.navigation import pages
+from crashfuse.ui.text import plain
 from crashfuse.ui.visitors import browser, logged_in, visitor
 
 _SHARED = ("redirect_uri", "cookie_secret")
@@ -46,7 +47,7 @@ def require(page: str) -> None:
     if logged_in():
         if not st.session_state.get(_NOTED):
             st.session_state[_NOTED] = True
-            journal.note(visitor(), "logged in")
+            journal.note(visitor(), "began a session")
             if not page and (link := _links().pop(browser(), None)) is not None:
                 st.switch_page(pages()[link[0]], query_params=link[1])
         return
@@ -65,7 +66,7 @@ def require(page: str) -> None:
 def show_account() -> None:
     """Show who has logged in, and let them log out."""
     if logged_in():
-        st.caption(f":material/person: {visitor().name}")
+        st.caption(f":material/person: {plain(visitor().name)}")
         st.button("Log out", icon=":material/logout:", on_click=_log_out)
 
 

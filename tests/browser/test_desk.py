@@ -144,5 +144,5 @@ def test_a_server_that_asks_for_a_log_in_shows_nothing_before(
             user.find("button", "Log in")
             assert not user.all('[data-testid="stSelectbox"]')
     told = log.read_text(encoding="utf-8")
-    assert "anna@example.com: logged in" in told
+    assert "anna@example.com: began a session" in told
     assert "anna@example.com: logged out" in told

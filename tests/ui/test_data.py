@@ -190,12 +190,14 @@ def test_a_campaign_whose_files_change_is_read_anew(visit: Visit, open_campaign:
 def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> None:
     """The same data as in the folder; dropped twice it is one campaign."""
     content = zipped(campaign_folder)
+    session = visit()
     for _ in range(2):
-        session = upload(visit(), ("sled.zip", content))
-        assert session.app.sidebar.selectbox(key="campaign").value == "sled"
+        upload(session, ("sled.zip", content))
+        assert session.app.sidebar.selectbox(key="campaign").value.startswith("sled-")
+        assert session.app.title[0].value == "sled"
         assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
         assert len(kept()) == 1
-    assert list(campaigns.open_campaigns()) == ["sample", "sled"]
+    assert [campaigns.label(name)[:13] for name in campaigns.opened_here()] == ["sample", "sled (upload "]
 
 
 @pytest.mark.slow
@@ -223,7 +225,7 @@ def test_a_bad_upload_is_refused_row_by_row_and_not_kept(visit: Visit, campaign_
     assert cells["What to do"] == "Correct the cell"
     assert table["Expected"].str.contains("T2").any()
     assert kept() == []
-    assert list(campaigns.open_campaigns()) == ["sample"]
+    assert list(campaigns.opened_here()) == ["sample"]
 
 
 def test_a_strangers_file_name_is_shown_as_text(visit: Visit) -> None:

@@ -86,7 +86,7 @@ def test_a_link_opens_nothing_that_nobody_has_opened_here(visit: Visit, campaign
         assert session.app.sidebar.selectbox(key="campaign").value is None
         assert f"The campaign “{asked[:80]}” of this link is not open on this server." in session.words
         assert "[x](" not in session.app.warning[0].value
-        assert not campaigns.open_campaigns().keys() - {campaigns.SAMPLE}
+        assert not campaigns.opened_here().keys() - {campaigns.SAMPLE}
 
 
 @pytest.mark.usefixtures("open_campaign")
@@ -131,7 +131,7 @@ def test_folders_of_one_name_are_told_apart_without_their_paths(
                 (twin / path.relative_to(sample)).write_bytes(path.read_bytes())
         assert campaigns.open_folder(twin) == f"sample ({number})"
         assert campaigns.open_folder(twin) == f"sample ({number})"
-    assert not [name for name in campaigns.open_campaigns() if "/" in name]
+    assert not [name for name in campaigns.opened_here() if "/" in name]
 
 
 @pytest.mark.slow

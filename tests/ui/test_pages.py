@@ -203,6 +203,8 @@ def test_a_second_session_joins_the_job_of_the_first(gate: threading.Event) -> N
     second = start("train")
     assert len(computation.jobs().active) == 1
     assert not [button for button in second.button if button.label == "Start"]
+    assert not [button for button in second.button if button.label == "Cancel"]
+    press(second, "I want it, too")
     assert [button.label for button in second.button if button.label == "Cancel"]
     gate.set()
     finish(second)

@@ -1,0 +1,121 @@
+"""Two people on one server: what belongs to whom, and which folders pages may touch."""
+
+import io
+import os
+import threading
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from crashfuse.errors import DataError
+from crashfuse.ui import campaigns
+from crashfuse.ui.computation import jobs
+from crashfuse.ui.visitors import Visitor
+
+if TYPE_CHECKING:
+    from tests.ui.conftest import Session
+
+Visit = Callable[..., "Session"]
+ANNA = Visitor("k1", "anna@example.com")
+
+
+def _upload(session: "Session", folder: Path, name: str) -> str:
+    """Drop a zip of a campaign; returns the name that its link has."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        for path in folder.rglob("*"):
+            archive.write(path, path.relative_to(folder))
+    session.app.file_uploader[0].set_value([(f"{name}.zip", content.getvalue(), "application/zip")])
+    session.press("Open upload")
+    opened = session.app.sidebar.selectbox(key="campaign").value
+    assert isinstance(opened, str)
+    return opened
+
+
+@pytest.mark.slow
+def test_an_upload_is_in_nobody_elses_list_until_they_have_its_link(visit: Visit, campaign_folder: Path) -> None:
+    """Its name can't be guessed; a folder that was opened is in one list, too, and can be asked for by its name."""
+    first = visit()
+    secret = _upload(first, campaign_folder, "secret-car")
+    assert len(secret) == len("secret-car-") + 16
+    second = visit()
+    assert second.app.sidebar.selectbox(key="campaign").options == ["sample"]
+    for guess in ("secret-car", secret[:-1], campaigns.label(secret)):
+        assert "is not open on this server" in visit(campaign=guess).words
+    linked = visit(campaign=secret)
+    assert linked.app.title[0].value == r"secret\-car"
+    assert second.run().app.sidebar.selectbox(key="campaign").options == ["sample"]
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.slow
+def test_others_learn_whose_a_computation_is_and_not_what(visit: Visit) -> None:
+    """In the sidebar and on Train; there is nothing to cancel it with."""
+    gate = threading.Event()
+    jobs().start("a", "secret-car: predict test T1", lambda _: gate.wait(30), ANNA)
+    try:
+        session = visit("train")
+        assert "a computation of anna@example.com" in session.words
+        assert "secret-car" not in session.words
+        assert "Cancel" not in session.buttons
+    finally:
+        gate.set()
+
+
+@pytest.fixture
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The one folder that pages may open and write to."""
+    folder = tmp_path / "allowed"
+    folder.mkdir()
+    monkeypatch.setenv(campaigns.ROOTS, os.pathsep.join([str(folder), ""]))
+    return folder
+
+
+def test_pages_open_what_is_inside_the_root_and_nothing_else(root: Path, campaign_folder: Path, tmp_path: Path) -> None:
+    """Whether it exists or not, by whatever way it is named: the same sentence."""
+    inside = root / "car"
+    campaign_folder.rename(inside)
+    assert campaigns.allowed(inside) == inside.resolve()
+    (tmp_path / "allowed-too").mkdir()
+    (root / "link").symlink_to(tmp_path)
+    ways = ["/", "/nowhere", str(tmp_path), f"{root}/..", f"{root}/car/../../allowed-too", f"{root}/link", "~"]
+    for way in ways:
+        with pytest.raises(DataError, match=rf"expected a path inside {root}, found one outside; this server opens"):
+            campaigns.allowed(Path(way))
+
+
+def test_a_folder_that_leads_elsewhere_by_a_link_in_it_is_refused(
+    root: Path, campaign_folder: Path, tmp_path: Path
+) -> None:
+    """A pulse outside is not read by a link; a link to another place inside is fine."""
+    inside = root / "car"
+    campaign_folder.rename(inside)
+    pulse = inside / "tests" / "T1.csv"
+    pulse.rename(root / "T1.csv")
+    pulse.symlink_to(root / "T1.csv")
+    assert campaigns.open_folder(inside) == "car"
+    pulse.unlink()
+    (root / "T1.csv").rename(tmp_path / "T1.csv")
+    pulse.symlink_to(tmp_path / "T1.csv")
+    with pytest.raises(DataError, match=r"found T1\.csv, a link to elsewhere"):
+        campaigns.open_folder(inside)
+
+
+@pytest.mark.slow
+def test_the_page_says_what_may_be_opened(root: Path, visit: Visit, campaign_folder: Path) -> None:
+    """A folder beside the root is refused in a sentence."""
+    session = visit()
+    session.app.text_input(key="folder").set_value(str(campaign_folder))
+    session.press("Open folder")
+    (table,) = session.tables
+    assert str(root) in str(table.to_dict())
+    assert list(campaigns.opened_here()) == ["sample"]
+
+
+def test_without_a_root_every_folder_may_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on the desk of one user."""
+    monkeypatch.delenv(campaigns.ROOTS, raising=False)
+    assert campaigns.allowed(tmp_path) == tmp_path.resolve()
