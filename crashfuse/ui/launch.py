@@ -45,9 +45,13 @@ def launch(
     ------
     DataError
         If nobody could log in by that file.
+    OSError
+        If the log cannot be written.
     """
     if secrets is not None:
         login.check([secrets], required=True)
+    if log is not None:
+        log.open("a").close()
     given = {
         "CRASHFUSE_CACHE": os.environ.get("CRASHFUSE_CACHE"),
         "CRASHFUSE_CAMPAIGN": campaign,

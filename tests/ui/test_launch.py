@@ -2,21 +2,23 @@
 
 import contextlib
 import http.client
+import http.server
 import json
 import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from streamlit import net_util
-from streamlit.web.server.server_util import is_url_from_allowed_origins
+from streamlit.testing.v1 import AppTest
 
 from crashfuse import cli
-from crashfuse.ui import launch as launching
+from crashfuse.errors import OUT_OF_MEMORY
 from tests.conftest import ROOT
 
 SAFE = {
@@ -39,12 +41,12 @@ def _answers(port: int) -> bool:
         return False
 
 
-def _opened(port: int, host: str) -> bool:
-    """Whether a page under this name may open the socket that all of the dashboard goes through."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+def _opened(port: int, host: str, origin: str) -> bool:
+    """Whether a page of this origin may open, under this name, the socket that all of the dashboard goes through."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
     asked = {
         "Host": f"{host}:{port}",
-        "Origin": f"http://{host}:{port}",
+        "Origin": f"http://{origin}:{port}",
         "Connection": "Upgrade",
         "Upgrade": "websocket",
     }
@@ -54,26 +56,68 @@ def _opened(port: int, host: str) -> bool:
         return connection.getresponse().status == http.HTTPStatus.SWITCHING_PROTOCOLS
 
 
+def _headers(port: int, path: str) -> dict[str, str]:
+    """Names, in lower case, and values of what comes before an answer."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection.request("GET", path)
+    with contextlib.closing(connection):
+        return {name.lower(): value for name, value in connection.getresponse().getheaders()}
+
+
+@contextlib.contextmanager
+def _network() -> Iterator[tuple[dict[str, str], list[str]]]:
+    """All of the network, as a proxy: what to tell a process so that it goes there, and what is asked of it."""
+    asked: list[str] = []
+
+    class Proxy(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            self.send_error(http.HTTPStatus.BAD_GATEWAY)
+
+        do_CONNECT = do_GET  # noqa: N815 - the name that the base class looks for
+
+        def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class's name
+            """Nothing is logged."""
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Proxy) as proxy:
+        threading.Thread(target=proxy.serve_forever, daemon=True).start()
+        address = f"http://127.0.0.1:{proxy.server_address[1]}"
+        yield {"HTTP_PROXY": address, "HTTPS_PROXY": address, "http_proxy": address, "https_proxy": address}, asked
+        proxy.shutdown()
+
+
+@pytest.mark.parametrize("own", [True, False])
 @pytest.mark.slow
-def test_the_command_serves_until_it_is_ended(campaign_folder: Path, tmp_path: Path) -> None:
-    """Started anywhere, with a relative folder: it answers, and nothing is left running behind it."""
+def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, tmp_path: Path) -> None:
+    """By our command, anywhere, with a relative folder, or by Streamlit's: answers, and is shut to other sites.
+
+    Nobody is asked anything on the network, and nothing is left running behind it.
+    """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    command = [sys.executable, "-m", "crashfuse", "app", "--port", str(port), "--campaign", campaign_folder.name]
-    environment = {**os.environ, "STREAMLIT_SERVER_HEADLESS": "true"}
-    with (tmp_path / "log").open("wb") as log:
-        server = subprocess.Popen(command, cwd=campaign_folder.parent, env=environment, stdout=log, stderr=log)
+    command = [sys.executable, "-m", "streamlit", "run", "app.py", "--server.port", str(port)]
+    if own:
+        command = [sys.executable, "-m", "crashfuse", "app", "--port", str(port), "--campaign", campaign_folder.name]
+    with (tmp_path / "log").open("wb") as log, _network() as (way, asked):
+        environment = {**os.environ, **way, "STREAMLIT_SERVER_HEADLESS": "true"}
+        place = campaign_folder.parent if own else ROOT
+        server = subprocess.Popen(command, cwd=place, env=environment, stdout=log, stderr=log)
         deadline = time.monotonic() + 60
         while not _answers(port) and server.poll() is None and time.monotonic() < deadline:
             time.sleep(0.1)
         answered = _answers(port)
-        opened = {host: answered and _opened(port, host) for host in ("127.0.0.1", "localhost", "elsewhere.example")}
+        names = ("127.0.0.1", "localhost", "elsewhere.example")
+        opened = {(host, page): answered and _opened(port, host, page) for host in names for page in names}
+        headers = [_headers(port, path) for path in ("/", "/compare", "/_stcore/health", "/%2e%2e/x")]
         server.terminate()
         server.wait(20)
     assert answered, (tmp_path / "log").read_text()
     assert not _answers(port)
-    assert opened == {"127.0.0.1": True, "localhost": True, "elsewhere.example": False}
+    assert [pair for pair, may in opened.items() if may] == [pair for pair in opened if names[2] not in pair]
+    assert {header["x-frame-options"] for header in headers} == {"DENY"}
+    assert {header["content-security-policy"] for header in headers} == {"frame-ancestors 'none'"}
+    assert asked == []
 
 
 def test_a_campaign_that_is_not_there_is_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -82,15 +126,25 @@ def test_a_campaign_that_is_not_there_is_wrong_usage(tmp_path: Path, capsys: pyt
     assert "There is no folder" in capsys.readouterr().err
 
 
-def test_a_page_that_is_refused_makes_no_look_up(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A stranger's page that tries the dashboard does not make it ask the network for this machine's own address."""
-    monkeypatch.setattr(launching, "main", lambda *_, **__: None)
-    monkeypatch.setattr(net_util, "_external_ip", None)
-    monkeypatch.setattr(net_util, "_make_blocking_http_get", lambda *_, **__: pytest.fail("it was asked"))
-    monkeypatch.chdir(tmp_path)
-    launching.launch(8501, None)
-    assert not is_url_from_allowed_origins("http://elsewhere.example")
-    assert is_url_from_allowed_origins("http://localhost:8501")
+def test_a_log_that_cannot_be_written_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Before anything is served."""
+    file = tmp_path / "nowhere" / "log"
+    assert cli.main(["app", "--log", str(file)]) == cli.WRONG_DATA
+    assert capsys.readouterr().err == f"crashfuse: {file} cannot be read or written: no such file or directory.\n"
+
+
+def test_memory_that_runs_out_while_a_page_is_drawn_is_a_sentence() -> None:
+    """Other errors stay Streamlit's to show."""
+
+    def page() -> None:
+        from crashfuse.ui.server import tell
+
+        assert tell(MemoryError())
+        assert not tell(ValueError())
+
+    app = AppTest.from_function(page).run()
+    assert not app.exception
+    assert [error.value for error in app.error] == [OUT_OF_MEMORY]
 
 
 def _settings(command: str, folder: Path, environment: dict[str, str]) -> dict[str, object]:
