@@ -69,20 +69,24 @@ def allowed(path: Path) -> Path:
         path = path.expanduser().resolve()
     except (OSError, RuntimeError, ValueError) as error:  # no such home directory, or an invalid folder name
         raise _unreadable(path, error) from error
-    roots = [Path(root).resolve() for root in os.environ.get(ROOTS, "").split(os.pathsep) if root]
-    outside = [path] if roots and not _inside(path, roots) else []
-    if roots and not outside and path.is_dir():
-        outside = [link for link in path.rglob("*") if link.is_symlink() and not _inside(link.resolve(), roots)]
+    outside = [] if _inside(path) else [path]
+    if roots() and not outside and path.is_dir():
+        outside = [link for link in path.rglob("*") if link.is_symlink() and not _inside(link.resolve())]
     if outside:
-        journal.note(visitor(), f"was refused {path}, outside {' and '.join(map(str, roots))}")
-        expected = f"a path inside {' or '.join(map(str, roots))}"
+        journal.note(visitor(), f"was refused {outside[0]}, outside {' and '.join(map(str, roots()))}")
+        expected = f"a path inside {' or '.join(map(str, roots()))}"
         found = "one outside" if outside[0] == path else f"{outside[0].name}, a link to elsewhere"
         raise DataError(Problem(str(path), expected, found, "this server opens and writes nothing else"))
     return path
 
 
-def _inside(path: Path, roots: list[Path]) -> bool:
-    return any(path.is_relative_to(root) for root in roots)
+def roots() -> list[Path]:
+    """The folders that pages may open and write to, with all in them; none for no restriction."""
+    return [Path(root).resolve() for root in os.environ.get(ROOTS, "").split(os.pathsep) if root]
+
+
+def _inside(path: Path) -> bool:
+    return not roots() or any(path.is_relative_to(root) for root in roots())
 
 
 def open_folder(folder: Path) -> str:

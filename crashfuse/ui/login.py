@@ -1,6 +1,7 @@
 """Log-in by an identity provider (OpenID Connect), on servers whose secrets file has a section ``[auth]``."""
 
 import importlib.util
+import threading
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,12 +20,14 @@ _OWN = ("client_id", "client_secret", "server_metadata_url")
 _SHORTEST = 32  # characters of the secret that signs the cookies
 _MOST_LINKS = 1000
 _NOTED = "log-in noted"  # session key
+_insisted = threading.Event()
 
 
-def check(files: Sequence[str | Path], *, required: bool = False) -> None:
-    """Raise an error if a secrets file cannot be read or its log-in cannot work: Streamlit would ask nobody to log in.
+def check(files: Sequence[str | Path], *, required: bool = False) -> bool:
+    """Whether a secrets file asks for a log-in.
 
-    With ``required``, also if none of the files asks for a log-in.
+    Raises an error if one cannot be read or its log-in cannot work, for Streamlit would ask nobody to log in; with
+    ``required``, also if none asks for it.
     """
     asked = [(path, auth) for path in map(Path, files) if path.is_file() and (auth := _auth_in(path)) is not None]
     for path, auth in asked:
@@ -34,6 +37,12 @@ def check(files: Sequence[str | Path], *, required: bool = False) -> None:
         raise DataError(Problem(str(files[0]), expected, "none", "see the how-to on a team server"))
     if asked and importlib.util.find_spec("authlib") is None:
         raise UsageError('A log-in needs the extra "login": python -m pip install "crashfuse[login]".')
+    return bool(asked)
+
+
+def insist() -> None:
+    """Ask for a log-in as long as this process runs, even if the secrets file is lost meanwhile."""
+    _insisted.set()
 
 
 def require(page: str) -> None:
@@ -42,7 +51,7 @@ def require(page: str) -> None:
     A link to a page is remembered, and followed once they have.
     """
     auth = _asked_for()
-    if not auth:
+    if not (auth or _insisted.is_set()):
         return
     if logged_in():
         if not st.session_state.get(_NOTED):
@@ -56,7 +65,7 @@ def require(page: str) -> None:
             _links().pop(next(iter(_links())))
         _links()[browser()] = page, address.given()
     st.title("crashfuse")
-    st.markdown("This server is for people who are known to it.")
+    st.markdown("This server is for people who are known to it." if auth else "Nobody can log in at the moment.")
     for provider in _providers(auth):
         name = f" with {provider}" if provider else ""
         st.button(f"Log in{name}", type="primary", icon=":material/login:", on_click=st.login, args=(provider,))

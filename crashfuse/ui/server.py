@@ -74,7 +74,8 @@ def prepare() -> tuple[Middleware, ...]:
     """
     try:
         journal.begin()
-        login.check(st.get_option("secrets.files"))
+        if login.check(st.get_option("secrets.files")):
+            login.insist()
     except (CrashfuseError, OSError) as error:
         sys.exit(f"crashfuse: {error}")
     return (Middleware(Guard),)

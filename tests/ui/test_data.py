@@ -193,7 +193,7 @@ def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> 
     session = visit()
     for _ in range(2):
         upload(session, ("sled.zip", content))
-        assert session.app.sidebar.selectbox(key="campaign").value.startswith("sled-")
+        assert str(session.app.sidebar.selectbox(key="campaign").value).startswith("sled-")
         assert session.app.title[0].value == "sled"
         assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
         assert len(kept()) == 1

@@ -1,12 +1,18 @@
 """The log-in: a server on which it is set up wrongly does not start."""
 
+import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from crashfuse import cli
 from crashfuse.errors import DataError, UsageError
 from crashfuse.ui import login
+
+if TYPE_CHECKING:
+    from tests.ui.conftest import Session
 
 GOOD = """
 [auth]
@@ -63,3 +69,17 @@ def test_what_the_log_in_needs_is_named(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     with pytest.raises(UsageError, match=r'pip install "crashfuse\[login\]"'):
         login.check([file])
+
+
+@pytest.mark.usefixtures("open_campaign")
+def test_a_log_in_stays_required_if_its_file_is_lost(
+    visit: Callable[..., "Session"], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Streamlit would then know of no log-in, and let in everybody."""
+    lost = threading.Event()
+    lost.set()
+    monkeypatch.setattr(login, "_insisted", lost)
+    session = visit("train")
+    assert "Nobody can log in at the moment." in session.words
+    assert not session.app.selectbox
+    assert not session.charts

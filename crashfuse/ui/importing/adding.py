@@ -66,7 +66,7 @@ def _ask_folder() -> None:
             "Campaign folder on this computer",
             key=_FOLDER,
             persist_state="session",
-            placeholder=str(Path.home() / "my-campaign"),
+            placeholder=str((campaigns.roots() or [Path.home()])[0] / "my-campaign"),
             help="A new folder, which will be made, or a campaign that is there already.",
         )
 
@@ -174,7 +174,7 @@ def _target() -> Path:
     """The folder to add to; raises DataError if nothing may be added to it."""
     own = _open_folder()
     if own is not None and st.session_state.get(_INTO, "open") == "open":
-        return own
+        return campaigns.allowed(own)  # the server may have been started with one outside
     text = st.session_state.get(_FOLDER, "").strip().strip('"')  # file managers may copy a path in quotes
     expected, advice = "a new or empty folder, or a campaign", "name a folder by its whole path"
     try:
