@@ -13,7 +13,7 @@ import pytest
 from openpyxl import Workbook
 
 from crashfuse.campaign_folder.folder import load_campaign
-from crashfuse.ui import campaigns, uploads
+from crashfuse.ui import campaigns, uploads, visitors
 from crashfuse.units import KPH, MPH
 from tests.files.test_tarball import tarred
 from tests.importing.crash_files import german, isomme, library, zipped
@@ -294,8 +294,9 @@ def test_what_follows_from_a_number_is_found(visit: Visit) -> None:
 
 
 @pytest.mark.slow
-def test_a_new_session_goes_on_with_an_import(visit: Visit) -> None:
+def test_a_new_session_goes_on_with_an_import(visit: Visit, monkeypatch: pytest.MonkeyPatch) -> None:
     """The browser loads the page anew: files and what was filled in are still there, until it is left."""
+    monkeypatch.setattr(visitors, "browser", lambda: "the same")
     session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
     field(session, "Speed (").set_value(56.0)
     field(session, "Take it as").set_value("cae")
@@ -307,6 +308,16 @@ def test_a_new_session_goes_on_with_an_import(visit: Visit) -> None:
     again.press("Back without importing")
     assert "import" not in again.app.query_params
     assert "Nothing is added" not in visit(**{"import": key}).words
+
+
+@pytest.mark.slow
+def test_who_follows_the_link_of_an_import_ends_it_for_themselves_only(visit: Visit) -> None:
+    """Another browser goes back without importing; for the one who began it all is still there."""
+    session = drop(visit(), t1_csv=german(clock(), half_sine_g(clock())))
+    key = session.app.query_params["import"]
+    visit(**{"import": key}).press("Back without importing")
+    assert "Nothing is added before you say so" in session.run().words
+    assert "Nothing is added before you say so" in visit(**{"import": key}).words
 
 
 def test_choices_outlive_a_visit_to_another_page(visit: Visit) -> None:
