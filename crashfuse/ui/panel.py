@@ -105,7 +105,7 @@ def title_of(job: Job[Any]) -> str:
     """The title of a job to those who want it; to others, whose it is."""
     if visitor() in job.wanted_by:
         return plain(job.title)
-    return f"a computation of {plain(' and '.join(sorted(other.name for other in job.wanted_by)) or 'nobody now')}"
+    return f"A computation of {plain(' and '.join(sorted(other.name for other in job.wanted_by)) or 'nobody now')}"
 
 
 def _show_wanting(job: Job[Any]) -> None:

@@ -58,7 +58,7 @@ def test_others_learn_whose_a_computation_is_and_not_what(visit: Visit) -> None:
     jobs().start("a", "secret-car: predict test T1", lambda _: gate.wait(30), ANNA)
     try:
         session = visit("train")
-        assert "a computation of anna@example.com" in session.words
+        assert "A computation of anna@example.com" in session.words
         assert "secret-car" not in session.words
         assert "Cancel" not in session.buttons
     finally:
