@@ -2,8 +2,10 @@
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
+from click import Abort
 from streamlit.web.cli import main
 
 from crashfuse.ui import journal, login
@@ -73,4 +75,5 @@ def launch(
     if secrets is not None:
         options.append(("secrets.files", secrets.resolve()))
     os.chdir(next(place for place in _PLACES if (place / "app.py").is_file()))  # the folder with the pages and settings
-    main(["run", "app.py", *(f"--{name}={value}" for name, value in options)], standalone_mode=False)
+    with suppress(Abort):  # Ctrl-C
+        main(["run", "app.py", *(f"--{name}={value}" for name, value in options)], standalone_mode=False)

@@ -1,6 +1,7 @@
 """What the dashboard's server adds to Streamlit's, whichever command starts it."""
 
 import secrets
+import signal
 import sys
 import webbrowser
 from collections.abc import AsyncIterator
@@ -78,4 +79,12 @@ def prepare() -> tuple[Middleware, ...]:
             login.insist()
     except (CrashfuseError, OSError) as error:
         sys.exit(f"crashfuse: {error}")
+    _end_as_by_ctrl_c()
     return (Middleware(Guard),)
+
+
+def _end_as_by_ctrl_c() -> None:
+    """Let the signal that ends a service do what Ctrl-C does: Python then deletes uploads and other temporary files."""
+    handler = signal.getsignal(signal.SIGTERM)
+    if callable(handler):  # uvicorn's own, which would raise SIGTERM once more, now fatal
+        signal.signal(signal.SIGTERM, lambda _, frame: handler(signal.SIGINT, frame))

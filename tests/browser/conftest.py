@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -155,6 +156,8 @@ def serve(folder: Path, campaign: Path | None = None, *options: str) -> Iterator
         command = [sys.executable, "-m", "crashfuse", "app", "--port", str(port), *options]
     environment = {**os.environ, "CRASHFUSE_CACHE": str(folder / "cache"), "STREAMLIT_SERVER_HEADLESS": "true"}
     environment.pop("CRASHFUSE_CAMPAIGN", None)
+    (folder / "tmp").mkdir()
+    environment["TMPDIR"] = str(folder / "tmp")
     if campaign is not None:
         environment["CRASHFUSE_CAMPAIGN"] = str(campaign)
     started = Server(f"http://127.0.0.1:{port}", folder / "server.log")
@@ -172,6 +175,8 @@ def serve(folder: Path, campaign: Path | None = None, *options: str) -> Iterator
                 process.wait()
             sys.stdout.write(started.log)  # shown if the test fails
     assert "Traceback" not in started.log
+    if process.returncode != -signal.SIGKILL:
+        assert [path.name for path in (folder / "tmp").glob("crashfuse-*")] == []  # uploads, and what workers shared
 
 
 def _wait_until_up(server: Server, process: "subprocess.Popen[bytes]") -> None:
