@@ -6,6 +6,7 @@ from .errors import DataError as DataError
 from .errors import UsageError as UsageError
 from .importing.rated_channels import rate_channels as rate_channels
 from .importing.rated_files import RatingChoices as RatingChoices
+from .importing.rated_files import explain_files as explain_files
 from .importing.rated_files import rate_files as rate_files
 from .importing.rated_files import rate_pairs as rate_pairs
 from .reporting.outgoing_pulses import PulseExport as PulseExport
@@ -23,6 +24,10 @@ from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.pulse import Pulse as Pulse
 from .signals.rating import Rating as Rating
 from .signals.rating import rate_iso18571 as rate_iso18571
+from .signals.rating_explanation import RatingExplanation as RatingExplanation
+from .signals.rating_explanation import explain_rating as explain_rating
+from .signals.rating_sentences import rating_sentences as rating_sentences
+from .study.account import worst_test as worst_test
 from .study.config import StudyConfig as StudyConfig
 from .study.estimate import Fit as Fit
 from .study.estimate import estimate_at as estimate_at

@@ -1,7 +1,7 @@
 """Compare: the held-out test against every prediction of it."""
 
 from crashfuse.ui import explanations, frame
-from crashfuse.ui.compare import displacement, files, headline, networks, pulses, ratings
+from crashfuse.ui.compare import displacement, files, headline, networks, pulses, ratings, why
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.panel import result_of, stop_with_a_single_test
@@ -10,6 +10,7 @@ from crashfuse.ui.text import plain
 
 TABS = {
     "Pulses": pulses.show,
+    "Why": why.show,
     "Over displacement": displacement.show,
     "Networks": networks.show,
     "Ratings and metrics": ratings.show,

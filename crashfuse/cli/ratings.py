@@ -3,13 +3,15 @@
 import argparse
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from crashfuse.cli.imports import UNITS, filter_class
 from crashfuse.errors import CrashfuseError, UsageError
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from crashfuse.importing.rated_files import RatingChoices
 
 _SCORES = ("overall", "corridor", "phase", "magnitude", "slope")
 
@@ -18,14 +20,21 @@ def rate(arguments: argparse.Namespace) -> None:
     """Rate one file against another, the pairs of a table, or two ISO-MME tests channel by channel."""
     from crashfuse.files.csv_output import csv_bytes
 
+    if arguments.explain and (arguments.pairs or arguments.each_channel or arguments.csv):
+        raise UsageError("--explain is for one pair of files, as text or with --json.")
     table = _rated(arguments)
+    explained = _explained(arguments) if arguments.explain else []
     if arguments.json:
         rows = table.drop(columns=[name for name in table if (table[name] == "").all()]).to_dict("records")
+        for row, own in zip(rows, explained, strict=bool(explained)):
+            row["explanation"] = own
         print(json.dumps([{name: _plain(value) for name, value in row.items()} for row in rows], indent=2))
     elif arguments.csv:
         print(csv_bytes(table).decode(), end="")
     else:
         _print(table)
+        for own in explained:
+            print("", *own["sentences"].values(), sep="\n")
     if lacking := int((table["note"] != "").sum()):
         found = f"{len(table) - lacking} rated, {lacking} not; each says why."
         if arguments.pairs or lacking == len(table):
@@ -43,6 +52,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--pairs", type=Path, metavar="FILE.csv", help="rate many: a table with the columns reference and comparison"
     )
     parser.add_argument("--each-channel", action="store_true", help="of two ISO-MME tests, by channel code")
+    parser.add_argument(
+        "--explain", action="store_true", help="say what each rating is made of: shift, corridor left, humps"
+    )
     parser.add_argument("--windows-ms", nargs="+", type=float, metavar="W", help="over 0 to W ms (default: 20 40 60)")
     parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
     parser.add_argument(
@@ -58,17 +70,31 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=rate)
 
 
-def _rated(arguments: argparse.Namespace) -> "pd.DataFrame":
-    from crashfuse.importing.rated_channels import rate_channels
-    from crashfuse.importing.rated_files import WINDOWS_MS, RatingChoices, rate_files, rate_pairs
+def _choices(arguments: argparse.Namespace) -> "RatingChoices":
+    from crashfuse.importing.rated_files import RatingChoices
 
-    windows = arguments.windows_ms or WINDOWS_MS
-    choices = RatingChoices(
+    return RatingChoices(
         tuple(arguments.channel),
         tuple(arguments.comparison_channel),
         arguments.channel_filter_class,
         UNITS.get(arguments.unit, arguments.unit),
     )
+
+
+def _explained(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    from crashfuse.importing.rated_files import WINDOWS_MS, explain_files
+    from crashfuse.reporting.rating_tables import explanation_record
+
+    files, windows = (arguments.reference, arguments.comparison), arguments.windows_ms or WINDOWS_MS
+    explanations = explain_files(*files, windows, choices=_choices(arguments))
+    return [explanation_record(own, "comparison") for own in explanations]
+
+
+def _rated(arguments: argparse.Namespace) -> "pd.DataFrame":
+    from crashfuse.importing.rated_channels import rate_channels
+    from crashfuse.importing.rated_files import WINDOWS_MS, RatingChoices, rate_files, rate_pairs
+
+    windows, choices = arguments.windows_ms or WINDOWS_MS, _choices(arguments)
     files = (arguments.reference, arguments.comparison)
     if arguments.pairs is not None:
         if any(files) or arguments.each_channel:

@@ -124,6 +124,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.result_tables import scores_table, studies_table
     from crashfuse.reporting.results import begin_study, write_study
+    from crashfuse.study.account import worst_test
     from crashfuse.study.recommendation import recommend
     from crashfuse.study.study import run_plan
 
@@ -140,7 +141,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     if study.speed_groups is not None:
         print(f"The same, {_LEFT_OUT['speed group']}")
         _print_means(scores_table(study.speed_groups))
-    print(*map(display.words, recommend(study).sentences), sep="\n")
+    print(*map(display.words, (*recommend(study).sentences, *worst_test(study).sentences)), sep="\n")
     if plan.campaign.notice:
         print(plan.campaign.notice)
     return studies_table([(run.name, study)])

@@ -29,6 +29,7 @@ from crashfuse.readers.record import ACCELERATION_UNITS, Record
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import filter_class_text, rate_windows, rating_basis
+from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.units import ACCELERATION, TIME
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
@@ -74,6 +75,9 @@ class Curve:
     filter_class: str
 
 
+_Read = Callable[[Path, tuple[str, ...], float | Literal["none"] | None, str | None], Curve]
+
+
 def rate_files(
     reference: str | Path,
     comparison: str | Path,
@@ -104,6 +108,18 @@ def rate_files(
         If a channel or unit does not exist.
     """
     return ratings_table(_of_pair(Path(reference), Path(comparison), windows_ms, choices, _curve))
+
+
+def explain_files(
+    reference: str | Path,
+    comparison: str | Path,
+    windows_ms: Sequence[float] = WINDOWS_MS,
+    *,
+    choices: RatingChoices = RatingChoices(),
+) -> list[RatingExplanation]:
+    """Explain how two files rate, over each window: as :func:`rate_files`, with what each rating is made of."""
+    one, other = _curves(Path(reference), Path(comparison), choices, _curve)
+    return [explain_rating(one.pulse, other.pulse, window_ms) for window_ms in windows_ms]
 
 
 def rate_pairs(
@@ -156,19 +172,19 @@ def _listed(cell: str) -> tuple[str, ...]:
 
 
 def _of_pair(
-    reference: Path,
-    comparison: Path,
-    windows_ms: Sequence[float],
-    choices: RatingChoices,
-    read: Callable[[Path, tuple[str, ...], float | Literal["none"] | None, str | None], Curve],
+    reference: Path, comparison: Path, windows_ms: Sequence[float], choices: RatingChoices, read: _Read
 ) -> list[dict[str, object]]:
     """The rows of two files."""
+    curves = _curves(reference, comparison, choices, read)
+    return [{"reference": str(reference), "comparison": str(comparison), **row} for row in rated(*curves, windows_ms)]
+
+
+def _curves(reference: Path, comparison: Path, choices: RatingChoices, read: _Read) -> tuple[Curve, Curve]:
     shared = choices.channel_filter_class, choices.unit
-    curves = (
+    return (
         read(reference, choices.channels, *shared),
         read(comparison, choices.comparison_channels or choices.channels, *shared),
     )
-    return [{"reference": str(reference), "comparison": str(comparison), **row} for row in rated(*curves, windows_ms)]
 
 
 def rated(reference: Curve, comparison: Curve, windows_ms: Sequence[float]) -> Iterator[dict[str, object]]:

@@ -18,3 +18,13 @@ REPEAT = (
     "A repeat: the rating that a second test at the same condition would get against this one, estimated from how much "
     "the tests of this campaign scatter. A prediction that rates as high is as good as another test."
 )
+
+RATING_PARTS = (
+    "The overall rating is 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. Corridor: how much of the curve lies "
+    "near the test. Phase: how little it has to be moved in time to correlate best. Magnitude: how close it is once "
+    "moved and warped in time. Slope: how close the slopes are once moved."
+)
+HUMPS = (
+    "A hump rises by a tenth of the largest acceleration above the valleys beside it. It is the same hump in both "
+    "curves if dynamic time warping, on the curves as they stand, aligns the peak of each with a moment of the other."
+)

@@ -5,6 +5,10 @@ from dataclasses import asdict
 
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.provenance import provenance
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.rating_explanation import explain_rating
+from crashfuse.signals.rating_sentences import rating_sentences
+from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
@@ -23,13 +27,17 @@ def study_record(study: Study) -> dict[str, object]:
     for fold in study.folds:
         rest, condition = config.training_campaign(campaign, fold.held_out), campaign.test(fold.held_out).condition
         advice = recommend_for(fold.estimates, rest, condition, window)
+        rating = fold.ratings[advice.approach][window].overall
+        predicted = Pulse(GRID_S, fold.estimate(advice.approach).prediction.accel_mps2)
         tests[fold.held_out] = {
             "approach": advice.approach,
             "sentences": list(advice.sentences),
             "expected_rating": None if advice.expected is None else asdict(advice.expected),
-            "rating": fold.ratings[advice.approach][window].overall,
+            "rating": rating,
+            "outcome": None if advice.expected is None else advice.expected.outcome(rating),
+            "why": rating_sentences(explain_rating(fold.test.pulse, predicted, window))["overall"],
         }
-    verdict = recommend(study)
+    verdict, worst = recommend(study), worst_test(study)
     return {
         **provenance(campaign, [fold.held_out for fold in study.folds], config),
         "finished": True,
@@ -37,6 +45,15 @@ def study_record(study: Study) -> dict[str, object]:
         "recommendation": {
             "campaign": {"approach": verdict.approach, "sentences": list(verdict.sentences)},
             "tests": tests,
+        },
+        "worst_test": {
+            "id": worst.test.id,
+            "approach": worst.approach,
+            "rating": worst.rating,
+            "without_neighbours": worst.without_neighbours,
+            "departure": None if worst.departure is None else asdict(worst.departure),
+            "stands_apart": None if worst.departure is None else worst.departure.apart,
+            "sentences": list(worst.sentences),
         },
         "coverage": {name: found.counts for name, found in study.coverage.items()},
         "speed_groups": None

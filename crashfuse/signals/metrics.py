@@ -40,14 +40,18 @@ class Metric:
 
     @property
     def text(self) -> str:
-        """Value and interval as displayed: ``25.3 [24.1, 26.0]``; ratios have two digits."""
-        digits = 1 if self.unit else 2
-        value = "–" if self.value is None else f"{self.value:.{digits}f}"
-        if self.lower is None and self.upper is None:
-            return value
-        lower = "open" if self.lower is None else f"{self.lower:.{digits}f}"
-        upper = "beyond the record" if self.upper is None else f"{self.upper:.{digits}f}"
-        return f"{value} [{lower}, {upper}]"
+        """Value and interval as displayed: ``25.3 [24.1, 26.0]``; ratios have two digits.
+
+        Of an interval that the record is too short for, the known end is told: ``≤ 15.3 (record ends too early)``.
+        """
+        value, lower, upper = (
+            None if number is None else f"{number:.{1 if self.unit else 2}f}"
+            for number in (self.value, self.lower, self.upper)
+        )
+        if lower is None and upper is None:
+            return value or "–"
+        known = f"≤ {upper}" if lower is None else f"≥ {lower}" if upper is None else f"{lower}, {upper}"
+        return f"{known} (record ends too early)" if value is None else f"{value} [{known}]"
 
 
 def _peak(motion: Kinematics) -> FloatArray:

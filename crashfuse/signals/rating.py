@@ -11,7 +11,8 @@ magnitude
 slope
     how close their derivatives are once shifted.
 
-The overall rating is 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. No intermediate result is rounded.
+The overall rating is 0.4 corridor + 0.2 phase + 0.2 magnitude + 0.2 slope. No intermediate result is rounded. What a
+rating lost where is told by :mod:`crashfuse.signals.rating_explanation`.
 """
 
 import math
@@ -38,6 +39,8 @@ RATING_DT_S = 1e-4
 SHORTEST_WINDOW_S = 0.01
 GRADES = ((0.94, "Excellent"), (0.80, "Good"), (0.58, "Fair"))
 """Grades with the overall rating that each must exceed; anything lower is Poor."""
+WEIGHTS = {"corridor": 0.4, "phase": 0.2, "magnitude": 0.2, "slope": 0.2}
+"""Weight of each of the four scores in the overall rating."""
 
 _LARGEST = 1e100  # squares of larger values may overflow; a diverged simulation gets there
 _BAND_BYTES = 64 * 2**20  # memory for the warping of one block of curves
@@ -115,18 +118,23 @@ def rate_windows(reference: Pulse, comparison: Pulse, windows_ms: Iterable[float
     DataError
         As :func:`rate_iso18571`, or if a window reaches beyond a record.
     """
-    ratings = {}
-    for window_ms in windows_ms:
-        curves = []
-        for name, pulse in (("reference", reference), ("comparison", comparison)):
-            begin, end = pulse.time_s[0], pulse.time_s[-1] + pulse.dt_s
-            if not (begin <= 1e-9 and window_ms / 1e3 - 1e-9 <= end):  # written so that NaN is rejected too
-                found, advice = f"{begin * 1e3:g}–{end * 1e3:g} ms", "choose a window inside the record"
-                raise DataError(Problem(name, f"a record over 0–{window_ms:g} ms", found, advice))
-            time_s = np.arange(max(round(window_ms / 1e3 / RATING_DT_S), 0)) * RATING_DT_S
-            curves.append(np.interp(time_s, pulse.time_s, pulse.accel_mps2))
-        ratings[float(window_ms)] = rate_iso18571(*curves, dt_s=RATING_DT_S)
-    return ratings
+    return {
+        float(window_ms): rate_iso18571(*rated_curves(reference, comparison, window_ms), dt_s=RATING_DT_S)
+        for window_ms in windows_ms
+    }
+
+
+def rated_curves(reference: Pulse, comparison: Pulse, window_ms: float) -> tuple[FloatArray, FloatArray]:
+    """The two curves that are rated over [0, window_ms), in m/s² at 10 kHz; raises as :func:`rate_windows`."""
+    curves = []
+    for name, pulse in (("reference", reference), ("comparison", comparison)):
+        begin, end = pulse.time_s[0], pulse.time_s[-1] + pulse.dt_s
+        if not (begin <= 1e-9 and window_ms / 1e3 - 1e-9 <= end):  # written so that NaN is rejected too
+            found, advice = f"{begin * 1e3:g}–{end * 1e3:g} ms", "choose a window inside the record"
+            raise DataError(Problem(name, f"a record over 0–{window_ms:g} ms", found, advice))
+        time_s = np.arange(max(round(window_ms / 1e3 / RATING_DT_S), 0)) * RATING_DT_S
+        curves.append(np.interp(time_s, pulse.time_s, pulse.accel_mps2))
+    return curves[0], curves[1]
 
 
 def _check(reference: FloatArray, comparisons: FloatArray, dt_s: float) -> None:
@@ -168,6 +176,7 @@ def _rate(reference: FloatArray, comparisons: FloatArray) -> list[Rating]:
             t, c = overlap(reference, comparisons[curves], shift)
             magnitude[curves] = magnitude_score(t, c)
             slope[curves] = slope_score(t, c)
-    overall = 0.4 * corridor + 0.2 * phase + 0.2 * magnitude + 0.2 * slope
-    scores = np.column_stack([overall, corridor, phase, magnitude, slope]).tolist()
+    parts = (corridor, phase, magnitude, slope)
+    overall = sum(weight * part for weight, part in zip(WEIGHTS.values(), parts, strict=True))
+    scores = np.column_stack([overall, *parts]).tolist()
     return [Rating(o, c, p, m, s, grade(o)) for o, c, p, m, s in scores]

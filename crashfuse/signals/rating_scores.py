@@ -21,12 +21,18 @@ _MAGNITUDE_LIMIT, _SLOPE_LIMIT = 0.5, 2.0  # relative errors from which the scor
 
 
 def corridor_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
-    """Mean over time of 1 inside the inner corridor, 0 outside the outer one, and a parabola in between."""
+    """Mean of the :func:`corridor_values` over time, shape (n_curves,)."""
+    mean: FloatArray = corridor_values(reference, comparisons).mean(axis=-1)
+    return mean
+
+
+def corridor_values(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
+    """At each time 1 inside the inner corridor, 0 outside the outer one, and a parabola in between."""
     norm = np.abs(reference).max()
     inner, outer = INNER_CORRIDOR * norm, OUTER_CORRIDOR * norm
     distance = np.abs(comparisons - reference)
-    mean: FloatArray = (np.clip((outer - distance) / (outer - inner), 0.0, 1.0) ** 2).mean(axis=-1)
-    return mean
+    values: FloatArray = np.clip((outer - distance) / (outer - inner), 0.0, 1.0) ** 2
+    return values
 
 
 def overlap(reference: FloatArray, comparisons: FloatArray, shift: int) -> tuple[FloatArray, FloatArray]:
@@ -104,13 +110,13 @@ def magnitude_score(reference: FloatArray, comparisons: FloatArray) -> FloatArra
 
 def slope_score(reference: FloatArray, comparisons: FloatArray) -> FloatArray:
     """Score of the relative difference of the smoothed derivatives, shape (n_curves,)."""
-    t, c = _smooth_slope(reference), _smooth_slope(comparisons)
+    t, c = smooth_slope(reference), smooth_slope(comparisons)
     difference, norm = np.abs(c - t).sum(axis=-1), np.abs(t).sum()
     error = difference / norm if norm > 0 else np.where(difference > 0, np.inf, 0.0)
     return np.maximum((_SLOPE_LIMIT - error) / _SLOPE_LIMIT, 0.0)
 
 
-def _smooth_slope(curves: FloatArray) -> FloatArray:
+def smooth_slope(curves: FloatArray) -> FloatArray:
     """Central differences per sample, then a mean of 9 points; near the ends, of as many as fit: 1, 3, 5, 7."""
     middle = np.arange(curves.shape[-1])
     reach = np.minimum(np.minimum(middle, middle[::-1]), 4)

@@ -1,9 +1,10 @@
-"""Expected rating of a prediction before there is a test to rate it against."""
+"""Expected rating of a prediction before there is a test to rate it against, and how the expectation came out."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
@@ -15,6 +16,9 @@ from crashfuse.wording import Sentence, speed
 _REACH_MPS = 5 * MPH
 _LEAST = 3  # minimum number of tests, at any distance
 _BESIDE_MPS = 1 * MPH  # a test this near counts as beside the condition
+_LIKELY, _FAR = 0.8, 0.95  # shares of single tests: in the range that is told, and in the one that is not surprising
+_SPREAD, _KNOWN_TESTS = 0.4, 4  # what the log of a rating's distance to 1 scatters by, and how many tests that is worth
+_LEAST_LACK = 1e-4  # of a rating to 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +29,10 @@ class ExpectedRating:
     ----------
     mean, lowest, highest : float
         Overall ISO/TS 18571 ratings over one window.
+    lower, upper : float
+        Where the rating of a single test at the condition is likely to be: the central 80 %.
+    least, most : float
+        The central 95 %; a rating outside is a surprise.
     tests : tuple of str
         Ids of those tests, nearest in speed first.
     reach_mps : float
@@ -37,6 +45,10 @@ class ExpectedRating:
     mean: float
     lowest: float
     highest: float
+    lower: float
+    upper: float
+    least: float
+    most: float
     window_ms: float
     tests: tuple[str, ...]
     reach_mps: float
@@ -46,15 +58,47 @@ class ExpectedRating:
     def sentence(self) -> str:
         """A sentence on the expected rating, and the number of tests that it rests on."""
         n, within = len(self.tests), speed(self.reach_mps)
-        tests, rated = f"{n} left-out test{'s' * (n > 1)}", f"{self.lowest:.2f} to {self.highest:.2f}"
+        tests, rated = f"{n} left-out test{'s' * (n > 1)}", _range(self.lowest, self.highest)
         if self.farther:
             return Sentence(
                 f"How it will rate is not known: expect less than the {rated} over 0–{self.window_ms:g} ms of {tests} "
                 "within {}, each of which had a nearer test to learn from.",
                 within,
             )
-        expected = f"Expected rating over 0–{self.window_ms:g} ms: about {self.mean:.2f} ({grade(self.mean)})"
+        expected = f"Expected rating over 0–{self.window_ms:g} ms: {self.range} ({self.grades})"
         return Sentence(f"{expected}; {tests} within {{}} rated {rated}.", within)
+
+    @property
+    def range(self) -> str:
+        """The likely range as displayed."""
+        return _range(self.lower, self.upper)
+
+    @property
+    def grades(self) -> str:
+        """Grades of both ends as they are displayed, so that 0.94 is Good beside "Excellent above 0.94"."""
+        return " to ".join(dict.fromkeys(grade(round(end, 2)) for end in (self.lower, self.upper)))
+
+    def surprise(self, rating: float) -> str:
+        """How a rating compares with what was expected, in words; to two digits, as both are displayed."""
+        rating, highest, lower, upper, least, most = (
+            round(each, 2) for each in (rating, self.highest, self.lower, self.upper, self.least, self.most)
+        )
+        if self.farther:
+            return "as expected" if rating <= highest else "above what was expected"
+        if lower <= rating <= upper:
+            return "as expected"
+        far = "" if least <= rating <= most else "far "
+        return f"{far}{'below' if rating < lower else 'above'} what was expected"
+
+    def is_missed_by(self, rating: float) -> bool:
+        """Whether a rating is below what was expected."""
+        return "below" in self.surprise(rating)
+
+    def outcome(self, rating: float) -> str:
+        """A sentence on how the expectation came out, once the test is known."""
+        nearer = f"less than the {_range(self.lowest, self.highest)} of tests with nearer neighbours"
+        expected = nearer if self.farther else self.range
+        return f"Expected {expected}, came out {rating:.2f} ({grade(round(rating, 2))}): {self.surprise(rating)}."
 
 
 def expected_rating(
@@ -91,8 +135,27 @@ def expected_rating(
         float(np.mean(ratings)),
         min(ratings),
         max(ratings),
+        *_single(ratings, _LIKELY),
+        *_single(ratings, _FAR),
         float(window_ms),
         tuple(test.id for test in near),
         away(near[-1]),
         bool(np.abs(speeds - condition.speed_mps).min() > max(*gaps, _BESIDE_MPS)),
     )
+
+
+def _range(lower: float, upper: float) -> str:
+    return " to ".join(dict.fromkeys(f"{end:.2f}" for end in (lower, upper)))
+
+
+def _single(ratings: Sequence[float], share: float) -> tuple[float, float]:
+    """Central range of a single test's rating, given those of tests near it.
+
+    What ratings lack to 1 is taken as log-normal. Three tests say little of its spread, so that of other campaigns
+    counts too; the range is that of a Student's t with the tests of both.
+    """
+    logs = np.log(np.maximum(1 - np.array(ratings), _LEAST_LACK))
+    freedom = _KNOWN_TESTS + logs.size - 1
+    variance = (_KNOWN_TESTS * _SPREAD**2 + float(((logs - logs.mean()) ** 2).sum())) / freedom
+    reach = float(stdtrit(freedom, 0.5 + share / 2)) * np.sqrt(variance * (1 + 1 / logs.size))
+    return max(1 - float(np.exp(logs.mean() + reach)), 0.0), 1 - float(np.exp(logs.mean() - reach))

@@ -77,7 +77,9 @@ def recommend_for(
     if CLASSES[chosen].made_of:
         sentences.append(by_name[chosen].prediction.notes[0])
     if expected[chosen].mean <= _GOOD:
-        sentences.append(f"Less than {grade(_GOOD + 1e-9)} is to be expected: a guide, not a proof.")
+        good = grade(_GOOD + 1e-9)
+        likely = "to be expected" if expected[chosen].upper <= _GOOD else "likely"
+        sentences.append(f"Less than {good} is {likely}: a guide, not a proof.")
     return Recommendation(chosen, (*sentences, *campaign.cae.extrapolation(condition)), expected[chosen])
 
 

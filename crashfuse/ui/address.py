@@ -84,6 +84,7 @@ CHOICES: dict[str, Choice] = {
     "purpose": Choice(pages=("train",)),
     "compare_tab": Choice(pages=("compare",)),
     "compared": Choice(pages=("compare",)),
+    "explained": Choice(pages=("compare",)),
     "corridors": Choice(bool, False, pages=("compare",)),
     "networks": Choice(pages=("compare",)),
     "over_displacement": Choice(pages=("compare",)),

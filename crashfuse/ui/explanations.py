@@ -19,15 +19,21 @@ from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import chosen_units, plain
 
 
-def show_recommendation(sentences: Sequence[str], beside: Sequence[str] = ()) -> None:
+def show_recommendation(sentences: Sequence[str], beside: Sequence[str] = (), icon: str = "lightbulb") -> None:
     """Show the recommendation in a line; the reasons, and what else is to be said beside it, unfold from "Why"."""
     first, *reasons = sentences
     with st.container(horizontal=True, vertical_alignment="center", key="recommendation"):
         use, _, expected = plain(first).partition(". ")
-        st.markdown(f":material/lightbulb: **{use}.** {expected}", width="content")
+        st.markdown(f":material/{icon}: **{use}.** {expected}", width="content")
         if reasons or beside:
             with st.popover("Why", type="tertiary"):
                 st.markdown("\n\n".join(plain(reason) for reason in (*reasons, *beside)))
+
+
+def show_account(sentences: Sequence[str], *, missed: bool) -> None:
+    """Show how the prediction of a test came out and what sets the test apart; what ``missed`` is a warning."""
+    first, *others = map(plain, sentences)
+    st.markdown(f":material/{'warning' if missed else 'info'}: **{first}** {' '.join(others)}")
 
 
 def grade_chip(grade: str) -> str:

@@ -416,6 +416,24 @@ def test_rate_takes_two_files_or_a_table(campaign_folder: Path, capsys: pytest.C
         assert capsys.readouterr().err.startswith("crashfuse: ")
 
 
+def test_rate_explains_what_a_rating_is_made_of(campaign_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In sentences below the table, as an object of each window in JSON; of one pair of files only."""
+    one, other = (str(campaign_folder / "tests" / f"{test}.csv") for test in ("T2", "T3"))
+    assert cli.main(["rate", one, other, "--windows-ms", "60", "--explain"]) == cli.DONE
+    *table, overall, corridor, phase, _, _ = capsys.readouterr().out.splitlines()
+    score = table[-2].split()[2]
+    assert overall.startswith(f"{score} (")
+    assert "costs most" in overall
+    assert corridor.startswith("Corridor ")
+    assert "the comparison" in phase
+    assert cli.main(["rate", one, other, "--explain", "--json"]) == cli.DONE
+    for row in json.loads(capsys.readouterr().out):
+        assert sum(row["explanation"]["losses"].values()) == pytest.approx(1 - row["overall"])
+    for wrong in (["--pairs", one], [one, other, "--csv"]):
+        assert cli.main(["rate", *wrong, "--explain"]) == cli.WRONG_USAGE
+        assert "--explain is for one pair of files" in capsys.readouterr().err
+
+
 def test_rate_says_which_file_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A missing file is named."""
     assert cli.main(["rate", str(tmp_path / "a.csv"), str(tmp_path / "b.csv")]) == cli.WRONG_DATA

@@ -11,6 +11,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.reporting.report import prediction_report, study_report
 from crashfuse.run_quality import NAMED_LIMITS, RunQuality
+from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
@@ -47,8 +48,8 @@ def figures(text: str) -> int:
 
 @pytest.mark.slow
 def test_a_study_has_its_figures_and_two_for_each_held_out_test(text: str) -> None:
-    """Heat map, spread of the ratings, calibration, bias by speed; motion, and the same over displacement."""
-    assert figures(text) == 4 + 2 * 2
+    """Heat map, spread, calibration, bias by speed; motion, the same over displacement; the worst test's rating."""
+    assert figures(text) == 4 + 2 * 2 + 1
     assert text.count("by speed</h2>") == 1
     assert text.count("The same over displacement") == 2
     assert "T4 \\u00b7 35.0 mph" in text
@@ -89,6 +90,16 @@ def test_a_study_recommends_before_it_shows(text: str) -> None:
     assert text.index("for this campaign") < text.index("<h2>Result")
     assert text.count("Recommended before it was run") == 2
     assert text.count("It then rated 1.000 (Excellent).") == 2
+
+
+def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst(text: str, study: Study) -> None:
+    """A sentence each; the worst test is named below the verdict, with what is known of it."""
+    assert text.count("Why it is rated as it is") == 2
+    assert text.count("over 0–60 ms: nothing is lost.") == 2
+    worst = text.partition("<h3>The worst test</h3>")[2].partition("</section>")[0]
+    assert f"<p>{worst_test(study).test.id}, " in worst
+    assert "at about its speed; it takes three to tell whether a test stands apart." in worst
+    assert text.count("Magnitude 1.000") == 1  # the title of a row of its figure
 
 
 def test_a_study_says_whether_the_cae_model_is_fit_to_be_believed(study: Study, text: str) -> None:
@@ -169,7 +180,7 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     assert figures(text) == 3
     assert '"name":"Test"' not in text
     assert "by speed</h2>" in text
-    assert "Expected rating over 0–60 ms: about 1.00" in text
+    assert "Expected rating over 0–60 ms: 1.00 (Excellent)" in text
     assert "Nearest tests by speed and weights: T1 (+0.0 mph" in text
     assert "crashfuse predict CAMPAIGN --speed-mph 15 " in text
 

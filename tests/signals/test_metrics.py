@@ -176,11 +176,11 @@ def test_open_ends_of_intervals_are_said_with_their_reason() -> None:
 
 
 def test_a_metric_reads_as_value_and_interval() -> None:
-    """An end that is not known is named; a pulse without draws has no brackets."""
+    """Of an interval that the record is too short for, the known end is told; a pulse without draws has no brackets."""
     assert Metric("t0", 70.04, 68.0, 72.0, "ms").text == "70.0 [68.0, 72.0]"
-    assert Metric("t0", 70.0, 68.0, None, "ms").text == "70.0 [68.0, beyond the record]"
-    assert Metric("olc", 30.0, None, 31.2, "g").text == "30.0 [open, 31.2]"
-    assert Metric("olc", None, None, 31.2, "g").text == "– [open, 31.2]"
+    assert Metric("t0", 70.0, 68.0, None, "ms").text == "70.0 [≥ 68.0]"
+    assert Metric("olc", 30.0, None, 31.2, "g").text == "30.0 [≤ 31.2]"
+    assert Metric("olc", None, None, 31.2, "g").text == "≤ 31.2 (record ends too early)"
     assert Metric("olc", None, None, None, "g").text == "–"
 
 

@@ -29,7 +29,7 @@ def estimate(approach: str, campaign: Campaign, test: CrashTest, scale: float, s
     accel = scale * test.pulse.accel_mps2
     draws = None if spread == 0 else accel * (1 + spread * np.linspace(-1, 1, 41)[:, None])
     left_out: dict[str, FloatArray] = {other.id: scale * other.pulse.accel_mps2 for other in campaign.tests}
-    notes = ("Nearest test 1.0 mph away: weights.",) if approach == "fused" else ()
+    notes = ("Made of 60 % time domain, 40 % raw CAE.",) if approach == "fused" else ()
     return Estimate(approach, Prediction(test.condition, accel, draws, notes), {}, 0.0, left_out)
 
 
@@ -61,7 +61,7 @@ def test_between_equals_the_mixture_is_recommended_and_gives_its_reason(campaign
     scales = {"cae": 0.5, "time_domain": 1.0, "displacement_domain": 1.0, "fused": 0.999}
     found = recommend_for([estimate(name, rest, test, s) for name, s in scales.items()], rest, test.condition)
     assert found.approach == "fused"
-    assert "Nearest test 1.0 mph away: weights." in found.sentences
+    assert "Made of 60 % time domain, 40 % raw CAE." in found.sentences
 
 
 def test_where_nothing_beats_the_raw_model_that_is_recommended(campaign: Campaign) -> None:

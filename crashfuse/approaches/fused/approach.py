@@ -176,12 +176,13 @@ class Fused(Approach):
     def _reason(self, condition: Condition, weights: FloatArray) -> str:
         """A sentence on the weights and what determines them."""
         away = speed(float(np.abs(self._tests.speeds_mps - condition.speed_mps).min()))
-        shown = np.round(weights, 2)
-        shown[weights.argmax()] += 1 - shown.sum()  # so that the rounded shares add up to the whole
-        parts = ", ".join(f"{name} {weight:.2f}" for name, weight in zip(COMPONENTS, shown, strict=True))
+        shown = np.round(100 * weights)
+        shown[weights.argmax()] += 100 - shown.sum()  # so that the rounded shares add up to the whole
+        order = [i for i in np.argsort(-shown, kind="stable") if shown[i] > 0]
+        parts = ", ".join(f"{shown[i]:.0f} % {COMPONENTS[i]}" for i in order)
         n = len(self.calibration_.tests)
         source = f"weights learned from {n} tests, each predicted from the others" if n else "weights of other vehicles"
-        return Sentence("Nearest test {} away: {} ({}).", away, parts, source)
+        return Sentence("Made of {}, because the nearest test is {} away ({}).", parts, away, source)
 
     def learned(self) -> FittedState:
         """Fitted states of both approaches, and the weights."""

@@ -18,6 +18,8 @@ from crashfuse.reporting.plots.ratings import calibration_curves, rating_heatmap
 from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import bias, details, repeats_table
+from crashfuse.reporting.report.why import why
+from crashfuse.study.account import worst_test
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import recommend, recommend_for
 from crashfuse.study.study import Study
@@ -58,6 +60,7 @@ def study_report(study: Study, display: Display = DEFAULT) -> str:
         bias=bias(campaign, display),
         folds=[_fold(study, fold, display) for fold in study.folds],
         weak_spots=_weak_spots(study, verdict.approach),
+        worst_test=worst_test(study, window_ms).sentences,
     )
 
 
@@ -112,6 +115,7 @@ def _fold(study: Study, fold: Fold, display: Display) -> dict[str, object]:
             {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}
         ),
         "over_displacement": over_displacement(test.pulse, predictions, v0, display),
+        "why": why(study, fold, advice, display),
         "details": details(study.campaign, fold.estimates, display, study.campaign.metrics_of(test)),
     }
 

@@ -17,11 +17,17 @@ def show(comparison: Comparison) -> None:
     st.html(_row(comparison))
     if (advice := comparison.advice) is None:
         return
+    rated = comparison.fold.ratings[advice.approach][comparison.window_ms].overall
+    first, *reasons = advice.sentences
+    icon = "lightbulb"
+    if advice.expected is not None:  # the test is known by now
+        use = first.partition(". ")[0]
+        first, reasons = f"{use}. {advice.expected.outcome(rated)}", [advice.expected.sentence, *reasons]
+        icon = "warning" if advice.expected.is_missed_by(rated) else icon
     beside = []
     if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
-        rated = comparison.fold.ratings[advice.approach][comparison.window_ms].overall
         beside.append(repeat.sentence(rated, LABELS[advice.approach]))
-    explanations.show_recommendation(advice.sentences, beside)
+    explanations.show_recommendation([first, *reasons], beside, icon)
 
 
 def _row(comparison: Comparison) -> str:

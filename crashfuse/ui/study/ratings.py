@@ -4,8 +4,9 @@ import streamlit as st
 
 from crashfuse.reporting import glossary
 from crashfuse.reporting.plots.ratings import rating_heatmap
+from crashfuse.study.account import worst_test
 from crashfuse.study.study import Study
-from crashfuse.ui import frame, page_tables
+from crashfuse.ui import explanations, frame, page_tables
 from crashfuse.ui.figures import choose, show_clickable
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.study.outcome import Outcome
@@ -18,6 +19,9 @@ _ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
 def show(outcome: Outcome) -> None:
     """Show the ratings of one way of leaving tests out."""
     campaign, study = outcome.view.campaign, outcome.study
+    if outcome.whole:
+        worst = worst_test(study, outcome.window_ms)
+        explanations.show_account(worst.sentences, missed=worst.disappoints)
     if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
         study = study.speed_groups
     _show_tests(outcome, study)

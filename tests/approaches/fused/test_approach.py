@@ -60,12 +60,15 @@ def test_the_reason_is_a_sentence_with_the_weights(campaign: Campaign, fused: Fu
     """Distance to the nearest test, the share of each component, and what they were learned from."""
     reason, *_ = fused.predict(campaign.test("T3").condition).notes
     found = re.fullmatch(
-        r"Nearest test 1\.0 mph away: time domain (\S+), displacement domain (\S+), raw CAE (\S+) "
+        r"Made of (.+), because the nearest test is 1\.0 mph away "
         r"\(weights learned from 3 tests, each predicted from the others\)\.",
         reason,
     )
     assert found is not None
-    assert sum(map(float, found.groups())) == pytest.approx(1, abs=0.02)
+    shares = dict(part.split(" % ")[::-1] for part in found[1].split(", "))
+    assert sum(map(int, shares.values())) == 100
+    assert shares.keys() <= {"time domain", "displacement domain", "raw CAE"}
+    assert list(shares.values()) == sorted(shares.values(), key=int, reverse=True)
     assert len(fused.calibration_.tests) == 3
 
 
@@ -73,7 +76,7 @@ def test_what_several_of_its_parts_note_is_said_once(campaign: Campaign, fused: 
     """Its own reason first, then that the vehicle is heavier than any CAE run, which both approaches note."""
     base = campaign.test("T3").condition
     notes = fused.predict(replace(base, front_weight_kg=1.2 * base.front_weight_kg)).notes
-    assert notes[0].startswith("Nearest test")
+    assert notes[0].startswith("Made of ")
     assert sum("Extrapolation" in note for note in notes) == 1
     assert len(set(notes)) == len(notes)
 

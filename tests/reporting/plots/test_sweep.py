@@ -65,10 +65,10 @@ def test_separate_stretches_of_the_band_are_not_joined(campaign: Campaign) -> No
 
 
 def test_the_cursor_reads_the_speed_and_the_interval(figure: Figure) -> None:
-    """An open end is said to be open."""
+    """Of an open interval the known end is told."""
     texts = _lines(figure)["fused"].customdata
     assert list(texts[1]) == ["20.0 mph", "20.0 [18.0, 22.0] g"]
-    assert list(texts[4]) == ["50.0 mph", "50.0 [45.0, beyond the record] g"]
+    assert list(texts[4]) == ["50.0 mph", "50.0 [≥ 45.0] g"]
 
 
 def test_tests_are_black_points_with_their_id_and_weights(campaign: Campaign, figure: Figure) -> None:

@@ -1,0 +1,31 @@
+"""Part of a study's report on why a test is rated as it is, and how the expectation came out."""
+
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.rating_parts import rated_curves
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.rating_explanation import explain_rating
+from crashfuse.signals.rating_sentences import rating_sentences
+from crashfuse.study.account import worst_test
+from crashfuse.study.fold import Fold
+from crashfuse.study.recommendation import Recommendation
+from crashfuse.study.study import Study
+
+
+def why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> dict[str, object]:
+    """How the expectation came out, what the rating of the recommended approach is made of, and its curves.
+
+    These are drawn for the worst test, and for those that came out below what was expected.
+    """
+    window_ms = display.window_ms
+    rating = fold.ratings[advice.approach][window_ms].overall
+    predicted = Pulse(GRID_S, fold.estimate(advice.approach).prediction.accel_mps2)
+    explanation = explain_rating(fold.test.pulse, predicted, window_ms)
+    missed = advice.expected is not None and advice.expected.is_missed_by(rating)
+    drawn = missed or fold.held_out == worst_test(study, window_ms).test.id
+    sentences = rating_sentences(explanation)
+    return {
+        "outcome": None if advice.expected is None else advice.expected.outcome(rating),
+        "overall": sentences.pop("overall"),
+        "parts": list(sentences.values()),
+        "curves": rated_curves(explanation, advice.approach, display) if drawn else None,
+    }

@@ -1,0 +1,144 @@
+"""A rating in words: a sentence on what costs most, and one on each of its four parts."""
+
+import numpy as np
+
+from crashfuse.signals.rating_explanation import Compared, RatedHump, RatingExplanation
+from crashfuse.units import MS, G
+from crashfuse.wording import Quantity, Sentence
+
+_ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
+_SEVERAL = 2  # humps: of one alone nothing is worst
+_IN_PLACE_S = 0.0005  # a hump that comes this near to its time is not out of place
+
+
+def rating_sentences(explanation: RatingExplanation, comparison: str = "prediction") -> dict[str, Sentence]:
+    """Say what a rating is made of: ``overall`` what costs most of it, then each part by its name.
+
+    Parameters
+    ----------
+    comparison : str
+        What the curve that is compared with the test is called, in a word.
+    """
+    rating, losses, part = explanation.rating, explanation.losses, explanation.costliest
+    reasons = {name: reason(explanation, comparison) for name, reason in _REASONS.items()}
+    lost = 1 - rating.overall
+    head = f"{rating.overall:.3f} ({rating.grade}) over 0–{explanation.window_ms:g} ms"
+    if lost < 1e-9:
+        overall = Sentence("{}: nothing is lost.", head)
+    else:
+        cost = f"{part} costs most, {losses[part]:.2f} of the {lost:.2f} missing to 1"
+        overall = Sentence("{}: {}. {}.", head, cost, _capital(reasons[part]))
+    parts = {
+        name: Sentence("{}: {}.", f"{name.capitalize()} {getattr(rating, name):.2f} (costs {losses[name]:.2f})", said)
+        for name, said in reasons.items()
+    }
+    return {"overall": overall, **parts}
+
+
+def _corridor(explanation: RatingExplanation, comparison: str) -> Sentence:
+    inner, outer = (_accel(half, ".1f") for half in (explanation.inner_mps2, explanation.outer_mps2))
+    if not explanation.excursions:
+        return Sentence(f"the {comparison} stays inside the inner corridor, ± {{}}", inner)
+    outside_s = sum(own.end_s - own.begin_s for own in explanation.excursions)
+    beyond = any(own.beyond_outer for own in explanation.excursions)
+    worst = max(explanation.excursions, key=lambda own: own.loss)
+    return Sentence(
+        f"the {comparison} is outside the inner corridor (± {{}}) for {{}} ms of {{}}, "
+        "{} outside the outer (± {}); most is lost from {} ms, where it is up to {} {}",
+        inner,
+        _ms(outside_s),
+        f"{explanation.window_ms:g}",
+        "in part" if beyond else "never",
+        outer,
+        f"{_ms(worst.begin_s)} to {_ms(worst.end_s)}",
+        _accel(abs(worst.difference_mps2), ".1f"),
+        _side(worst.difference_mps2 * _braking(explanation.compared)),
+    )
+
+
+def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
+    humps, shift_s = explanation.humps, explanation.shift_s
+    displaced = [hump for hump in humps if hump.late_s is not None and abs(hump.late_s) > _IN_PLACE_S]
+    farthest = max(displaced, key=lambda hump: abs(hump.late_s or 0.0), default=None)
+    if shift_s == 0:
+        told = f"no shift of the {comparison} correlates better with the test"
+        return Sentence(told if farthest is None else f"{told}; {_displaced(explanation, farthest)}")
+    way = f"{_ms(abs(shift_s))} ms {'earlier' if shift_s > 0 else 'later'}"
+    limit = ", the largest shift that is tried" if explanation.at_limit else ""
+    told = f"the {comparison} correlates best with the test when moved {way}{limit}"
+    if not humps:
+        return Sentence(told)
+    decisive = max(humps, key=lambda hump: hump.shift_gain)
+    told += f"; that gains most at the {_nth(explanation, decisive)} hump of the test ({_ms(decisive.peak_s)} ms)"
+    if decisive.counterpart_s is None:
+        told += f", to which no hump of the {comparison} corresponds"
+    elif decisive in displaced:
+        told += f", which comes {_lateness(decisive)} in the {comparison}"
+    if farthest is not None and farthest is not decisive:
+        told += f"; {_displaced(explanation, farthest)}"
+    return Sentence(told)
+
+
+def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
+    told = f"shifted and warped, the {comparison} still differs by {100 * explanation.warped.error:.0f} % of the test"
+    if len(explanation.humps) < _SEVERAL or explanation.warped.error == 0:
+        return Sentence(told)
+    worst = max(explanation.humps, key=lambda hump: hump.magnitude_share)
+    return Sentence(
+        f"{told}; {{}} % of that at the {{}} hump ({{}}), on average {{}} {{}}",
+        f"{100 * worst.magnitude_share:.0f}",
+        _nth(explanation, worst),
+        _range(worst),
+        _accel(abs(worst.difference_mps2), ".1f"),
+        _side(worst.difference_mps2),
+    )
+
+
+def _slope(explanation: RatingExplanation, comparison: str) -> Sentence:
+    told = f"shifted, the slope of the {comparison} differs by {100 * explanation.slopes.error:.0f} % of the test's"
+    if len(explanation.humps) < _SEVERAL or explanation.slopes.error == 0:
+        return Sentence(told)
+    worst = max(explanation.humps, key=lambda hump: hump.slope_share)
+    share = f"{100 * worst.slope_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
+    return Sentence(f"{told}; {share}")
+
+
+_REASONS = {"corridor": _corridor, "phase": _phase, "magnitude": _magnitude, "slope": _slope}
+
+
+def _displaced(explanation: RatingExplanation, hump: RatedHump) -> str:
+    return f"its {_nth(explanation, hump)} hump comes {_lateness(hump)}"
+
+
+def _lateness(hump: RatedHump) -> str:
+    late_s = hump.late_s or 0.0
+    return f"{_ms(abs(late_s))} ms {'late' if late_s > 0 else 'early'}"
+
+
+def _nth(explanation: RatingExplanation, hump: RatedHump) -> str:
+    place = explanation.humps.index(hump)
+    return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 1}th"
+
+
+def _range(hump: RatedHump) -> str:
+    return f"{_ms(hump.begin_s)}–{_ms(hump.end_s)} ms"
+
+
+def _braking(curves: Compared) -> float:
+    return float(np.sign(curves.reference.sum()))
+
+
+def _side(difference: float) -> str:
+    return "too strong" if difference > 0 else "too weak"
+
+
+def _accel(value_mps2: float, form: str) -> Quantity:
+    return Quantity((value_mps2 / G,), "g", form)
+
+
+def _ms(time_s: float) -> str:
+    return f"{time_s / MS:.1f}"
+
+
+def _capital(reason: Sentence) -> Sentence:
+    return Sentence(reason.template[0].upper() + reason.template[1:], *reason.values)

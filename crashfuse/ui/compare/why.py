@@ -1,0 +1,71 @@
+"""Why a prediction is rated as it is: the four parts, the curves that they compare, and what is odd about the test."""
+
+from collections.abc import Hashable
+
+import streamlit as st
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting import glossary
+from crashfuse.reporting.plots.rating_parts import rated_curves, rating_parts
+from crashfuse.reporting.rating_tables import excursions_table, humps_table
+from crashfuse.signals.pulse import GRID_S, Pulse
+from crashfuse.signals.rating import WEIGHTS
+from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
+from crashfuse.signals.rating_sentences import rating_sentences
+from crashfuse.study.account import Account, account
+from crashfuse.ui import address, explanations
+from crashfuse.ui.compare.comparison import Comparison
+from crashfuse.ui.figures import show_cached_figure
+from crashfuse.ui.tables import show_table
+from crashfuse.ui.text import plain
+
+
+def show(comparison: Comparison) -> None:
+    """Show the parts of the ratings, and explain that of one approach, at first of the recommended one."""
+    display, test = comparison.view.display, comparison.test
+    if comparison.advice is not None:
+        found = _account(comparison.key, comparison)
+        if found.disappoints or (found.departure is not None and found.departure.apart):
+            explanations.show_account(found.sentences[1:], missed=found.disappoints)
+    approach = _choose_approach(comparison)
+    explanation = _explained(comparison.key, approach, comparison)
+    said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
+    head, _, reason = said["overall"].partition(". ")
+    st.markdown(f"**{LABELS[approach]} {head}.** {reason}")
+    others = [part for part in WEIGHTS if part != explanation.costliest]
+    st.markdown("\n".join(f"- {said[part]}" for part in others), help=glossary.RATING_PARTS)
+    ratings = {name: by_window[comparison.window_ms] for name, by_window in comparison.fold.ratings.items()}
+    alt = f"The four scores of every prediction of test {test.id}, as bars"
+    show_cached_figure(lambda: rating_parts(ratings), alt, "parts", comparison.key)
+    show_cached_figure(
+        lambda: rated_curves(explanation, approach, display),
+        f"Test {test.id} and its prediction by {LABELS[approach]}: in the corridors, shifted, warped, and their slopes",
+        "rated curves", approach, comparison.key,
+    )  # fmt: skip
+    with st.expander("Humps, and stretches outside the corridor, in numbers", icon=":material/table:"):
+        show_table(humps_table(explanation, display), "humps")
+        st.caption(glossary.HUMPS)
+        show_table(excursions_table(explanation, display), "excursions")
+
+
+def _choose_approach(comparison: Comparison) -> str:
+    names = list(comparison.fold.ratings)
+    first = names[-1] if comparison.advice is None else comparison.advice.approach
+    address.default("explained", first, names)
+    chosen: str = st.segmented_control(
+        "Approach", names, format_func=LABELS.__getitem__, default=first, required=True, key="explained",
+        persist_state="session", label_visibility="collapsed", on_change=address.publish,
+    )  # fmt: skip
+    return chosen
+
+
+@st.cache_resource(max_entries=50, show_spinner=False)
+def _explained(key: Hashable, approach: str, _comparison: Comparison) -> RatingExplanation:  # noqa: ARG001
+    predicted = Pulse(GRID_S, _comparison.predictions[approach].accel_mps2)
+    return explain_rating(_comparison.test.pulse, predicted, _comparison.window_ms)
+
+
+@st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")
+def _account(key: Hashable, _comparison: Comparison) -> Account:  # noqa: ARG001
+    campaign = _comparison.view.campaign
+    return account(campaign, _comparison.config, _comparison.fold, _comparison.window_ms)

@@ -1,0 +1,103 @@
+"""The account of a left-out test: what was expected, what came out, with its neighbours and without them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign
+from crashfuse.execution.cache import Cache
+from crashfuse.signals.metrics import METRIC_LABELS
+from crashfuse.study.account import account, worst_test
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import store_estimate
+from crashfuse.study.expected_rating import expected_rating
+from crashfuse.study.fold import Fold
+from crashfuse.study.study import Study
+from tests.study.test_recommendation import estimate
+
+CONFIG = StudyConfig(approaches=("cae", "displacement_domain"))
+
+
+def fold(campaign: Campaign, test_id: str, own: float, of_others: float) -> Fold:
+    """A fold in which the displacement domain is off by a factor in its test, by another in those it left out."""
+    test, rest = campaign.test(test_id), campaign.without([test_id])
+    better = estimate("displacement_domain", rest, test, own, 0.1)
+    left_out = {other.id: of_others * other.pulse.accel_mps2 for other in rest.tests}
+    raw = estimate("cae", rest, test, 0.5)
+    return Fold.of(test, (raw, replace(better, left_out_mps2=left_out)), CONFIG.windows_ms)
+
+
+def test_a_test_far_below_its_expectation_is_told_with_its_range_and_its_rating(campaign: Campaign) -> None:
+    """Others are predicted to 1 %, this one is half of what was measured."""
+    found = account(campaign, CONFIG, fold(campaign, "T3", 0.5, 0.99))
+    assert found.approach == "displacement_domain"
+    assert found.disappoints
+    first, *_ = found.sentences
+    assert found.expected is not None
+    assert first.startswith(f"T3, 26.0 mph: expected {found.expected.range}, came out {found.rating:.2f}")
+    assert first.endswith("far below what was expected.")
+
+
+def test_a_test_that_comes_out_like_the_others_is_as_expected(campaign: Campaign) -> None:
+    """Off by the same factor as they are; all of it in its band."""
+    found = account(campaign, CONFIG, fold(campaign, "T3", 0.93, 0.93))
+    assert not found.disappoints
+    assert found.outcome.endswith(": as expected.")
+    assert found.inside == 1.0
+    assert found.sentences[-1] == "100 % of its a(t) up to TTZV lies inside the band that should hold 95 %."
+
+
+def test_without_enough_neighbours_nothing_is_claimed_of_the_test(campaign: Campaign) -> None:
+    """One other at its speed, or none."""
+    assert "There is 1 other test at about its speed; it takes three" in account(
+        campaign, CONFIG, fold(campaign, "T3", 0.9, 0.9)
+    ).sentences[1]  # fmt: skip
+    assert "There is no other test" in account(campaign, CONFIG, fold(campaign, "T1", 0.9, 0.9)).sentences[1]
+
+
+def test_the_worst_test_of_a_study_is_told_with_and_without_its_neighbours(campaign: Campaign) -> None:
+    """T3 is rated worst, and better if T2, at its speed, is left out as well."""
+    config = replace(CONFIG, leave_out="both")
+    alone = [fold(campaign, test, 0.6 if test == "T3" else 0.97, 0.97) for test in campaign.test_ids]
+    apart = [fold(campaign, test, 0.8, 0.97) for test in campaign.test_ids]
+    groups = Study(campaign, replace(config, leave_out="speed group"), tuple(apart))
+    study = Study(campaign, config, tuple(alone), speed_groups=groups)
+    found = worst_test(study)
+    assert found.test.id == "T3"
+    assert found.without_neighbours == groups.fold("T3").ratings["displacement_domain"][60.0].overall
+    told = f"It is rated {found.without_neighbours:.2f} without its neighbours and {found.rating:.2f} with them"
+    assert f"{told}: what they teach does not hold for it." in found.sentences
+    assert worst_test(study) is found
+
+
+def test_a_prediction_without_the_neighbours_that_was_made_before_is_found(campaign: Campaign) -> None:
+    """A study has left T3 out with T2; a comparison of T3 alone rates that prediction."""
+    cache, test = Cache(), campaign.test("T3")
+    rest = campaign.without(campaign.speed_group("T3"))
+    assert account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97), cache=cache).without_neighbours is None
+    own = estimate("displacement_domain", rest, test, 1.0)
+    errors = {name: np.zeros(0) for name in METRIC_LABELS}
+    perfect = replace(own, prediction=Prediction(test.condition, test.pulse.accel_mps2), metric_errors=errors)
+    store_estimate(perfect, rest, CONFIG, cache)
+    found = account(campaign, CONFIG, fold(campaign, "T3", 0.6, 0.97), cache=cache)
+    assert found.without_neighbours == pytest.approx(1.0)
+
+
+def test_ranges_and_grades_agree_with_what_is_displayed(campaign: Campaign) -> None:
+    """0.94 is Good, as Excellent is above it; a surprise is judged by the digits that are shown."""
+    perfect = {test.id: test.pulse.accel_mps2 for test in campaign.tests}
+    found = expected_rating(perfect, campaign, campaign.test("T3").condition)
+    assert found is not None
+    told = replace(found, lower=0.8849, upper=0.9404, least=0.7, most=0.98, farther=False)
+    assert told.range == "0.88 to 0.94"
+    assert told.grades == "Good"
+    assert told.outcome(0.8801) == "Expected 0.88 to 0.94, came out 0.88 (Good): as expected."
+    assert told.surprise(0.75) == "below what was expected"
+    assert told.surprise(0.96) == "above what was expected"
+    assert told.surprise(0.59) == "far below what was expected"
+    assert replace(told, upper=0.951).grades == "Good to Excellent"
+    far = replace(told, farther=True, highest=0.9)
+    assert far.outcome(0.7).endswith("of tests with nearer neighbours, came out 0.70 (Fair): as expected.")
+    assert not far.is_missed_by(0.7)

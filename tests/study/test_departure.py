@@ -1,0 +1,91 @@
+"""A test stands apart if it differs from each neighbour more than any two of them do from each other."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crashfuse.cae.model import CaeModel
+from crashfuse.campaign import Campaign
+from crashfuse.signals.rating import rate_windows
+from crashfuse.study.departure import Departure, departure
+
+
+@pytest.fixture(scope="module")
+def model(campaign: Campaign) -> CaeModel:
+    """The CAE model of the small campaign."""
+    return CaeModel().fit(campaign.cae)
+
+
+def at_one_speed(campaign: Campaign, scales: Sequence[float]) -> Campaign:
+    """Tests at one condition, the pulse of T2 stretched in time by these factors and weakened by the same."""
+    base = campaign.test("T2")
+    tests = []
+    for number, scale in enumerate(scales, start=1):
+        accel = np.interp(base.pulse.time_s / scale, base.pulse.time_s, base.pulse.accel_mps2) / scale
+        tests.append(replace(base, id=f"S{number}", pulse=replace(base.pulse, accel_mps2=accel)))
+    return replace(campaign, tests=tuple(tests))
+
+
+def test_the_odd_one_of_four_stands_apart_and_none_of_the_others(campaign: Campaign, model: CaeModel) -> None:
+    """Three alike, one whose pulse lasts 30 % longer: by its bias and by its pulse."""
+    group = at_one_speed(campaign, [1.0, 1.02, 0.98, 1.3])
+    found = {test: departure(group, test, model) for test in group.test_ids}
+    assert {test: own is not None and own.apart for test, own in found.items()} == {
+        "S1": False, "S2": False, "S3": False, "S4": True
+    }  # fmt: skip
+    odd = found["S4"]
+    assert odd is not None
+    assert odd.neighbours == ("S1", "S2", "S3")
+    assert (len(odd.ratings), len(odd.ratings_between)) == (3, 3)
+    said = " ".join(odd.sentences)
+    assert said.startswith("S4 differs from the tests at its speed more than they do from each other.")
+    assert "Check its record and its condition, or expect bifurcation" in said
+    sound = found["S1"]
+    assert sound is not None
+    assert "does not stand apart" in sound.sentences[0]
+    assert not any("bifurcation" in sentence for sentence in sound.sentences)
+
+
+def test_the_numbers_are_ratings_and_differences_of_bias(campaign: Campaign, model: CaeModel) -> None:
+    """Mean of both directions; tests at one condition differ in bias as they do in the pulse itself."""
+    group = at_one_speed(campaign, [1.0, 1.02, 0.98, 1.3])
+    found = departure(group, "S4", model)
+    assert found is not None
+    one, other = group.test("S4").pulse, group.test("S1").pulse
+    both = [rate_windows(*pair, [60.0])[60.0].overall for pair in ((one, other), (other, one))]
+    assert found.ratings[0] == pytest.approx(np.mean(both))
+    same = departure(at_one_speed(campaign, [1.0] * 4), "S1", model)
+    assert same is not None
+    assert same.bias_mps2 == pytest.approx([0.0] * 3)
+    assert same.ratings == pytest.approx([1.0] * 3)
+    assert not same.apart
+
+
+def test_a_faster_neighbour_is_scaled_to_the_tests_speed(campaign: Campaign, model: CaeModel) -> None:
+    """A pulse in proportion to the speed is the same pulse."""
+    group = at_one_speed(campaign, [1.0] * 4)
+    first, *others = group.tests
+    faster = replace(
+        first,
+        condition=replace(first.condition, speed_mps=1.02 * first.condition.speed_mps),
+        pulse=replace(first.pulse, accel_mps2=1.02 * first.pulse.accel_mps2),
+    )
+    found = departure(replace(group, tests=(faster, *others)), "S1", model)
+    assert found is not None
+    assert found.ratings == pytest.approx([1.0] * 3)
+
+
+def test_of_three_tests_none_can_stand_apart(campaign: Campaign, model: CaeModel) -> None:
+    """One of them is always farther from both others than these from each other."""
+    assert departure(at_one_speed(campaign, [1.0, 1.02, 1.3]), "S3", model) is None
+    assert departure(campaign, "T2", model) is None
+
+
+def test_both_the_bias_and_the_pulse_have_to_differ() -> None:
+    """One alone happens too easily."""
+    alike = Departure("A", ("B", "C", "D"), 60.0, (3.0, 4.0, 5.0), (1.0, 2.0, 2.5), (0.5, 0.6, 0.7), (0.8, 0.9, 0.9))
+    assert alike.apart
+    assert not replace(alike, ratings=(0.5, 0.6, 0.85)).apart
+    assert not replace(alike, bias_mps2=(2.0, 4.0, 5.0)).apart
