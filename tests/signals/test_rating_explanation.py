@@ -21,7 +21,8 @@ def pulse(values: FloatArray) -> Pulse:
 
 def bump(centre_ms: float, height: float, width_ms: float = 5.0) -> FloatArray:
     """One hump of braking, a Gaussian."""
-    return -height * np.exp(-0.5 * ((TIME_S * 1e3 - centre_ms) / width_ms) ** 2)
+    curve: FloatArray = -height * np.exp(-0.5 * ((TIME_S * 1e3 - centre_ms) / width_ms) ** 2)
+    return curve
 
 
 TEST = bump(15, 200) + bump(33, 250) + bump(50, 220)
