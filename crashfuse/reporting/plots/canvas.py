@@ -1,7 +1,7 @@
 """Common style of all figures: axes, units, lines and bands, independent of their content."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,8 @@ _TEMPLATE = go.layout.Template(layout={"xaxis": _TITLE, "yaxis": _TITLE})
 _SHEER = re.compile(r"rgba\((\d+), (\d+), (\d+), ([\d.]+)\)")
 _BAND_POINTS = 320  # 0.32 ms apart: one to three pixels
 _BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.25
+_USUAL_NAMES = 6  # of the approaches and the test
+_EDGE_OPACITY = 0.6  # of a band that is outlined
 
 
 def new_figure(height: int) -> go.Figure:
@@ -57,6 +59,11 @@ def height_under_names(count: int) -> int:
     return 440 + 6 * count
 
 
+def room_for_names(names: Collection[str]) -> int:
+    """Height that a figure needs beyond its usual one if the legend above it names more than the approaches."""
+    return 7 * max(len(names) - _USUAL_NAMES, 0)
+
+
 def darkened(figure: go.Figure) -> go.Figure:
     """The same figure in the colours of a dark page; a report, which is meant for print, stays light."""
     drawn = figure.to_plotly_json()
@@ -73,9 +80,19 @@ def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -
 
 
 def add_band(
-    figure: go.Figure, x: FloatArray, lower: FloatArray, upper: FloatArray, *, colour: str, **style: object
+    figure: go.Figure,
+    x: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    *,
+    colour: str,
+    filled: bool = True,
+    **style: object,
 ) -> None:
-    """Shade between two curves, with a gap where either is unknown (NaN); the edges are smooth: few points suffice."""
+    """Shade between two curves, or draw their edges, with a gap where either is unknown (NaN).
+
+    The edges are smooth: few points suffice.
+    """
     some = np.append(np.arange(0, x.size - 1, -(-x.size // _BAND_POINTS)), x.size - 1)
     x, lower, upper = x[some], lower[some], upper[some]
     known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
@@ -84,16 +101,19 @@ def add_band(
     outline: list[FloatArray] = []
     for stretch in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
         forth, back = (np.array([x[stretch], end[stretch]]) for end in (lower, upper))
-        outline += [forth, back[:, ::-1], np.full((2, 1), np.nan)]
+        gap = np.full((2, 1), np.nan)
+        outline += [forth, back[:, ::-1], gap] if filled else [forth, gap, back, gap]
     across, up = np.hstack(outline[:-1])
+    look: dict[str, Any] = {"line": {"width": 1, "color": colour}, "opacity": _EDGE_OPACITY}
+    if filled:
+        alpha = f"rgba{(*hex_to_rgb(colour), _BAND_ALPHA)}"
+        look = {"line": {"width": 0, "color": colour}, "fill": "toself", "fillcolor": alpha}
     figure.add_scatter(
         x=_single(across),
         y=_single(up),
         mode="lines",
-        line={"width": 0, "color": colour},
-        fill="toself",
-        fillcolor=f"rgba{(*hex_to_rgb(colour), _BAND_ALPHA)}",
         hoverinfo="skip",
+        **look,
         **style,
     )
 

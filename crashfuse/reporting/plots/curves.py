@@ -1,20 +1,23 @@
-"""Curves common to figures over any axis: a test with its predictions, and tests by speed."""
+"""Curves common to figures over any axis: a test with its predictions, whatever is put beside, and tests by speed."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import plotly.graph_objects as go
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import CLASSES, LABELS
 from crashfuse.campaign import CrashTest
 from crashfuse.reporting.plots.canvas import add_band, add_line
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import COLOURS, DASHES, MEASURED_COLOUR, speed_lines
+from crashfuse.reporting.plots.palette import COLOURS, DASHES, MEASURED_COLOUR, further_line, speed_lines
 from crashfuse.signals.pulse import FloatArray
 
 TEST = "test"
 """Key of the measured curve among those of the approaches."""
+
+TEST_LINE: Mapping[str, Any] = {"color": MEASURED_COLOUR, "width": 2.5}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,29 +39,48 @@ class Curve:
     remark: str = ""
 
 
-def draw_curves(figure: go.Figure, curves: Mapping[str, Curve], yaxis: str = "y", **style: object) -> None:
-    """Draw the curves of approaches and of the :data:`TEST`, each in its own colour, the last on top, above all bands.
+def draw_curves(
+    figure: go.Figure, curves: Mapping[str, Curve], yaxis: str = "y", filled: str | None = None, **style: object
+) -> None:
+    """Draw curves by name: of approaches, of the :data:`TEST`, and of anything else, under its name, beside them.
 
-    ``yaxis`` is ``"y2"`` for the second of stacked plots; the style applies to all lines.
+    The last is on top, above all bands. One band is filled, by default that of the preferred approach; of the others
+    the edges are drawn. ``yaxis`` is ``"y2"`` for the second of stacked plots; the style applies to all lines.
     """
-    for name, curve in curves.items():
-        if curve.band is not None:
-            add_band(
-                figure, *curve.band, colour=curve_line(name)["color"], name=_label(name, curve), legendgroup=name,
-                showlegend=False, yaxis=yaxis,
-            )  # fmt: skip
-    for name, curve in curves.items():
+    lines, labels = curve_lines(curves), {name: _label(name, curve) for name, curve in curves.items()}
+    bands = {name: curve.band for name, curve in curves.items() if curve.band is not None}
+    filled = filled if filled in bands else next(iter(by_preference(bands)), None)
+    for name, band in bands.items():
+        add_band(
+            figure, *band, colour=lines[name]["color"], name=labels[name], legendgroup=name,
+            showlegend=False, yaxis=yaxis, filled=name == filled,
+        )  # fmt: skip
+    ranks = {name: rank for rank, name in enumerate((TEST, *LABELS))}
+    for number, (name, curve) in enumerate(curves.items()):
         add_line(
-            figure, curve.x, curve.y, line=curve_line(name), name=_label(name, curve), legendgroup=name,
-            legendrank=1 if name == TEST else 2 + list(LABELS).index(name), yaxis=yaxis, **style,
+            figure, curve.x, curve.y, line=lines[name], name=labels[name], legendgroup=name,
+            legendrank=1 + ranks.get(name, len(ranks) + number), yaxis=yaxis, **style,
         )  # fmt: skip
 
 
-def curve_line(name: str) -> dict[str, Any]:
-    """Colour, width and dash of an approach's line, or of the :data:`TEST`'s."""
-    if name == TEST:
-        return {"color": MEASURED_COLOUR, "width": 2.5}
-    return {"color": COLOURS[name], "width": 2, "dash": DASHES[name]}
+def curve_lines(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Colour, width and dash of the lines of some curves, as :func:`draw_curves` draws them."""
+    lines: dict[str, dict[str, Any]] = {}
+    further = 0
+    for name in names:
+        if name == TEST:
+            lines[name] = dict(TEST_LINE)
+        elif name in COLOURS:
+            lines[name] = {"color": COLOURS[name], "width": 2, "dash": DASHES[name]}
+        else:
+            lines[name] = further_line(further)
+            further += 1
+    return lines
+
+
+def by_preference(names: Iterable[str]) -> list[str]:
+    """Names of curves, those of approaches first, in the order in which approaches are preferred."""
+    return sorted(names, key=lambda name: CLASSES[name].preference if name in CLASSES else inf)
 
 
 def by_speed(
@@ -79,5 +101,5 @@ def by_speed(
 
 
 def _label(name: str, curve: Curve) -> str:
-    label = "Test" if name == TEST else LABELS[name]
+    label = "Test" if name == TEST else LABELS.get(name, name)
     return f"{label}{' (95 % band)' if curve.band else ''}{curve.remark}"

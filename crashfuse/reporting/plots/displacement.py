@@ -11,8 +11,8 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.displacement_domain.dynamics import replay
-from crashfuse.reporting.plots.canvas import add_line, new_figure
-from crashfuse.reporting.plots.curves import TEST, Curve, curve_line, draw_curves
+from crashfuse.reporting.plots.canvas import add_line, new_figure, room_for_names
+from crashfuse.reporting.plots.curves import TEST, Curve, curve_lines, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.energy import energy_crush
 from crashfuse.signals.loading import LoadingPhase, loading_phase
@@ -25,15 +25,20 @@ _MARK_S = 0.004  # between marks of the integrated motion
 
 
 def over_displacement(
-    measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float, display: Display = DEFAULT
+    measured: Pulse | None,
+    predictions: Mapping[str, Prediction],
+    speed_mps: float,
+    display: Display = DEFAULT,
+    *,
+    filled: str | None = None,
 ) -> go.Figure:
     """Draw acceleration over displacement: the test, the CAE model, and every correction with its 95 % band (Fig. 7).
 
     The band at a displacement covers the draws that reach it; it ends where half of them have stopped. The mark at a
-    curve's end is the maximum dynamic crush, with its 95 % interval. Measured pulse and predictions are as in
-    :func:`crashfuse.reporting.plots.pulses.overlay`.
+    curve's end is the maximum dynamic crush, with its 95 % interval. Measured pulse, predictions and the filled band
+    are as in :func:`crashfuse.reporting.plots.pulses.overlay`.
     """
-    figure = displacement_figure(height=460)
+    figure = displacement_figure(height=460 + room_for_names(predictions))
     scale = display.accel_scale
     phases = _loading_phases(measured, predictions, speed_mps)
     curves: dict[str, Curve] = {}
@@ -41,15 +46,16 @@ def over_displacement(
     for name, phase in phases.items():
         band = None
         if name != TEST and (all_draws := predictions[name].draws_mps2) is not None:
-            draws = [loading_phase(draw, speed_mps) for draw in all_draws]
+            draws = [loading_phase(draw, predictions[name].condition.speed_mps) for draw in all_draws]
             crush[name] = np.quantile([draw.crush_m for draw in draws], [0.025, 0.975]) / _MM
             at_m, lower, upper = _band_of(draws)
             band = at_m / _MM, lower * scale, upper * scale
         curves[name] = Curve(phase.displacement_m / _MM, phase.accel_mps2 * scale, band)
-    draw_curves(figure, curves)
+    draw_curves(figure, curves, filled=filled)
+    lines = curve_lines(curves)
     for name, curve in curves.items():
         if np.isfinite(phases[name].t0_s):
-            _mark_crush(figure, name, curve, crush.get(name))
+            _mark_crush(figure, name, curve, lines[name]["color"], crush.get(name))
     figure.update_yaxes(title=display.accel_title)
     return fit_axis(figure)
 
@@ -69,9 +75,10 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
         for name, phase in phases.items()
     }
     draw_curves(figure, travelled, hovertemplate="%{y:.1f} mm")
+    lines = curve_lines(phases)
     for name, phase in phases.items():
         marks = np.searchsorted(phase.time_s, np.arange(0.0, phase.end_s, _MARK_S))
-        symbol = {"color": curve_line(name)["color"], "symbol": "circle-open", "size": 8, "line": {"width": 1.5}}
+        symbol = {"color": lines[name]["color"], "symbol": "circle-open", "size": 8, "line": {"width": 1.5}}
         add_line(
             figure, phase.time_s[marks] / MS, again[name][marks] / _MM, mode="markers", marker=symbol,
             name="Eq. 29", legendgroup=name, showlegend=False, hoverinfo="skip",
@@ -88,21 +95,32 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
 
 
 def energy_over_crush(
-    measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float, mass_kg: float
+    measured: Pulse | None,
+    predictions: Mapping[str, Prediction],
+    speed_mps: float,
+    mass_kg: float,
+    *,
+    filled: str | None = None,
 ) -> go.Figure:
-    """Draw the energy absorbed by the vehicle over its crush: the test, the CAE model, every correction."""
-    figure = displacement_figure(height=460)
-    scale = mass_kg / _KJ
-    pulses = {name: (prediction.accel_mps2, prediction.draws_mps2) for name, prediction in predictions.items()}
+    """Draw the energy absorbed by the vehicle over its crush: the test, the CAE model, every correction.
+
+    Speed and mass are those of the test; measured pulse, predictions and the filled band are as in
+    :func:`crashfuse.reporting.plots.pulses.overlay`.
+    """
+    figure = displacement_figure(height=460 + room_for_names(predictions))
+    pulses = {
+        name: (energy_crush(own.accel_mps2, own.condition.speed_mps, draws_mps2=own.draws_mps2), own.condition.mass_kg)
+        for name, own in predictions.items()
+    }
     if measured is not None:
-        pulses[TEST] = measured.accel_mps2, None
+        pulses[TEST] = energy_crush(measured.accel_mps2, speed_mps), mass_kg
     curves = {}
-    for name, (accel, draws) in pulses.items():
-        found, band = energy_crush(accel, speed_mps, draws_mps2=draws), None
+    for name, (found, own_mass_kg) in pulses.items():
+        band, scale = None, own_mass_kg / _KJ
         if found.lower_jpkg is not None and found.upper_jpkg is not None:
             band = found.crush_m / _MM, found.lower_jpkg * scale, found.upper_jpkg * scale
         curves[name] = Curve(found.crush_m / _MM, found.energy_jpkg * scale, band)
-    draw_curves(figure, curves)
+    draw_curves(figure, curves, filled=filled)
     figure.update_yaxes(title="Absorbed energy (kJ)", rangemode="tozero")
     return fit_axis(figure)
 
@@ -125,13 +143,13 @@ def _loading_phases(
     measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float
 ) -> dict[str, LoadingPhase]:
     """Each crash up to zero velocity, the test last, so that it is drawn on top."""
-    pulses = {name: prediction.accel_mps2 for name, prediction in predictions.items()}
+    pulses = {name: (own.accel_mps2, own.condition.speed_mps) for name, own in predictions.items()}
     if measured is not None:
-        pulses[TEST] = measured.accel_mps2
-    return {name: loading_phase(accel, speed_mps) for name, accel in pulses.items()}
+        pulses[TEST] = measured.accel_mps2, speed_mps
+    return {name: loading_phase(*pulse) for name, pulse in pulses.items()}
 
 
-def _mark_crush(figure: go.Figure, name: str, curve: Curve, interval_mm: FloatArray | None) -> None:
+def _mark_crush(figure: go.Figure, name: str, curve: Curve, colour: str, interval_mm: FloatArray | None) -> None:
     """Mark the end of a curve, its maximum crush, with its interval."""
     end, error, told = curve.x[-1], None, ""
     if interval_mm is not None:
@@ -139,7 +157,7 @@ def _mark_crush(figure: go.Figure, name: str, curve: Curve, interval_mm: FloatAr
         error, told = {"array": [high - end], "arrayminus": [end - low]}, f" [{low:.0f}, {high:.0f}]"
     add_line(
         figure, curve.x[-1:], curve.y[-1:], mode="markers", error_x=error,
-        marker={"color": curve_line(name)["color"], "size": 8}, name=f"Maximum crush {end:.0f} mm{told}",
+        marker={"color": colour, "size": 8}, name=f"Maximum crush {end:.0f} mm{told}",
         legendgroup=name, showlegend=False, hovertemplate=" ",
     )  # fmt: skip
 

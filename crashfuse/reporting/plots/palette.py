@@ -1,6 +1,7 @@
 """Colours of approaches, grades and tests by speed, and their counterparts on a dark page."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from plotly.colors import sample_colorscale
@@ -18,6 +19,11 @@ COLOURS: Mapping[str, str] = {name: approach.colour for name, approach in CLASSE
 
 DASHES: Mapping[str, str] = {name: approach.dash for name, approach in CLASSES.items()}
 """Of each approach's curves: what has not seen a test is not drawn solid."""
+
+FURTHER_COLOURS = ("#9B6BCE", "#A87F09", "#06999A", "#679725", "#CC5A82", "#A0705A")
+"""Of further tests, CAE runs and predictions in a figure: of one lightness, which reads on white and in the dark."""
+
+_FURTHER_DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 
 GRADE_COLOURS: Mapping[str, str] = {"Poor": "#F4B183", "Fair": "#FBE3D0", "Good": "#CFE3F2", "Excellent": "#7FB6DC"}
 """Colour behind each grade word of ISO/TS 18571; black text reads on all of them."""
@@ -50,6 +56,12 @@ IN_THE_DARK: Mapping[str, str] = {
     **dict(zip(_SLOW_TO_FAST, _SLOW_TO_FAST_IN_THE_DARK, strict=True)),
 }
 """Counterparts on a dark page; colours that are not listed can be read on both."""
+
+
+def further_line(number: int) -> dict[str, Any]:
+    """Line of a further curve, counted from 0: thinner than an approach's; thirty differ in colour or dash."""
+    colour, dash = number % len(FURTHER_COLOURS), number // len(FURTHER_COLOURS) % len(_FURTHER_DASHES)
+    return {"color": FURTHER_COLOURS[colour], "width": 1.6, "dash": _FURTHER_DASHES[dash]}
 
 
 def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:

@@ -7,7 +7,14 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import CaeLibrary, CrashTest
-from crashfuse.reporting.plots.canvas import add_band, add_line, height_under_names, new_figure, shade_window
+from crashfuse.reporting.plots.canvas import (
+    add_band,
+    add_line,
+    height_under_names,
+    new_figure,
+    room_for_names,
+    shade_window,
+)
 from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR
@@ -21,7 +28,13 @@ _MM = 1e-3
 _MAX_RUNS = 2000  # more runs do not change the quantiles visibly
 
 
-def overlay(measured: Pulse | None, predictions: Mapping[str, Prediction], display: Display = DEFAULT) -> go.Figure:
+def overlay(
+    measured: Pulse | None,
+    predictions: Mapping[str, Prediction],
+    display: Display = DEFAULT,
+    *,
+    filled: str | None = None,
+) -> go.Figure:
     """Overlay the measured pulse and every approach's prediction with its 95 % band.
 
     Parameters
@@ -29,10 +42,13 @@ def overlay(measured: Pulse | None, predictions: Mapping[str, Prediction], displ
     measured : Pulse or None
         The test's pulse on the study grid, black; None where nothing was measured.
     predictions : mapping of str to Prediction
-        By approach name.
+        By approach name; or, under any other name, a further pulse: another test, a CAE run, a prediction at another
+        condition.
+    filled : str, optional
+        Whose band is filled, by default that of the preferred approach; of the others the edges are drawn.
     """
-    figure = new_figure(height=460)
-    draw_curves(figure, _accelerations(measured, predictions, display))
+    figure = new_figure(height=460 + room_for_names(predictions))
+    draw_curves(figure, _accelerations(measured, predictions, display), filled=filled)
     figure.update_yaxes(title=display.accel_title)
     if measured is not None:
         shade_window(figure, display.window_ms)
@@ -40,17 +56,22 @@ def overlay(measured: Pulse | None, predictions: Mapping[str, Prediction], displ
 
 
 def motion(
-    measured: Pulse | None, predictions: Mapping[str, Prediction], speed_mps: float, display: Display = DEFAULT
+    measured: Pulse | None,
+    predictions: Mapping[str, Prediction],
+    speed_mps: float,
+    display: Display = DEFAULT,
+    *,
+    filled: str | None = None,
 ) -> go.Figure:
     """Stack acceleration, velocity and displacement over one time axis, with one cursor through all three.
 
-    Arguments as for :func:`overlay`; both integrals start from the impact speed.
+    Arguments as for :func:`overlay`; both integrals start from the impact speed, each further pulse's from its own.
     """
-    figure = new_figure(height=820)
-    draw_curves(figure, _accelerations(measured, predictions, display))
+    figure = new_figure(height=820 + room_for_names(predictions))
+    draw_curves(figure, _accelerations(measured, predictions, display), filled=filled)
     velocities, displacements = _integrals(measured, predictions, speed_mps, display)
-    draw_curves(figure, velocities, yaxis="y2", showlegend=False)
-    draw_curves(figure, displacements, yaxis="y3", showlegend=False)
+    draw_curves(figure, velocities, yaxis="y2", filled=filled, showlegend=False)
+    draw_curves(figure, displacements, yaxis="y3", filled=filled, showlegend=False)
     _join_hover(figure, display)
     look = figure.layout.yaxis.to_plotly_json()
     figure.update_layout(
@@ -65,13 +86,15 @@ def motion(
     return figure
 
 
-def residuals(measured: Pulse, predictions: Mapping[str, Prediction], display: Display = DEFAULT) -> go.Figure:
+def residuals(
+    measured: Pulse, predictions: Mapping[str, Prediction], display: Display = DEFAULT, *, filled: str | None = None
+) -> go.Figure:
     """Draw prediction minus test, with its 95 % band: where the band excludes zero, the test is outside the band.
 
     Arguments as for :func:`overlay`; the root mean square in the legend is over the rated window.
     """
-    figure = new_figure(height=460)
-    draw_curves(figure, _accelerations(None, predictions, display, minus=measured))
+    figure = new_figure(height=460 + room_for_names(predictions))
+    draw_curves(figure, _accelerations(None, predictions, display, minus=measured), filled=filled)
     figure.add_hline(y=0, line={"color": CURSOR, "width": 1})
     figure.update_yaxes(title=f"Prediction − test ({display.unit})")
     shade_window(figure, display.window_ms)
@@ -159,10 +182,11 @@ def _integrals(
     velocities, displacements = {}, {}
     for name, prediction in predictions.items():
         v_band = s_band = None
+        speed = prediction.condition.speed_mps
         if prediction.draws_mps2 is not None:
-            draws = kinematics(prediction.draws_mps2, speed_mps, DT_S)
+            draws = kinematics(prediction.draws_mps2, speed, DT_S)
             v_band, s_band = _central(display.speeds(draws.velocity_mps)), _central(draws.displacement_m / _MM)
-        own = kinematics(prediction.accel_mps2, speed_mps, DT_S)
+        own = kinematics(prediction.accel_mps2, speed, DT_S)
         velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
         displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
     if measured is not None:

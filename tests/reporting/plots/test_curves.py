@@ -28,6 +28,33 @@ def test_bands_are_drawn_before_all_lines_and_the_test_last() -> None:
     assert test.legendrank < cae.legendrank < fused.legendrank
 
 
+def test_one_band_is_filled_and_the_others_are_two_edges() -> None:
+    """That of the preferred approach unless another is asked for; an edge is no polygon: nothing joins its ends."""
+    curves = {name: Curve(X, X, (X, X - 1, X + 1)) for name in ("displacement_domain", "fused", "T08 · 35.1 mph")}
+    for asked, filled in ((None, "fused"), ("T08 · 35.1 mph",) * 2, ("cae", "fused")):
+        figure = new_figure(300)
+        draw_curves(figure, curves, filled=asked)
+        bands = {trace.legendgroup: trace for trace in figure.data[:3]}
+        assert [name for name, band in bands.items() if band.fill] == [filled]
+        assert bands[filled].line.width == 0
+        (edges, _) = [band for name, band in bands.items() if name != filled]
+        np.testing.assert_array_equal(edges.x, [0, 1, np.nan, 0, 1])
+        np.testing.assert_array_equal(edges.y, [-1, 0, np.nan, 1, 2])
+        assert edges.line.width == 1
+
+
+def test_whatever_is_put_beside_has_its_own_name_and_line_and_stands_last_in_the_legend() -> None:
+    """The approaches keep their looks whether or not something stands beside them."""
+    figure = new_figure(300)
+    draw_curves(figure, {"T08 · 35.1 mph": Curve(X, X), "cae": Curve(X, X), "Run C7": Curve(X, X), TEST: Curve(X, X)})
+    eighth, cae, run, test = figure.data
+    assert (eighth.name, run.name) == ("T08 · 35.1 mph", "Run C7")
+    assert test.legendrank < cae.legendrank < eighth.legendrank < run.legendrank
+    assert cae.line.color == COLOURS["cae"]
+    assert len({cae.line.color, eighth.line.color, run.line.color}) == 3
+    assert eighth.line.width < cae.line.width
+
+
 def test_a_band_of_many_points_keeps_both_ends_and_a_few_between() -> None:
     """1,250 samples become some 300, with the first and the last among them."""
     figure = new_figure(300)

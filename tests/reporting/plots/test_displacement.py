@@ -240,3 +240,18 @@ def test_energy_over_crush_is_in_kilojoules_up_to_all_of_it(
     for name in ("CAE", "Test", "Displacement domain (95 % band)"):
         assert trace(figure, name).y[-1] == pytest.approx(mass * speed**2 / 2000, rel=1e-3)
     assert figure.layout.yaxis.title.text == "Absorbed energy (kJ)"
+
+
+def test_a_further_pulse_absorbs_the_energy_of_its_own_crash(
+    campaign: Campaign, test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """½ m v0² of a faster, heavier crash, up to its own maximum crush."""
+    other = campaign.test("T4")
+    beside = {"T4": Prediction(other.condition, other.pulse.accel_mps2)}
+    speed, mass = test.condition.speed_mps, test.condition.mass_kg
+    figure = plots.energy_over_crush(test.pulse, {**predictions, **beside}, speed, mass)
+    energy = other.condition.mass_kg * other.condition.speed_mps**2 / 2000
+    assert trace(figure, "T4").y[-1] == pytest.approx(energy, rel=1e-3)
+    crush = other.pulse.kinematics(other.condition.speed_mps).displacement_m.max()
+    over = plots.over_displacement(test.pulse, {**predictions, **beside}, speed)
+    assert trace(over, "T4").x[-1] == pytest.approx(1000 * crush, rel=1e-3)

@@ -127,8 +127,17 @@ def test_the_test_is_near_white_in_the_dark_and_bands_stay_sheer(campaign: Campa
     dark = darkened(figures[0])
     (test,) = [trace for trace in dark.data if trace.name == "Test"]
     assert luminance(test.line.color) > 0.9
-    (band,) = [trace for trace in dark.data if trace.fill and trace.legendgroup == "displacement_domain"]
-    assert band.fillcolor == "rgba(213, 94, 0, 0.25)"
+    (band,) = [trace for trace in dark.data if trace.fill]
+    assert band.legendgroup == "fused"
+    assert band.fillcolor == "rgba(0, 158, 115, 0.25)"
+
+
+def test_thirty_further_curves_read_on_both_pages_and_no_two_look_alike() -> None:
+    """Other tests, CAE runs and pinned predictions: told apart by colour, then by dash, and from every approach."""
+    lines = [palette.further_line(number) for number in range(30)]
+    assert len({(line["color"], line["dash"]) for line in lines}) == 30
+    assert len({line["color"] for line in lines[:6]} - set(palette.COLOURS.values())) == 6
+    assert min(contrast(line["color"], ground) for line in lines for ground in (LIGHT, DARK)) >= LINE
 
 
 def test_a_heat_map_of_grades_keeps_its_ground_and_its_black_text() -> None:

@@ -109,6 +109,17 @@ def test_velocity_and_displacement_are_those_of_the_closed_form(
     np.testing.assert_allclose(trace(figure, "Test", 3).y, moved * 1000, atol=0.5)
 
 
+def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions: dict[str, Prediction]) -> None:
+    """A test at 35 mph beside one at 25: its velocity begins at 35 mph, its displacement ends where its own does."""
+    test, other = campaign.test("T2"), campaign.test("T4")
+    beside = {"T4 · 35 mph": Prediction(other.condition, other.pulse.accel_mps2)}
+    figure = plots.motion(test.pulse, {**predictions, **beside}, test.condition.speed_mps)
+    assert trace(figure, "T4 · 35 mph", 2).y[0] == pytest.approx(other.condition.speed_mps / KPH)
+    own = other.pulse.kinematics(other.condition.speed_mps)
+    assert trace(figure, "T4 · 35 mph", 3).y[-1] == pytest.approx(own.displacement_m[-1] * 1000)
+    assert trace(figure, "CAE", 2).y[0] == pytest.approx(test.condition.speed_mps / KPH)
+
+
 def test_the_three_rows_share_one_time_axis(test: CrashTest, predictions: dict[str, Prediction]) -> None:
     """One x axis object: only then does one cursor run through all of them."""
     figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
