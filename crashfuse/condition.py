@@ -1,9 +1,14 @@
 """The condition of a crash: impact speed, axle weights, and any further factors."""
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Self
+from urllib.parse import quote, unquote
 
 import numpy as np
 
+from crashfuse.errors import UsageError, printable
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, LB, MPH
 from crashfuse.wording import UnitSystem, speed, weight
@@ -43,8 +48,49 @@ class Condition:
         v0, front, rear = speed(self.speed_mps), weight(self.front_weight_kg), weight(self.rear_weight_kg)
         return f"{v0.in_units(system)}, front {front.in_units(system)}, rear {rear.in_units(system)}"
 
+    @property
+    def text(self) -> str:
+        """The condition on one short line that :meth:`parse` reads, for links and records: ``35mph 900kg 800kg``.
+
+        Each quantity is in the unit that takes fewest characters; factors follow as ``name=value``.
+        """
+        parts = [_shortest(self.speed_mps, _SPEEDS), *(_shortest(kg, _WEIGHTS) for kg in self.vector.tolist()[1:])]
+        return " ".join([*parts, *(f"{quote(name, safe='')}={quote(value, safe='')}" for name, value in self.factors)])
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read a condition from its :attr:`text`, to nine digits.
+
+        Raises
+        ------
+        UsageError
+            If it is none.
+        """
+        parts = text.split()
+        quantities = [_quantity(part, units) for part, units in zip(parts, (_SPEEDS, _WEIGHTS, _WEIGHTS), strict=False)]
+        pairs = [part.partition("=") for part in parts[3:]]
+        if len(quantities) < 3 or not all(quantities) or not all(name and found for name, found, _ in pairs):
+            found = printable(text, 60)
+            raise UsageError(f"A condition is a speed and two weights, such as 35mph 2100lb 1500lb, not {found!r}.")
+        return cls(*quantities, tuple((unquote(name), unquote(value)) for name, _, value in pairs))
+
     def __str__(self) -> str:
         return (
             f"{self.speed_mps / MPH:.1f} mph ({self.speed_mps / KPH:.1f} km/h), "
             f"front {self.front_weight_kg / LB:.0f} lb, rear {self.rear_weight_kg / LB:.0f} lb"
         )
+
+
+_SPEEDS = {"mph": MPH, "kph": KPH, "mps": 1.0}
+_WEIGHTS = {"lb": LB, "kg": 1.0}
+_QUANTITY = re.compile(r"(?P<number>\d{1,12}(\.\d{1,12})?)(?P<unit>[a-z]+)")
+
+
+def _shortest(value: float, units: Mapping[str, float]) -> str:
+    return min((f"{value / size:.9g}{unit}" for unit, size in units.items()), key=len)
+
+
+def _quantity(text: str, units: Mapping[str, float]) -> float:
+    """A value in SI; 0 if it is none."""
+    found = _QUANTITY.fullmatch(text)
+    return float(found["number"]) * units.get(found["unit"], 0.0) if found else 0.0

@@ -4,7 +4,6 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -65,11 +64,8 @@ def read_record(folder: Path) -> StudyRecord:
         raise UsageError(f"There is no study to resume in {folder}: it has no study.json. Leave out --resume.")
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-        settings: dict[str, Any] = {
-            name: tuple(value) if isinstance(value, list) else value for name, value in values["config"].items()
-        }
-        return StudyRecord(values["fingerprint"], tuple(values["held_out"]), StudyConfig(**settings))
-    except (ValueError, KeyError, TypeError) as error:
+        return StudyRecord(values["fingerprint"], tuple(values["held_out"]), StudyConfig.parse(values["config"]))
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         advice = "start the study again without --resume"
         raise DataError(Problem(str(path), "the record of a study", f"{error!r}", advice)) from error
 

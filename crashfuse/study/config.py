@@ -1,11 +1,12 @@
 """Configuration of a study: approaches, preset, seed, windows, and which tests are left out together."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, cast
+from typing import Any, Literal, Self, cast, get_args
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.registry import APPROACHES, create
-from crashfuse.approaches.settings import Device, Preset, Settings
+from crashfuse.approaches.settings import DEVICES, PRESETS, Device, Preset, Settings
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 
@@ -35,6 +36,25 @@ class StudyConfig:
     windows_ms: tuple[float, ...] = WINDOWS_MS
     leave_out: LeaveOut = "test"
     device: Device = "auto"
+
+    @classmethod
+    def parse(cls, values: Mapping[str, Any]) -> Self:
+        """The configuration that :func:`dataclasses.asdict` and JSON have made plain values of.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If they are none.
+        """
+        config = cls(**{name: tuple(own) if isinstance(own, list) else own for name, own in values.items()})
+        words = (config.preset, PRESETS), (config.leave_out, get_args(LeaveOut)), (config.device, DEVICES)
+        if (
+            any(word not in known for word, known in words)
+            or not all(isinstance(name, str) for name in config.approaches)
+            or not all(isinstance(number, int | float) for number in (config.seed, *config.windows_ms))
+        ):
+            raise ValueError("no configuration of a study")
+        return config
 
     def left_out(self, campaign: Campaign, test_id: str) -> tuple[str, ...]:
         """The tests that may not be learned from to predict this one, itself among them."""

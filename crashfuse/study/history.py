@@ -1,0 +1,210 @@
+"""What was computed on this machine: a small record of every study and prediction, kept beside the cache.
+
+A record holds ratings and settings, no pulses: enough to list results, to compare two studies, and to ask for one
+again. Each is a file of its own, written whole or not at all, so that processes need no lock.
+"""
+
+import hashlib
+import json
+import logging
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from math import isfinite
+from pathlib import Path
+from typing import Any, Self
+
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.execution.cache import default_folder
+from crashfuse.files.atomic import write_atomically
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.recommendation import recommend, recommend_for
+from crashfuse.study.study import Study
+
+Ratings = Mapping[str, Mapping[str, Mapping[float, float]]]
+"""Overall ratings by held-out test, approach and window in ms."""
+
+log = logging.getLogger(__name__)
+
+MOST = 300
+"""Records that are kept; the oldest make room."""
+
+_LARGEST = 1_000_000  # bytes of a record; one of 40 tests has 40,000
+_DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00")
+
+
+@dataclass(frozen=True)
+class PastResult:
+    """A study, or a prediction at a condition, that was computed before.
+
+    Attributes
+    ----------
+    campaign, fingerprint : str
+        Name of the campaign and SHA-256 of its content.
+    basis : str
+        What its ratings rest on.
+    approach : str
+        The recommended one.
+    date : str
+        When it was computed, UTC.
+    ratings, speed_groups : mapping
+        Of a study: by each test left out alone (or, if only that was asked for, with its speed group), and with whole
+        speed groups left out if both were asked for.
+    condition : Condition, optional
+        Of a prediction.
+    expected : float, optional
+        Rating that is to be expected of a prediction.
+    """
+
+    campaign: str
+    fingerprint: str
+    config: StudyConfig
+    basis: str
+    approach: str
+    date: str
+    ratings: Ratings = field(default_factory=dict)
+    speed_groups: Ratings = field(default_factory=dict)
+    condition: Condition | None = None
+    expected: float | None = None
+
+    @classmethod
+    def of_study(cls, study: Study) -> Self:
+        """The record of a finished study."""
+        campaign, groups = study.campaign, study.speed_groups
+        return cls(
+            campaign.name, campaign.fingerprint, study.config, campaign.rating_basis, recommend(study).approach, _now(),
+            _overall(study), {} if groups is None else _overall(groups),
+        )  # fmt: skip
+
+    @classmethod
+    def of_prediction(cls, campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig) -> Self:
+        """The record of a prediction by several approaches at one condition."""
+        condition = estimates[0].prediction.condition
+        advice = recommend_for(estimates, campaign, condition)
+        expected = None if advice.expected is None else advice.expected.mean
+        return cls(
+            campaign.name, campaign.fingerprint, config, campaign.rating_basis, advice.approach, _now(),
+            condition=condition, expected=expected,
+        )  # fmt: skip
+
+    @property
+    def id(self) -> str:
+        """Twelve hexadecimal digits, equal for equal data, question and settings: a repetition replaces the record."""
+        asked = [self.fingerprint, asdict(self.config), sorted(self.ratings), self.condition and self.condition.text]
+        return hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:12]
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """The tests that were held out in turn; none of a prediction."""
+        return tuple(self.ratings)
+
+    @property
+    def by_way(self) -> dict[str, Ratings]:
+        """Ratings by the way in which tests were left out: ``test``, or ``speed group``."""
+        ways = self.config.split_configs
+        return {ways[0].leave_out: self.ratings, **({ways[-1].leave_out: self.speed_groups} if len(ways) > 1 else {})}
+
+    @property
+    def windows_ms(self) -> tuple[float, ...]:
+        """Windows over which it was rated."""
+        return tuple(sorted({w for own in self.ratings.values() for by_window in own.values() for w in by_window}))
+
+    def mean(self, approach: str, window_ms: float) -> float:
+        """Mean rating over the tests."""
+        values = [own[approach][window_ms] for own in self.ratings.values()]
+        return sum(values) / len(values)
+
+    def worst(self, approach: str, window_ms: float) -> tuple[str, float]:
+        """The test that was predicted worst, and its rating."""
+        overall = {test: own[approach][window_ms] for test, own in self.ratings.items()}
+        return min(overall.items(), key=lambda rated: rated[1])
+
+
+def keep(result: PastResult, folder: Path | None = None) -> None:
+    """Keep a record, by default among those of this machine; where nothing can be written, none is kept."""
+    folder = _home() if folder is None else folder
+    try:
+        write_atomically(folder / f"{result.id}.json", json.dumps(_values(result), ensure_ascii=False).encode())
+        found = [(path.stat().st_mtime, path) for path in folder.glob("*.json")]
+    except OSError as error:  # another process may also have removed one between two looks
+        log.warning("The list of results could not be kept in %s: %s", folder, error)
+        return
+    for _, path in sorted(found)[: max(len(found) - MOST, 0)]:
+        with suppress(OSError):
+            path.unlink()
+
+
+def past_results(folder: Path | None = None) -> list[PastResult]:
+    """All that was kept, the latest first; what is no record, or is damaged, is passed over."""
+    found = []
+    for path in (_home() if folder is None else folder).glob("*.json"):
+        try:
+            if path.stat().st_size <= _LARGEST:
+                found.append(parsed(json.loads(path.read_text(encoding="utf-8"))))
+        except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, UsageError) as error:
+            log.info("%s is no record of a result: %r", path.name, error)
+    return sorted(found, key=lambda result: result.date, reverse=True)[:MOST]
+
+
+def parsed(values: Mapping[str, Any]) -> PastResult:
+    """A record from plain JSON values.
+
+    Raises
+    ------
+    ValueError, TypeError, KeyError, AttributeError, UsageError
+        If they are none.
+    """
+    texts = [values[name] for name in ("campaign", "fingerprint", "basis", "approach", "date")]
+    if not all(isinstance(text, str) for text in texts) or not _DATE.fullmatch(values["date"]):
+        raise ValueError("no texts, or no date")
+    told = values["condition"]
+    condition = None if told is None else Condition.parse(told)
+    expected = None if values["expected"] is None else float(values["expected"])
+    campaign, fingerprint, basis, approach, date = texts
+    ratings, groups = _ratings(values["ratings"], approach), _ratings(values["speed_groups"], approach)
+    if not ratings and condition is None:
+        raise ValueError("neither a study nor a prediction")
+    config = StudyConfig.parse(values["config"])
+    return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, expected)
+
+
+def _ratings(values: Mapping[str, Any], approach: str) -> Ratings:
+    """Ratings by test, approach and window; of each test by the same approaches over the same windows."""
+    ratings = {
+        test: {name: {float(w): float(rated) for w, rated in own.items()} for name, own in by_approach.items()}
+        for test, by_approach in values.items()
+    }
+    kinds = {tuple((name, *own) for name, own in by_approach.items()) for by_approach in ratings.values()}
+    if len(kinds) > 1 or any(not own.get(approach) for own in ratings.values()):
+        raise ValueError("ratings that differ in their approaches or windows")
+    if not all(isfinite(r) for own in ratings.values() for by_window in own.values() for r in by_window.values()):
+        raise ValueError("a rating that is no number")
+    return ratings
+
+
+def _overall(study: Study) -> Ratings:
+    return {
+        fold.held_out: {
+            name: {window: round(rating.overall, 6) for window, rating in own.items()}
+            for name, own in fold.ratings.items()
+        }
+        for fold in study.folds
+    }
+
+
+def _values(result: PastResult) -> dict[str, object]:
+    """A record as plain JSON values."""
+    return {**asdict(result), "condition": result.condition and result.condition.text}
+
+
+def _home() -> Path:
+    return default_folder() / "history"
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
