@@ -48,6 +48,12 @@ class Condition:
         v0, front, rear = speed(self.speed_mps), weight(self.front_weight_kg), weight(self.rear_weight_kg)
         return f"{v0.in_units(system)}, front {front.in_units(system)}, rear {rear.in_units(system)}"
 
+    def __str__(self) -> str:
+        return (
+            f"{self.speed_mps / MPH:.1f} mph ({self.speed_mps / KPH:.1f} km/h), "
+            f"front {self.front_weight_kg / LB:.0f} lb, rear {self.rear_weight_kg / LB:.0f} lb"
+        )
+
     @property
     def text(self) -> str:
         """The condition on one short line that :meth:`parse` reads, for links and records: ``35mph 900kg 800kg``.
@@ -67,18 +73,15 @@ class Condition:
             If it is none.
         """
         parts = text.split()
-        quantities = [_quantity(part, units) for part, units in zip(parts, (_SPEEDS, _WEIGHTS, _WEIGHTS), strict=False)]
+        speed_mps, front_kg, rear_kg = (
+            _quantity(part, units)
+            for part, units in zip([*parts, "", "", ""], (_SPEEDS, _WEIGHTS, _WEIGHTS), strict=False)
+        )
         pairs = [part.partition("=") for part in parts[3:]]
-        if len(quantities) < 3 or not all(quantities) or not all(name and found for name, found, _ in pairs):
+        if not (speed_mps and front_kg and rear_kg) or not all(name and found for name, found, _ in pairs):
             found = printable(text, 60)
             raise UsageError(f"A condition is a speed and two weights, such as 35mph 2100lb 1500lb, not {found!r}.")
-        return cls(*quantities, tuple((unquote(name), unquote(value)) for name, _, value in pairs))
-
-    def __str__(self) -> str:
-        return (
-            f"{self.speed_mps / MPH:.1f} mph ({self.speed_mps / KPH:.1f} km/h), "
-            f"front {self.front_weight_kg / LB:.0f} lb, rear {self.rear_weight_kg / LB:.0f} lb"
-        )
+        return cls(speed_mps, front_kg, rear_kg, tuple((unquote(name), unquote(value)) for name, _, value in pairs))
 
 
 _SPEEDS = {"mph": MPH, "kph": KPH, "mps": 1.0}

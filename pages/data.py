@@ -8,6 +8,7 @@ from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, frame, page_tables
+from crashfuse.ui.beside import choose_tests, without_clicks
 from crashfuse.ui.figures import show_cached_figure, show_figure
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import running
@@ -54,8 +55,10 @@ def show_tests(view: frame.View) -> None:
         help="For this figure only: approaches are fitted and rated on the pulses as read.",
     )  # fmt: skip
     cfc = None if choice == AS_READ else float(choice.removeprefix("CFC "))
+    tests, further = choose_tests(view)
+    figure = plots.measured_pulses(tests, highlight=test.id, cfc=cfc, display=view.display, further=further)
     show_figure(
-        plots.measured_pulses(campaign.tests, highlight=test.id, cfc=cfc, display=view.display),
+        without_clicks(figure),
         alt="Pulses of all tests over time, coloured by speed",
     )
     reading = "as they are in the files"

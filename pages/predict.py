@@ -3,6 +3,7 @@
 from crashfuse.ui import explanations, frame
 from crashfuse.ui.computation import FitRequest, chosen_config
 from crashfuse.ui.panel import result_of
+from crashfuse.ui.pins import show_pins
 from crashfuse.ui.predict import files, metrics, pulses
 from crashfuse.ui.predict.answer import Answer
 from crashfuse.ui.predict.condition import choose_condition
@@ -32,4 +33,5 @@ fitted = result_of(
 answer = Answer.of(view, request, fitted, condition)
 warnings = campaign.cae.extrapolation(condition)
 explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
+show_pins(view, condition, answer.remember)
 show_tabs(TABS, answer, key="predict_tab")

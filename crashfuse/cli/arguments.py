@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
-from crashfuse.cli import certification, data, figures, imports, learning, models, outgoing, ratings, studies
+from crashfuse.cli import certification, data, figures, history, imports, learning, models, outgoing, ratings, studies
 from crashfuse.units import KPH, LB, MPH
 from crashfuse.version import __version__
 from crashfuse.wording import SYSTEMS
@@ -149,6 +149,9 @@ def parser() -> argparse.ArgumentParser:
     next_test.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
 
     figures.add_options(commands.add_parser("figures", help="write the figures of a report as SVG, PNG or slides"))
+    history.add_options(commands.add_parser("compare", help="say which of two studies rates better, and by how much"))
+    listing = commands.add_parser("studies", help="list the studies and predictions of this machine")
+    listing.set_defaults(run=history.studies)
     ratings.add_options(commands.add_parser("rate", help="rate pulses against each other by ISO/TS 18571"))
     return root
 

@@ -44,6 +44,7 @@ def predict(arguments: argparse.Namespace) -> None:
     from crashfuse.reporting.results import write_prediction
     from crashfuse.signals.metrics import MAIN_METRICS
     from crashfuse.study.estimate import estimates_at
+    from crashfuse.study.history import PastResult, keep
     from crashfuse.study.nearest import nearest_sentences
     from crashfuse.study.recommendation import recommend_for
 
@@ -56,6 +57,7 @@ def predict(arguments: argparse.Namespace) -> None:
     estimates = estimates_at(fits, condition)
     with replacing(arguments.out, "prediction"):
         metrics = write_prediction(campaign, estimates, fits[0].config, arguments.out, export, display)
+    keep(PastResult.of_prediction(campaign, estimates, fits[0].config))
     shown = metrics[metrics["metric"].isin(MAIN_METRICS)].drop(columns=["held_out", "basis"])
     print(shown.to_string(index=False, na_rep="", float_format="{:.4g}".format))
     advice = recommend_for(estimates, campaign, condition).sentences

@@ -125,6 +125,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     from crashfuse.reporting.result_tables import scores_table, studies_table
     from crashfuse.reporting.results import begin_study, write_study
     from crashfuse.study.account import worst_test
+    from crashfuse.study.history import PastResult, keep
     from crashfuse.study.recommendation import recommend
     from crashfuse.study.study import run_plan
 
@@ -136,6 +137,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     display = Display(system=SYSTEMS[arguments.units])
     with replacing(run.out, "study"), writing(run.out) as folder:
         write_study(study, folder, display)
+    keep(PastResult.of_study(study))
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
     _print_means(scores_table(study))
     if study.speed_groups is not None:

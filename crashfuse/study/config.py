@@ -46,7 +46,8 @@ class StudyConfig:
         ValueError, TypeError
             If they are none.
         """
-        config = cls(**{name: tuple(own) if isinstance(own, list) else own for name, own in values.items()})
+        given: dict[str, Any] = {name: tuple(own) if isinstance(own, list) else own for name, own in values.items()}
+        config = cls(**given)
         words = (config.preset, PRESETS), (config.leave_out, get_args(LeaveOut)), (config.device, DEVICES)
         if (
             any(word not in known for word, known in words)

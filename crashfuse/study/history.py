@@ -10,7 +10,7 @@ import logging
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from math import isfinite
 from pathlib import Path
@@ -126,28 +126,30 @@ class PastResult:
 
 
 def keep(result: PastResult, folder: Path | None = None) -> None:
-    """Keep a record, by default among those of this machine; where nothing can be written, none is kept."""
+    """Keep a record, by default among those of this machine; where nothing can be written, none is kept.
+
+    A result that is found again, in the cache say, keeps the date of its computation.
+    """
     folder = _home() if folder is None else folder
+    path = folder / f"{result.id}.json"
+    before = _read(path)
+    if before is not None and replace(before, date=result.date) == result:
+        return
     try:
-        write_atomically(folder / f"{result.id}.json", json.dumps(_values(result), ensure_ascii=False).encode())
+        write_atomically(path, json.dumps(_values(result), ensure_ascii=False).encode())
         found = [(path.stat().st_mtime, path) for path in folder.glob("*.json")]
     except OSError as error:  # another process may also have removed one between two looks
         log.warning("The list of results could not be kept in %s: %s", folder, error)
         return
-    for _, path in sorted(found)[: max(len(found) - MOST, 0)]:
+    for _, oldest in sorted(found)[: max(len(found) - MOST, 0)]:
         with suppress(OSError):
-            path.unlink()
+            oldest.unlink()
 
 
 def past_results(folder: Path | None = None) -> list[PastResult]:
     """All that was kept, the latest first; what is no record, or is damaged, is passed over."""
-    found = []
-    for path in (_home() if folder is None else folder).glob("*.json"):
-        try:
-            if path.stat().st_size <= _LARGEST:
-                found.append(parsed(json.loads(path.read_text(encoding="utf-8"))))
-        except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, UsageError) as error:
-            log.info("%s is no record of a result: %r", path.name, error)
+    read = [_read(path) for path in (_home() if folder is None else folder).glob("*.json")]
+    found = [result for result in read if result is not None]
     return sorted(found, key=lambda result: result.date, reverse=True)[:MOST]
 
 
@@ -171,6 +173,17 @@ def parsed(values: Mapping[str, Any]) -> PastResult:
         raise ValueError("neither a study nor a prediction")
     config = StudyConfig.parse(values["config"])
     return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, expected)
+
+
+def _read(path: Path) -> PastResult | None:
+    try:
+        if path.stat().st_size <= _LARGEST:
+            return parsed(json.loads(path.read_text(encoding="utf-8")))
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, UsageError) as error:
+        log.info("%s is no record of a result: %r", path.name, error)
+    return None
 
 
 def _ratings(values: Mapping[str, Any], approach: str) -> Ratings:

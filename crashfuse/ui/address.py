@@ -14,6 +14,7 @@ from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.certification.verdict import WORDS
+from crashfuse.reporting.plots.curves import TEST
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.wording import SYSTEMS
 
@@ -75,7 +76,7 @@ CHOICES: dict[str, Choice] = {
     "preset": Choice(str, "fast", ("fast", "paper")),
     "seed": Choice(int, 0),
     # how it is shown
-    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict")),
+    "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict", "history")),
     "system": Choice(options=tuple(SYSTEMS)),
     "unit": Choice(str, "g", ("g", "m/s²"), ("data", "compare", "study", "predict", "certify")),
     "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "compare", "predict")),
@@ -92,6 +93,11 @@ CHOICES: dict[str, Choice] = {
     "ways": Choice(pages=("study",)),
     "predict_tab": Choice(pages=("predict",)),
     "predicted": Choice(pages=("predict",)),
+    "curves": Choice(tuple, (TEST, *APPROACHES), (TEST, *APPROACHES), ("compare", "predict")),
+    "band": Choice(str, "recommended", ("recommended", *APPROACHES), ("compare", "predict")),
+    "only": Choice(tuple, (), pages=("data",)),
+    "also": Choice(tuple, (), pages=("data", "compare", "predict")),
+    "pins": Choice(tuple, (), pages=("data", "compare", "predict")),
     "speed_mph": Choice(float, pages=("predict",)),
     "front_weight_lb": Choice(float, pages=("predict",)),
     "rear_weight_lb": Choice(float, pages=("predict",)),
@@ -104,6 +110,10 @@ CHOICES: dict[str, Choice] = {
     "rear_weights": Choice(pages=("certify",)),
     "grid_…": Choice(tuple, pages=("certify",)),
     "verdicts": Choice(tuple, WORDS, WORDS, pages=("certify",)),
+    "first": Choice(pages=("history",)),
+    "second": Choice(pages=("history",)),
+    "compared_way": Choice(pages=("history",)),
+    "compared_approach": Choice(pages=("history",)),
     "cell": Choice(pages=("certify",)),
 }
 
@@ -154,10 +164,9 @@ def parameters(page: str) -> dict[str, list[str]]:
     shown = {}
     for key, choice in _of(page).items():
         value = state.get(key)
-        if value is not None and value not in (known.get(key), choice.default):
-            texts = choice.texts(value)
-            if choice.kind is not tuple or texts != list(choice.default or ()):  # type: ignore[arg-type]
-                shown[key] = texts
+        usual = choice.kind is tuple and value is not None and list(value) == list(choice.default or ())  # type: ignore[arg-type]
+        if not usual and value is not None and value not in (known.get(key), choice.default):
+            shown[key] = choice.texts(value)
     return shown
 
 

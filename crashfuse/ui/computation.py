@@ -20,6 +20,7 @@ from crashfuse.execution.progress import Watch
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
 from crashfuse.study.fold import Fold
+from crashfuse.study.history import PastResult, keep
 from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Study, fold_key, run_study
 from crashfuse.study.sweep import Sweep, sweep_speed, usual_speeds
@@ -128,7 +129,9 @@ class StudyRequest(Request[Study]):
         return f"{self.campaign.name}: predict {tests} from the others"
 
     def work(self, watch: Watch) -> Study:  # noqa: D102
-        return run_study(self.campaign, self.config, held_out=self.held_out, watch=watch, folds=_folds())
+        study = run_study(self.campaign, self.config, held_out=self.held_out, watch=watch, folds=_folds())
+        keep(PastResult.of_study(study))
+        return study
 
     def in_cache(self) -> bool:  # noqa: D102
         return all(self._is_known(way, test_id) for way in self.config.split_configs for test_id in self.held_out)
@@ -184,7 +187,7 @@ class FitRequest(Request[Fitted]):
         return all(is_cached(self.config.create(name, cache), self.campaign, cache) for name in self.config.approaches)
 
 
-@st.cache_resource(max_entries=8, show_spinner=False)
+@st.cache_resource(max_entries=12, show_spinner=False)
 def answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fit
     """Each approach's estimate at a condition, cached for a while because a page asks again at every click."""
     return _fitted.estimates(condition)

@@ -33,13 +33,19 @@ def _tools() -> dict[str, Any]:
     }
 
 
-def choose(label: str, options: Sequence[str], key: str, default: str | None = None) -> str:
+def choose(
+    label: str,
+    options: Sequence[str],
+    key: str,
+    default: str | None = None,
+    label_of: Callable[[str], str] = str,
+) -> str:
     """Let the user choose one of some figures or tasks, the first by default; the choice stands in the address."""
     default = default or options[0]
     address.default(key, default, options)
     choice: str = st.segmented_control(
         label, options, default=default, required=True, key=key, persist_state="session", label_visibility="collapsed",
-        on_change=address.publish,  # the page's own run would, but not a fragment's
+        format_func=label_of, on_change=address.publish,  # the page's own run would, but not a fragment's
     )  # fmt: skip
     return choice
 

@@ -13,6 +13,7 @@ _PAGES = {
     "study": ("Study", ":material/grid_on:"),
     "predict": ("Predict", ":material/trending_up:"),
     "certify": ("Certify", ":material/fact_check:"),
+    "history": ("History", ":material/history:"),
 }
 
 # drawn here: an icon from Streamlit's own font would make the browser fetch the tab's icon from the internet

@@ -41,7 +41,7 @@ def test_a_link_reproduces_the_view_on_a_cold_server(server: "Server", user: "Us
     user.open(server, page, **VIEW)
     user.wait(same)
     pages = [link.text.split()[-1] for link in user.all(LINK)]
-    assert pages == ["Data", "Train", "Compare", "Study", "Predict", "Certify"]
+    assert pages == ["Data", "Train", "Compare", "Study", "Predict", "Certify", "History"]
     user.browser.refresh()
     user.wait(same)
     other = {"data": "Compare"}.get(page, "Data")

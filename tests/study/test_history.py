@@ -63,8 +63,8 @@ def test_a_prediction_is_found_again_with_its_condition(campaign: Campaign, modu
     assert found.expected == past.expected
 
 
-def test_the_same_question_replaces_its_record_and_another_does_not(past: PastResult) -> None:
-    """The seed, the preset, the tests and the data make a question; the date does not."""
+def test_the_same_question_has_one_record_and_another_has_its_own(past: PastResult) -> None:
+    """The seed, the preset, the tests and the data make a question; an answer found again keeps its date."""
     for result in (
         past,
         replace(past, date="2030-01-01T00:00:00+00:00"),
@@ -74,7 +74,11 @@ def test_the_same_question_replaces_its_record_and_another_does_not(past: PastRe
     ):
         keep(result)
     assert len(past_results()) == 4
-    assert past_results()[0].date == "2030-01-01T00:00:00+00:00"
+    assert {result.date for result in past_results()} == {past.date}
+    better = replace(past, ratings={test: {**own, "cae": {40.0: 1.0, 60.0: 1.0}} for test, own in past.ratings.items()})
+    keep(replace(better, date="2030-01-01T00:00:00+00:00"))  # by another version of the program
+    assert len(past_results()) == 4
+    assert past_results()[0].mean("cae", 60.0) == 1.0
 
 
 def test_only_the_latest_are_kept(past: PastResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

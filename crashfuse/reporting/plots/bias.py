@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
 from crashfuse.campaign import CrashTest
 from crashfuse.reporting.plots.canvas import add_band, add_line, height_under_names
-from crashfuse.reporting.plots.curves import TEST_LINE, by_speed
+from crashfuse.reporting.plots.curves import TEST, by_speed, curve_line
 from crashfuse.reporting.plots.displacement import displacement_figure, fit_axis
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS
@@ -95,7 +95,7 @@ def bias_parts(
     if measured is not None:
         add_line(
             figure, measured.displacement_m / _MM, measured.bias_mps2 * scale, name="Measured in this test",
-            line=TEST_LINE, **places[0],
+            line=curve_line(TEST), **places[0],
         )  # fmt: skip
     figure.update_layout(margin={"t": 64}, legend={"y": 1.06})
     figure.update_xaxes(title=None, nticks=4)

@@ -101,8 +101,7 @@ def add_band(
     outline: list[FloatArray] = []
     for stretch in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
         forth, back = (np.array([x[stretch], end[stretch]]) for end in (lower, upper))
-        gap = np.full((2, 1), np.nan)
-        outline += [forth, back[:, ::-1], gap] if filled else [forth, gap, back, gap]
+        outline += [forth, back[:, ::-1], np.full((2, 1), np.nan)]
     across, up = np.hstack(outline[:-1])
     look: dict[str, Any] = {"line": {"width": 1, "color": colour}, "opacity": _EDGE_OPACITY}
     if filled:

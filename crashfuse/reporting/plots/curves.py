@@ -1,6 +1,6 @@
 """Curves common to figures over any axis: a test with its predictions, whatever is put beside, and tests by speed."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import Any
@@ -16,8 +16,6 @@ from crashfuse.signals.pulse import FloatArray
 
 TEST = "test"
 """Key of the measured curve among those of the approaches."""
-
-TEST_LINE: Mapping[str, Any] = {"color": MEASURED_COLOUR, "width": 2.5}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,19 +61,17 @@ def draw_curves(
         )  # fmt: skip
 
 
-def curve_lines(names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Colour, width and dash of the lines of some curves, as :func:`draw_curves` draws them."""
-    lines: dict[str, dict[str, Any]] = {}
-    further = 0
-    for name in names:
-        if name == TEST:
-            lines[name] = dict(TEST_LINE)
-        elif name in COLOURS:
-            lines[name] = {"color": COLOURS[name], "width": 2, "dash": DASHES[name]}
-        else:
-            lines[name] = further_line(further)
-            further += 1
-    return lines
+def curve_line(name: str) -> dict[str, Any]:
+    """Colour, width and dash of an approach's line, or of the :data:`TEST`'s."""
+    if name == TEST:
+        return {"color": MEASURED_COLOUR, "width": 2.5}
+    return {"color": COLOURS[name], "width": 2, "dash": DASHES[name]}
+
+
+def curve_lines(names: Collection[str]) -> dict[str, dict[str, Any]]:
+    """Lines of several curves by name, whatever is put beside approaches and test among them."""
+    further = [name for name in names if name != TEST and name not in COLOURS]
+    return {name: further_line(further.index(name)) if name in further else curve_line(name) for name in names}
 
 
 def by_preference(names: Iterable[str]) -> list[str]:

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from crashfuse.importing.settle import Settled
 from crashfuse.readers.record import ACCELERATION_UNITS, RecordedChannel
 from crashfuse.reporting.plots.canvas import add_line, new_figure
-from crashfuse.reporting.plots.curves import TEST_LINE
+from crashfuse.reporting.plots.curves import TEST, curve_line
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS
 from crashfuse.units import MS
@@ -45,7 +45,7 @@ def imported_pulse(
     pulse = settled.pulse
     inside = (pulse.time_s >= _FROM_S) & (pulse.time_s <= _TO_S)
     add_line(
-        figure, pulse.time_s[inside] / MS, pulse.accel_mps2[inside] * scale, line=TEST_LINE,
+        figure, pulse.time_s[inside] / MS, pulse.accel_mps2[inside] * scale, line=curve_line(TEST),
         name=settled.id,
     )  # fmt: skip
     figure.update_xaxes(range=[_FROM_S / MS, _TO_S / MS])

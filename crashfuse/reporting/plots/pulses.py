@@ -122,14 +122,20 @@ def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT
 
 
 def measured_pulses(
-    tests: Sequence[CrashTest], *, highlight: str | None = None, cfc: float | None = None, display: Display = DEFAULT
+    tests: Sequence[CrashTest],
+    *,
+    highlight: str | None = None,
+    cfc: float | None = None,
+    display: Display = DEFAULT,
+    further: Mapping[str, Prediction] | None = None,
 ) -> go.Figure:
     """Draw all tests, coloured by speed; the one with the id ``highlight`` is thick.
 
     If a channel filter class (SAE J211-1, at most 1000) is given, they are filtered, and the curves as read are drawn
-    thin behind them.
+    thin behind them. Further pulses, by their labels, are drawn over them as they are.
     """
-    figure = new_figure(height_under_names(len(tests)))
+    further = further or {}
+    figure = new_figure(height_under_names(len(tests) + len(further)))
     for test, style in by_speed(tests, highlight, display):
         time_ms, accel = test.pulse.time_s / MS, test.pulse.accel_mps2
         if cfc is not None:
@@ -138,6 +144,7 @@ def measured_pulses(
             add_line(figure, time_ms, accel * display.accel_scale, **as_read)
             accel = cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
         add_line(figure, time_ms, accel * display.accel_scale, **style)
+    draw_curves(figure, _accelerations(None, further, display))
     figure.update_yaxes(title=display.accel_title)
     shade_window(figure, display.window_ms)
     return figure

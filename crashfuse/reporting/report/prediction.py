@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -11,6 +12,7 @@ from crashfuse.reporting.plots.sweep import sweep_figure
 from crashfuse.reporting.provenance import next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import bias, details
+from crashfuse.reporting.side_by_side import side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -30,26 +32,52 @@ NEXT_TEST_MEANING = (
 
 
 def prediction_report(
-    campaign: Campaign, estimates: Sequence[Estimate], config: StudyConfig, display: Display = DEFAULT
+    campaign: Campaign,
+    estimates: Sequence[Estimate],
+    config: StudyConfig,
+    display: Display = DEFAULT,
+    pinned: Sequence[Sequence[Estimate]] = (),
 ) -> str:
-    """HTML report of a prediction, from one estimate per approach at one condition."""
+    """HTML report of a prediction, from one estimate per approach at one condition.
+
+    ``pinned`` are estimates by the same approaches at further conditions, which the report shows beside it.
+    """
     condition = estimates[0].prediction.condition
     predictions = {estimate.approach: estimate.prediction for estimate in estimates}
+    advice = recommend_for(estimates, campaign, condition)
+    further = [other[0].prediction.condition for other in pinned]
     return render(
         "prediction",
         f"prediction at {display.condition(condition)}",
         campaign,
         config,
-        prediction_command(condition, config, display.system),
+        "; ".join(prediction_command(each, config, display.system) for each in (condition, *further)),
         display,
         condition=condition,
-        verdict=recommend_for(estimates, campaign, condition).sentences,
+        verdict=advice.sentences,
         nearest=nearest_sentences(campaign, condition),
         motion=motion(None, predictions, condition.speed_mps, display),
         over_displacement=over_displacement(None, predictions, condition.speed_mps, display),
+        beside=pinned and _beside(campaign, [estimates, *pinned], advice.approach, display),
         about=details(campaign, estimates, display),
         bias=bias(campaign, display),
     )
+
+
+def _beside(
+    campaign: Campaign, answers: Sequence[Sequence[Estimate]], approach: str, display: Display
+) -> dict[str, object]:
+    """One approach's predictions at several conditions: pulses, main metrics and their differences from the first."""
+    chosen = [next(each for each in estimates if each.approach == approach) for estimates in answers]
+    named = [(display.condition(each.prediction.condition), each) for each in chosen]
+    return {
+        "approach": LABELS[approach],
+        "motion": motion(
+            None, {name: each.prediction for name, each in named}, named[0][1].prediction.condition.speed_mps, display,
+            filled=named[0][0],
+        ),
+        "metrics": side_by_side([(name, each.metrics) for name, each in named], campaign, display, MAIN_METRICS),
+    }  # fmt: skip
 
 
 def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, display: Display = DEFAULT) -> str:

@@ -4,11 +4,9 @@ import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
 
-from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.track_record import largest_share
 from crashfuse.certification.verdict import WORDS, Verdict
-from crashfuse.condition import Condition
 from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.certification_sentences import to_test
 from crashfuse.reporting.certification_tables import verdict_counts
@@ -18,8 +16,8 @@ from crashfuse.reporting.plots.palette import VERDICT_COLOURS
 from crashfuse.ui.figures import show_clickable
 from crashfuse.ui.look import fill
 from crashfuse.ui.navigation import open_page
+from crashfuse.ui.predict.condition import fill_in
 from crashfuse.ui.text import plain
-from crashfuse.units import LB, MPH
 
 _CELL = "cell"
 _MEANINGS = {
@@ -92,21 +90,8 @@ def _show_cell(certification: Certification) -> None:
         st.caption(f"{plain(verdict.condition)}; {plain(verdict.criterion.label)}, {plain(verdict.criterion.limits)}")
         button = "See the predicted pulse there"
         args = (certification.campaign, verdict.condition)
-        if st.button(button, icon=":material/arrow_forward:", on_click=_take_to_predict, args=args):
+        if st.button(button, icon=":material/arrow_forward:", on_click=fill_in, args=args):
             open_page("predict")
-
-
-def _take_to_predict(campaign: Campaign, condition: Condition) -> None:
-    """Fill in a condition on the page Predict."""
-    given = dict(condition.factors)
-    st.session_state.update(
-        {
-            "speed_mph": round(condition.speed_mps / MPH, 9),
-            "front_weight_lb": round(condition.front_weight_kg / LB, 9),
-            "rear_weight_lb": round(condition.rear_weight_kg / LB, 9),
-            **{f"factor_{name}": given.get(name) or None for name in campaign.factors},
-        }
-    )
 
 
 def _table(certification: Certification, display: Display) -> pd.DataFrame:

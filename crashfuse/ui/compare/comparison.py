@@ -10,6 +10,7 @@ from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
+from crashfuse.ui.beside import Shown, choose_curves
 from crashfuse.ui.computation import StudyRequest
 from crashfuse.ui.frame import View
 
@@ -67,6 +68,11 @@ class Comparison:
     def predictions(self) -> Mapping[str, Prediction]:
         """By approach."""
         return {estimate.approach: estimate.prediction for estimate in self.fold.estimates}
+
+    def choose_curves(self) -> Shown:
+        """Let the user choose the curves of a figure, and what is shown beside them."""
+        recommended = None if self.advice is None else self.advice.approach
+        return choose_curves(self.view, self.predictions, recommended, self.test.condition, self.test.id)
 
     @property
     def repeats(self) -> Mapping[float, Repeatability]:

@@ -16,6 +16,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.reporting.plots import bias
 from crashfuse.reporting.plots import displacement as plots
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.ui.beside import without_clicks
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.figures import choose, show_cached_figure, show_figure
 
@@ -27,43 +28,55 @@ _BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go fu
 
 def show(comparison: Comparison) -> None:
     """Show the held-out test, the CAE model and its correction over displacement, in the figure that the user picks."""
-    view, predictions = comparison.view, comparison.predictions
-    campaign, test, condition = view.campaign, view.held_out, view.held_out.condition
+    display, test, condition = comparison.view.display, comparison.test, comparison.test.condition
     choice = choose("Figure", [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK], key="over_displacement")
     if choice == _PARTS:
         _show_parts(comparison)
         return
+    if choice == _BIAS:
+        _show_bias(comparison)
+        return
+    curves = comparison.choose_curves()
+    measured = test.pulse if curves.test else None
+    pulses = measured, curves.predictions, condition.speed_mps
     if choice == _CURVES:
-        draw = partial(plots.over_displacement, test.pulse, predictions, condition.speed_mps, view.display)
+        draw = partial(plots.over_displacement, *pulses, display, filled=curves.filled)
         alt = f"Acceleration over displacement: test {test.id} and every prediction of it, up to maximum crush"
         caption = (
             "Up to maximum crush (the marks, with their 95 % interval). The area under each curve is the absorbed "
             "energy per unit mass, ½ v0², the same for all: a lower deceleration means more crush."
         )
     elif choice == _ENERGY:
-        draw = partial(plots.energy_over_crush, test.pulse, predictions, condition.speed_mps, condition.mass_kg)
+        draw = partial(plots.energy_over_crush, *pulses, condition.mass_kg, filled=curves.filled)
         alt = f"Absorbed energy over crush: test {test.id} and every prediction of it"
         caption = (
             "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force; a curve that ends further "
             "right needs more crush for the same energy."
         )
-    elif choice == _BIAS:
-        biases = _biases(campaign.fingerprint, campaign)
-        draw = partial(bias.bias_by_speed, campaign.tests, biases, highlight=test.id, display=view.display)
-        alt = "What the CAE model got wrong in each test, over displacement, coloured by speed"
-        caption = (
-            "What has to be added to the CAE model to get each test. The displacement domain is fitted to these; "
-            f"{test.id} is held out: drawn here, not used in the fit. The steep ends are at zero velocity."
-        )
     else:
-        draw = partial(plots.integration_check, test.pulse, predictions, condition.speed_mps)
+        draw = partial(plots.integration_check, *pulses)
         alt = "Displacement over time, integrated over time and recovered from a(s), and their difference"
         caption = (
             "Lines: each pulse integrated twice over time, up to zero velocity. Circles: the same motion recovered "
             "from acceleration over displacement (Eq. 29). Where they agree, the conversion is lossless."
         )
-    show_cached_figure(draw, alt, choice, comparison.key)
+    show_cached_figure(lambda: without_clicks(draw()), alt, choice, comparison.key, curves.key)
     st.caption(caption)
+
+
+def _show_bias(comparison: Comparison) -> None:
+    campaign, test, display = comparison.view.campaign, comparison.test, comparison.view.display
+    biases = _biases(campaign.fingerprint, campaign)
+    show_cached_figure(
+        lambda: bias.bias_by_speed(campaign.tests, biases, highlight=test.id, display=display),
+        "What the CAE model got wrong in each test, over displacement, coloured by speed",
+        _BIAS,
+        comparison.key,
+    )
+    st.caption(
+        "What has to be added to the CAE model to get each test. The displacement domain is fitted to these; "
+        f"{test.id} is held out: drawn here, not used in the fit. The steep ends are at zero velocity."
+    )
 
 
 def _show_parts(comparison: Comparison) -> None:

@@ -8,9 +8,11 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
+from crashfuse.study.history import PastResult, keep
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.ui.computation import FitRequest, Fitted, answers
 from crashfuse.ui.frame import View
+from crashfuse.ui.pins import pinned
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,16 @@ class Answer:
     def predictions(self) -> Mapping[str, Prediction]:
         """By approach."""
         return {estimate.approach: estimate.prediction for estimate in self.estimates}
+
+    @property
+    def pinned(self) -> list[list[Estimate]]:
+        """What the approaches predict at the pinned conditions, this one left out."""
+        others = [condition for text, condition in pinned().items() if text != self.condition.text]
+        return [answers(self.request.key, condition, self.fitted) for condition in others]
+
+    def remember(self) -> None:
+        """Keep a record of it among the results of this machine."""
+        keep(PastResult.of_prediction(self.campaign, self.estimates, self.config))
 
     @property
     def key(self) -> Hashable:

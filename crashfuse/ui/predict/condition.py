@@ -44,6 +44,19 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
     return condition
 
 
+def fill_in(campaign: Campaign, condition: Condition) -> None:
+    """Choose a condition on the page Predict; call it from a callback."""
+    given = dict(condition.factors)
+    st.session_state.update(
+        {
+            "speed_mph": round(condition.speed_mps / MPH, 9),
+            "front_weight_lb": round(condition.front_weight_kg / LB, 9),
+            "rear_weight_lb": round(condition.rear_weight_kg / LB, 9),
+            **{f"factor_{name}": given.get(name) or None for name in campaign.factors},
+        }
+    )
+
+
 def _field(
     column: DeltaGenerator,
     label: str,

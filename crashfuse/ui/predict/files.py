@@ -6,6 +6,7 @@ import streamlit as st
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.report import prediction_report
 from crashfuse.reporting.result_tables import metrics_table, pulses_table
+from crashfuse.reporting.side_by_side import conditions_table
 from crashfuse.ui.downloads import download_bytes, download_report, download_table
 from crashfuse.ui.occupant_model import offer_pulses
 from crashfuse.ui.predict.answer import Answer
@@ -15,6 +16,8 @@ def show(answer: Answer) -> None:
     """Offer the pulses, their metrics, the report, and pulses for others."""
     campaign, estimates, config = answer.campaign, answer.estimates, answer.config
 
+    pinned = answer.pinned
+
     def pulses() -> pd.DataFrame:
         return pulses_table(("", estimate) for estimate in estimates)
 
@@ -23,6 +26,8 @@ def show(answer: Answer) -> None:
         download_table(
             "metrics.csv", lambda: metrics_table((("", each.approach, each.metrics) for each in estimates), campaign)
         )
+        if pinned:
+            download_table("side_by_side.csv", lambda: conditions_table([estimates, *pinned]))
         download_bytes("pulses.parquet", lambda: parquet_bytes(pulses()))
-        download_report(lambda: prediction_report(campaign, estimates, config, answer.view.display))
+        download_report(lambda: prediction_report(campaign, estimates, config, answer.view.display, pinned))
     offer_pulses(campaign, estimates, answer.advice.approach, config.seed)

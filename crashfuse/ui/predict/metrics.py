@@ -3,16 +3,34 @@
 import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting.side_by_side import side_by_side
+from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study.nearest import nearest_sentences
 from crashfuse.ui import explanations
+from crashfuse.ui.beside import leading
+from crashfuse.ui.pins import short
 from crashfuse.ui.predict.answer import Answer
+from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 
 def show(answer: Answer) -> None:
     """Show metrics, notes and fits."""
     campaign, estimates = answer.campaign, answer.estimates
+    _show_pinned(answer)
     explanations.show_metrics([(LABELS[each.approach], each.metrics) for each in estimates], answer.view)
     st.caption("  \n".join(map(plain, nearest_sentences(campaign, answer.condition))))
     explanations.show_notes(estimates, (*answer.advice.sentences, *campaign.cae.extrapolation(answer.condition)))
     explanations.show_fits(estimates)
+
+
+def _show_pinned(answer: Answer) -> None:
+    """Compare one approach's metrics at the pinned conditions with those here."""
+    if not answer.pinned:
+        return
+    approach = leading(answer.predictions, answer.advice.approach)
+    at = [next(each for each in own if each.approach == approach) for own in (answer.estimates, *answer.pinned)]
+    columns = [(short(answer.view, each.prediction.condition), each.metrics) for each in at]
+    st.subheader(f"Beside the pinned predictions: {LABELS[approach]}")
+    show_table(side_by_side(columns, answer.campaign, answer.view.display, MAIN_METRICS), "pinned")
+    st.caption(f"Differences are from the first column, {columns[0][0]}.")

@@ -1,24 +1,29 @@
-"""The predicted pulses: over time, over displacement, and as energy over crush."""
+"""The predicted pulses, and those pinned before: over time, over displacement, and as energy over crush."""
 
 import plotly.graph_objects as go
 
 from crashfuse.reporting.plots.displacement import energy_over_crush, over_displacement
 from crashfuse.reporting.plots.pulses import motion
+from crashfuse.ui.beside import choose_curves, without_clicks
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.predict.answer import Answer
 
 
 def show(answer: Answer) -> None:
-    """Show every approach's prediction, in the figure that the user picks."""
+    """Show every approach's prediction, and what was put beside, in the figure that the user picks."""
     shown = choose("Figure", ["Over time", "Over displacement", "Energy over crush"], key="predicted")
-    predictions, condition, display = answer.predictions, answer.condition, answer.view.display
+    condition, display = answer.condition, answer.view.display
+    curves = choose_curves(answer.view, answer.predictions, answer.advice.approach, condition)
 
     def draw() -> go.Figure:
+        pulses = None, curves.predictions, condition.speed_mps
         if shown == "Over time":
-            return motion(None, predictions, condition.speed_mps, display)
-        if shown == "Over displacement":
-            return over_displacement(None, predictions, condition.speed_mps, display)
-        return energy_over_crush(None, predictions, condition.speed_mps, condition.mass_kg)
+            figure = motion(*pulses, display, filled=curves.filled)
+        elif shown == "Over displacement":
+            figure = over_displacement(*pulses, display, filled=curves.filled)
+        else:
+            figure = energy_over_crush(*pulses, condition.mass_kg, filled=curves.filled)
+        return without_clicks(figure)
 
     alt = f"Prediction by every approach at {display.condition(condition)}: {shown.lower()}"
-    show_cached_figure(draw, alt, shown, answer.key)
+    show_cached_figure(draw, alt, shown, answer.key, curves.key)

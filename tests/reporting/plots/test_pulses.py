@@ -114,10 +114,10 @@ def test_a_further_pulse_moves_at_its_own_speed(campaign: Campaign, predictions:
     test, other = campaign.test("T2"), campaign.test("T4")
     beside = {"T4 · 35 mph": Prediction(other.condition, other.pulse.accel_mps2)}
     figure = plots.motion(test.pulse, {**predictions, **beside}, test.condition.speed_mps)
-    assert trace(figure, "T4 · 35 mph", 2).y[0] == pytest.approx(other.condition.speed_mps / KPH)
+    assert trace(figure, "T4 · 35 mph", 2).y[0] == pytest.approx(other.condition.speed_mps / MPH)
     own = other.pulse.kinematics(other.condition.speed_mps)
     assert trace(figure, "T4 · 35 mph", 3).y[-1] == pytest.approx(own.displacement_m[-1] * 1000)
-    assert trace(figure, "CAE", 2).y[0] == pytest.approx(test.condition.speed_mps / KPH)
+    assert trace(figure, "CAE", 2).y[0] == pytest.approx(test.condition.speed_mps / MPH)
 
 
 def test_the_three_rows_share_one_time_axis(test: CrashTest, predictions: dict[str, Prediction]) -> None:

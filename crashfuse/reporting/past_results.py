@@ -1,0 +1,88 @@
+"""Tables and sentences on past results: the list of them, and two studies beside each other."""
+
+from collections.abc import Iterable
+
+import pandas as pd
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.study.comparison import StudyComparison
+from crashfuse.study.history import PastResult
+
+_LEFT_OUT = {"test": "alone", "speed group": "with its speed group", "both": "alone, then with its speed group"}
+
+
+def history_table(results: Iterable[PastResult], display: Display = DEFAULT) -> pd.DataFrame:
+    """One row per result: what was asked, with which settings, and how it rated over the longest window."""
+    return pd.DataFrame([_row(result, display) for result in results])
+
+
+def described(result: PastResult, display: Display = DEFAULT) -> str:
+    """A result in a few words, to choose it by: date, what, settings, campaign."""
+    config = result.config
+    settings = f"{config.preset}, seed {config.seed}, {len(config.approaches)} approaches"
+    return f"{_date(result)} · {_what(result, display)} · {settings} · {result.campaign}"
+
+
+def comparison_table(compared: StudyComparison, approach: str, window_ms: float, left_out: str) -> pd.DataFrame:
+    """Ratings of each test by one approach, as a table for readers: first, second, their difference; then the mean."""
+    table = compared.ratings
+    chosen = (table["approach"] == approach) & (table["window_ms"] == window_ms) & (table["left_out"] == left_out)
+    own = table[chosen]
+    rows = own[["held_out", "first", "second", "difference"]].values.tolist()
+    rows.append(["Mean", *own[["first", "second", "difference"]].mean()])
+    return pd.DataFrame(
+        {"Test": test, "First": f"{first:.3f}", "Second": f"{second:.3f}", "Difference": f"{gain:+.3f}"}
+        for test, first, second, gain in rows
+    )
+
+
+def comparison_means(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
+    """Mean ratings of both studies by approach, as a table for readers."""
+    return pd.DataFrame(
+        {
+            "Approach": LABELS.get(row["approach"], row["approach"]),
+            "Tests": f"{row['tests']}",
+            "First": f"{row['first']:.3f}",
+            "Second": f"{row['second']:.3f}",
+            "Difference": f"{row['difference']:+.3f}",
+            "Standard error": "–" if row["tests"] < 2 else f"{row['standard_error']:.3f}",
+            "Second higher in": f"{row['higher']}",
+            "lower in": f"{row['lower']}",
+        }
+        for row in compared.means(window_ms, left_out).to_dict("records")
+    )
+
+
+def _row(result: PastResult, display: Display) -> dict[str, str]:
+    config, rated = result.config, {"Mean rating": "–", "Worst test": "–"}
+    if result.tests:
+        window = max(result.windows_ms)
+        worst, rating = result.worst(result.approach, window)
+        rated = {
+            "Mean rating": f"{result.mean(result.approach, window):.3f}",
+            "Worst test": f"{worst} {rating:.3f}",
+        }
+    elif result.expected is not None:
+        rated["Mean rating"] = f"about {result.expected:.2f} expected"
+    return {
+        "Date (UTC)": _date(result),
+        "Campaign": result.campaign,
+        "What": _what(result, display),
+        "Settings": f"{config.preset}, seed {config.seed}",
+        "Recommended": LABELS.get(result.approach, result.approach),
+        **rated,
+        "Left out": _LEFT_OUT[config.leave_out] if result.tests else "–",
+        "Data": result.fingerprint[:8],
+        "Approaches": ", ".join(LABELS.get(name, name) for name in config.approaches),
+    }
+
+
+def _what(result: PastResult, display: Display) -> str:
+    if result.condition is not None:
+        return f"prediction at {display.condition(result.condition)}"
+    return f"test {result.tests[0]}" if len(result.tests) == 1 else f"study of {len(result.tests)} tests"
+
+
+def _date(result: PastResult) -> str:
+    return result.date[:16].replace("T", " ")

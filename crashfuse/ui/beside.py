@@ -1,0 +1,193 @@
+"""What a figure of pulses shows: the curves that were chosen, one filled band, and whatever is put beside them.
+
+The choices stay until they are changed, over figures, windows, pages and reloads, and are in the address. A curve is
+shown or hidden here alone, not by clicks in a legend, which the next redraw would forget.
+"""
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+
+import plotly.graph_objects as go
+import streamlit as st
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import LABELS
+from crashfuse.campaign import SPEED_STEP_MPS, Campaign, CrashTest
+from crashfuse.condition import Condition
+from crashfuse.reporting.plots.curves import TEST, by_preference
+from crashfuse.study.nearest import nearest_tests
+from crashfuse.ui.computation import FitRequest, answers, chosen_config
+from crashfuse.ui.frame import View
+from crashfuse.ui.kept import kept_choice
+from crashfuse.ui.pins import pin_label, pinned
+
+_RECOMMENDED = "recommended"  # the approach whose band is filled, unless another is chosen
+_NEAREST = 3
+_MOST = 24  # further curves: with the test and the approaches some thirty
+_RUN, _PIN = "cae:", "at:"  # what an id begins with that is not a test's: no id has a colon in it
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What a figure shows.
+
+    Attributes
+    ----------
+    test : bool
+        Whether the held-out test is among it.
+    predictions : mapping of str to Prediction
+        Those of the approaches that are shown, by name; then everything beside them, by its label.
+    filled : str
+        The approach whose band is filled; pinned predictions are those by it.
+    key : Hashable
+        Equal for equal choices: part of the key of a cached figure.
+    """
+
+    test: bool
+    predictions: Mapping[str, Prediction]
+    filled: str
+    key: Hashable
+
+
+def choose_curves(
+    view: View, predictions: Mapping[str, Prediction], recommended: str | None, condition: Condition, held_out: str = ""
+) -> Shown:
+    """Let the user choose what a figure shows: of the predictions at a condition, and beside them.
+
+    ``held_out`` is the id of the test that was measured there, if any. Elsewhere the pinned predictions are shown
+    without being asked for.
+    """
+    known = [*([TEST] if held_out else []), *predictions]
+    with st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
+        chosen = kept_choice("curves", known, _pills(known))
+        band = _choose_band(predictions, recommended)
+        beside = _choose_beside(view, condition, band, held_out)
+    shown = {name: predictions[name] for name in chosen if name in predictions} | beside
+    if not shown and TEST not in chosen:
+        st.info("No curve is chosen.", icon=":material/visibility_off:")
+        st.stop()
+    given = tuple(st.session_state["also"]), tuple(st.session_state["pins"])
+    return Shown(TEST in chosen, shown, band, (tuple(shown), given, band, TEST in chosen))
+
+
+def leading(predictions: Mapping[str, Prediction], recommended: str | None) -> str:
+    """The approach whose band is filled and by which pinned predictions are: the recommended one, or as chosen."""
+    chosen = st.session_state["band"]
+    if chosen in predictions and predictions[chosen].draws_mps2 is not None:
+        return str(chosen)
+    return recommended if recommended is not None and recommended in predictions else by_preference(predictions)[0]
+
+
+def choose_tests(view: View) -> tuple[list[CrashTest], Mapping[str, Prediction]]:
+    """Let the user choose tests, all by default, and CAE runs and pinned predictions beside them."""
+    names = {test.id: _label(view, test.id, test.condition) for test in view.campaign.tests}
+    with st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
+        only = kept_choice("only", list(names), _multiselect(names, "Tests", "all"))
+        further = _choose_beside(view, None, by_preference(chosen_config().approaches)[0])
+    return [test for test in view.campaign.tests if not only or test.id in only], further
+
+
+def without_clicks(figure: go.Figure) -> go.Figure:
+    """The same figure, with a legend that takes no clicks: what they hide would come back with the next redraw."""
+    return figure.update_layout(legend={"itemclick": False, "itemdoubleclick": False})
+
+
+def _pills(known: list[str]) -> Callable[[str, Callable[[], None]], object]:
+    return lambda key, keep: st.pills(
+        "Curves", known, selection_mode="multi", format_func=_curve_label, key=key, on_change=keep, width="content",
+        help="The choice stays, whatever else you change, and is in the link.",
+    )  # fmt: skip
+
+
+def _choose_band(predictions: Mapping[str, Prediction], recommended: str | None) -> str:
+    with_band = [name for name, own in predictions.items() if own.draws_mps2 is not None]
+    if with_band:
+        labels = {_RECOMMENDED: "Recommended", **{name: LABELS[name] for name in with_band}}
+        if st.session_state["band"] not in labels:
+            st.session_state["band"] = _RECOMMENDED
+        st.selectbox(
+            "Filled band", list(labels), format_func=labels.__getitem__, key="band", persist_state="session", width=190,
+            help="Of other bands the edges are drawn. Pinned predictions are by this approach.",
+        )  # fmt: skip
+    return leading(predictions, recommended)
+
+
+def _choose_beside(view: View, condition: Condition | None, approach: str, held_out: str = "") -> dict[str, Prediction]:
+    """Further pulses by their labels; with a condition, the tests are among the choices, and the nearest of them."""
+    campaign, pins = view.campaign, pinned()
+    at_pins = {f"{_PIN}{text}": pin_label(view, approach, at) for text, at in pins.items()}
+    runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
+    offered = {f"{_RUN}{run}": f"CAE run {_label(view, run, at)}" for run, at in runs}
+    if condition is not None:
+        tests = [test for test in campaign.tests if test.id != held_out]
+        offered = {test.id: _label(view, test.id, test.condition) for test in tests} | offered
+    unasked = "" if condition is None or held_out else condition.text  # on Predict pinned predictions are shown anyway
+    if not unasked:
+        offered |= at_pins
+    also = kept_choice(
+        "also", list(offered), _multiselect(offered, "Also show", "tests, CAE runs" if condition else "CAE runs")
+    )
+    if condition is not None:
+        st.button(
+            "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(campaign, condition, held_out),
+            help=f"Also show {_NEAREST} tests: those at about this speed first, then the nearest by speed and weights.",
+        )  # fmt: skip
+    if unasked:
+        also += [name for name in at_pins if name != f"{_PIN}{unasked}"]
+    found = {offered[name]: _measured_or_run(campaign, name) for name in also if name not in at_pins}
+    wanted = {at_pins[name]: pins[name.removeprefix(_PIN)] for name in also if name in at_pins}
+    return found | _pinned_predictions(campaign, wanted, approach)
+
+
+def _multiselect(
+    labels: Mapping[str, str], title: str, placeholder: str
+) -> Callable[[str, Callable[[], None]], object]:
+    return lambda key, keep: st.multiselect(
+        title, list(labels), format_func=labels.__getitem__, key=key, on_change=keep, max_selections=_MOST,
+        placeholder=placeholder,
+    )  # fmt: skip
+
+
+def _measured_or_run(campaign: Campaign, name: str) -> Prediction:
+    """A test's pulse, or a CAE run's."""
+    if not name.startswith(_RUN):
+        test = campaign.test(name)
+        return Prediction(test.condition, test.pulse.accel_mps2)
+    run = campaign.cae.ids.index(name.removeprefix(_RUN))
+    return Prediction(campaign.cae.conditions[run], campaign.cae.accel_mps2[run].astype(float))
+
+
+def _pinned_predictions(campaign: Campaign, wanted: Mapping[str, Condition], approach: str) -> dict[str, Prediction]:
+    """By label; empty until the approaches are fitted on all tests."""
+    request = FitRequest(campaign, chosen_config())
+    job = request.find() if wanted else None
+    if job is None or job.result is None:
+        if wanted:
+            st.caption("Pinned predictions are shown once the page Predict has an answer with these settings.")
+        return {}
+    answered = {label: answers(request.key, condition, job.result) for label, condition in wanted.items()}
+    return {
+        label: estimate.prediction
+        for label, estimates in answered.items()
+        for estimate in estimates
+        if estimate.approach == approach
+    }
+
+
+def _add_nearest(campaign: Campaign, condition: Condition, held_out: str) -> None:
+    """Those at about this speed come first: further weights change a pulse less than another speed."""
+    others = campaign.without([held_out] if held_out else [])
+    ordered = sorted(
+        nearest_tests(others, condition, len(others.tests)),
+        key=lambda test: abs(test.condition.speed_mps - condition.speed_mps) >= SPEED_STEP_MPS,
+    )
+    also = st.session_state["also"]
+    st.session_state["also"] = list(dict.fromkeys([*also, *(test.id for test in ordered[:_NEAREST])]))[:_MOST]
+
+
+def _label(view: View, name: str, condition: Condition) -> str:
+    return f"{name} · {view.display.speed(condition.speed_mps)}"
+
+
+def _curve_label(name: str) -> str:
+    return LABELS.get(name, "Test")

@@ -1,0 +1,130 @@
+"""Past results: opened again, and two studies compared."""
+
+import streamlit as st
+
+from crashfuse.approaches.registry import APPROACHES, LABELS
+from crashfuse.errors import DataError, UsageError
+from crashfuse.reporting.past_results import comparison_means, comparison_table, described, history_table
+from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.study.comparison import StudyComparison
+from crashfuse.study.history import PastResult, past_results
+from crashfuse.ui import address, campaigns, frame
+from crashfuse.ui.downloads import download_table
+from crashfuse.ui.figures import choose
+from crashfuse.ui.navigation import open_page
+from crashfuse.ui.page_tables import window_label
+from crashfuse.ui.predict.condition import fill_in
+from crashfuse.ui.tables import show_table
+from crashfuse.ui.text import plain
+
+_ROW_PX, _MOST_ROWS = 35, 9
+_WAYS = {"test": "Each test left out alone", "speed group": "With all tests at about its speed"}
+_TABLE, _REFUSED = "past results", "result that could not be opened"  # session keys
+
+
+def visible() -> list[PastResult]:
+    """Past results: all of this machine, or, where folders are restricted, those of campaigns open to this visitor."""
+    results = past_results()
+    if not campaigns.roots():
+        return results
+    mine = {data for name in campaigns.open_campaigns() if (data := _fingerprint(name)) is not None}
+    return [result for result in results if result.fingerprint in mine]
+
+
+def show_results(results: list[PastResult], display: Display = DEFAULT) -> None:
+    """Show the list; a click on a row opens that result."""
+    table = history_table(results, display)
+
+    def take() -> None:
+        rows = st.session_state[_TABLE].selection.rows
+        st.session_state[_REFUSED] = _open(results[rows[0]]) if rows else ""
+
+    event = st.dataframe(
+        table, hide_index=True, on_select=take, selection_mode="single-row", key=_TABLE,
+        height=_ROW_PX * min(len(table) + 1, _MOST_ROWS) + 3, alt="Studies and predictions of this machine",
+    )  # fmt: skip
+    if refused := st.session_state.pop(_REFUSED, ""):
+        st.warning(plain(refused), icon=":material/folder_off:")
+    elif rows := event["selection"]["rows"]:
+        open_page(_page(results[rows[0]]))
+
+
+def compare_two(studies: list[PastResult], display: Display = DEFAULT) -> None:
+    """Let the user choose two studies, and show which rates better."""
+    by_id = {result.id: result for result in studies}
+    latest, before = sorted(studies, key=lambda result: len(result.tests), reverse=True)[:2]  # of the largest ones
+    chosen = []
+    for column, label, key, usual in zip(
+        st.columns(2), ("First study", "Second study"), ("first", "second"), (before, latest), strict=True
+    ):
+        if st.session_state.get(key) not in by_id:
+            st.session_state[key] = usual.id
+            address.publish()  # the next result would be another default
+        name = column.selectbox(
+            label, list(by_id), format_func=lambda name: described(by_id[name], display), key=key,
+            persist_state="session",
+        )  # fmt: skip
+        chosen.append(by_id[name])
+    try:
+        compared = StudyComparison(*chosen)
+    except UsageError as error:
+        st.info(str(error), icon=":material/join_inner:")
+        return
+    way = compared.ways[0]
+    if len(compared.ways) > 1:
+        way = choose("Left out", compared.ways, key="compared_way", label_of=_WAYS.__getitem__)
+    _show(compared, way, display.window_ms)
+
+
+def _show(compared: StudyComparison, way: str, window_ms: float) -> None:
+    windows = set(compared.ratings["window_ms"])
+    window = window_ms if window_ms in windows else compared.longest_ms
+    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in compared.sentences(window, way)))
+    for caution in compared.cautions:
+        st.caption(f":material/warning: {plain(caution)}")
+    st.subheader(f"Mean rating over {window_label(window)}")
+    show_table(comparison_means(compared, window, way), "compared means")
+    approaches = list(compared.means(window, way)["approach"])
+    usual = compared.second.approach
+    st.subheader("Each test")
+    approach = choose(
+        "Approach", approaches, key="compared_approach", default=usual if usual in approaches else approaches[0],
+        label_of=lambda name: LABELS.get(name, name),
+    )  # fmt: skip
+    show_table(comparison_table(compared, approach, window, way), "compared tests")
+    download_table("comparison.csv", lambda: compared.ratings)
+
+
+def _open(result: PastResult) -> str:
+    """Choose in the session whatever a result rests on; returns what is in the way, if anything."""
+    name = next((name for name in campaigns.open_campaigns() if _fingerprint(name) == result.fingerprint), None)
+    if name is None:
+        return (
+            f"The campaign {result.campaign} with the data {result.fingerprint[:8]} is not open on this server: open "
+            "its folder on the page Data, then choose this result again."
+        )
+    frame.choose_campaign(name)
+    config = result.config
+    st.session_state.update(
+        preset=config.preset, seed=config.seed, device=config.device,
+        approaches=[approach for approach in APPROACHES if approach in config.approaches],
+        leave_out="speed group" if config.leave_out == "speed group" else "test",
+    )  # fmt: skip
+    if len(result.tests) == 1:
+        st.session_state["test"] = result.tests[0]
+    if result.condition is not None:
+        fill_in(campaigns.load(name), result.condition)
+    return ""
+
+
+def _page(result: PastResult) -> str:
+    if result.condition is not None:
+        return "predict"
+    return "compare" if len(result.tests) == 1 else "study"
+
+
+def _fingerprint(name: str) -> str | None:
+    try:
+        return campaigns.load(name).fingerprint
+    except DataError:
+        return None

@@ -1,0 +1,65 @@
+"""Pinned predictions: conditions that stay, to be seen beside each other, in one link and one report."""
+
+from collections.abc import Callable
+
+import streamlit as st
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.ui.frame import View
+
+_MOST = 6  # each takes ten megabytes, and a column of the table
+
+
+def pinned() -> dict[str, Condition]:
+    """The pinned conditions by their texts, in the order in which they were pinned."""
+    found = {}
+    for text in st.session_state["pins"]:
+        try:
+            found[text] = Condition.parse(text)
+        except UsageError:  # the link has been cut or changed
+            continue
+    return dict(list(found.items())[:_MOST])
+
+
+def pin(condition: Condition) -> None:
+    """Pin a condition; call it from a callback."""
+    st.session_state["pins"] = list(dict.fromkeys([*pinned(), condition.text]))
+
+
+def show_pins(view: View, condition: Condition, remember: Callable[[], None]) -> None:
+    """Offer to pin the condition shown, and to unpin others; ``remember`` is called when it is pinned."""
+    texts = pinned()
+
+    def pin_this() -> None:
+        pin(condition)
+        remember()
+
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        st.button(
+            "Pin this prediction", icon=":material/keep:", on_click=pin_this,
+            disabled=condition.text in texts or len(texts) >= _MOST,
+            help=f"Keeps it in the figures, in a table of differences, in the link and in the report; up to {_MOST}.",
+        )  # fmt: skip
+        for text, other in texts.items():
+            st.button(
+                short(view, other), icon=":material/close:", key=f"unpin {text}", on_click=_unpin,
+                args=(text,), help="Unpin", type="tertiary",
+            )  # fmt: skip
+
+
+def pin_label(view: View, approach: str, condition: Condition) -> str:
+    """Name of a pinned prediction's curve."""
+    return f"{LABELS[approach]} at {short(view, condition)}"
+
+
+def short(view: View, condition: Condition) -> str:
+    """A condition in few words: speed, front and rear weight, factors."""
+    display, vehicle = view.display, [value for _, value in condition.factors if value]
+    weights = f"{display.weights(condition.front_weight_kg):.0f} + {display.weight(condition.rear_weight_kg)}"
+    return ", ".join([display.speed(condition.speed_mps), weights, *vehicle])
+
+
+def _unpin(text: str) -> None:
+    st.session_state["pins"] = [other for other in pinned() if other != text]

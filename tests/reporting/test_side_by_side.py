@@ -1,0 +1,44 @@
+"""Metrics at several conditions: differences are from the first, in the reader's units."""
+
+import pandas as pd
+import pytest
+
+from crashfuse.campaign import Campaign
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.side_by_side import conditions_table, side_by_side
+from crashfuse.signals.metrics import MAIN_METRICS, Metric
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Fit
+from crashfuse.units import MPH, G
+
+
+def metrics(campaign: Campaign, **changed: float | None) -> list[Metric]:
+    """Of a test, some of them changed."""
+    own = campaign.metrics_of(campaign.tests[0])
+    return [Metric(m.name, changed.get(m.name, m.value), None, None, m.unit) for m in own]
+
+
+def test_each_column_is_followed_by_its_differences_from_the_first(campaign: Campaign) -> None:
+    """Rounded as the values are; unknown where one of both is."""
+    base = metrics(campaign, peak=20.0, max_crush=500.0, t0=None)
+    other = metrics(campaign, peak=23.25, max_crush=499.99, t0=70.0)
+    table = side_by_side([("now", base), ("faster", other)], campaign, names=MAIN_METRICS).set_index("Pulse metric")
+    assert list(table) == ["now", "faster", "Difference, faster"]
+    assert table.loc["Peak deceleration (g)", "Difference, faster"] == "+3.2"
+    assert table.loc["Maximum dynamic crush (mm)", "Difference, faster"] == "+0.0"
+    assert table.loc["Time of zero velocity (TTZV) (ms)", "Difference, faster"] == "–"
+    in_si = side_by_side([("now", base), ("faster", other)], campaign, Display(unit="m/s²"))
+    peak = in_si.set_index("Pulse metric").loc["Peak deceleration (m/s²)"]
+    assert float(peak["Difference, faster"]) == pytest.approx(3.25 * G, abs=0.05)
+
+
+def test_a_file_holds_every_approach_at_every_condition(campaign: Campaign) -> None:
+    """With the condition as text, and the difference from the first condition by the same approach."""
+    fit = Fit.of(campaign, "cae", StudyConfig(approaches=("cae",)))
+    conditions = [test.condition for test in campaign.tests[:2]]
+    table = conditions_table([[fit.estimate(condition)] for condition in conditions])
+    assert list(table["condition"].unique()) == [condition.text for condition in conditions]
+    assert conditions[0].speed_mps == 15 * MPH
+    first, second = (own.set_index("metric") for _, own in table.groupby("condition", sort=False))
+    assert (first["difference"].dropna() == 0).all()
+    pd.testing.assert_series_equal(second["difference"], second["value"] - first["value"], check_names=False)
