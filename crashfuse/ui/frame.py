@@ -15,6 +15,7 @@ from crashfuse.study.config import WINDOWS_MS, StudyConfig
 from crashfuse.ui import address, campaigns, login
 from crashfuse.ui.computation import chosen_config, jobs
 from crashfuse.ui.figures import choose_image_format
+from crashfuse.ui.folding import fold_when_narrow
 from crashfuse.ui.navigation import navigate, show_link, show_links
 from crashfuse.ui.panel import title_of
 from crashfuse.ui.problems import show_problems
@@ -155,6 +156,7 @@ def _sidebar(page: str) -> _Choice:
                 choice.problems = error.problems
             _keep_up(st.context.theme.type)
         login.show_account()
+        fold_when_narrow()
     with links:
         show_links()
     return choice

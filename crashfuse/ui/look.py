@@ -22,6 +22,10 @@ button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F
 /* links to the pages, no closer than a finger can tell them apart */
 [data-testid="stSidebar"] [data-testid="stPageLink-NavLink"] { padding-block: 0.1rem }
 [data-testid="stSidebar"] [data-testid="stPageLink"] { margin-block: 0.27rem }
+/* in a narrow window the sidebar lies over the page while it is open */
+@media (max-width: 1099px) {
+  [data-testid="stSidebar"] { position: fixed; height: 100vh; z-index: 999990; box-shadow: 0 0 1rem #0006 }
+}
 /* where the keyboard is */
 a:focus-visible, button:focus-visible, summary:focus-visible, [role="tab"]:focus-visible {
   outline: 2px solid light-dark(#0B5CAD, #79B8F5) !important; outline-offset: 1px }

@@ -82,15 +82,16 @@ def by_preference(names: Iterable[str]) -> list[str]:
 def by_speed(
     tests: Sequence[CrashTest], highlight: str | None = None, display: Display = DEFAULT
 ) -> Iterator[tuple[CrashTest, dict[str, Any]]]:
-    """Tests by increasing speed, each with the name, colour and dash of its line; the highlighted one is thick."""
-    lines = speed_lines(tests)
+    """Tests by increasing speed, each with the name and style of its line; the highlighted one is thick."""
+    styles = speed_lines(tests)
     for test in sorted(tests, key=lambda test: test.condition.speed_mps):
         thick = test.id == highlight
         yield (
             test,
             {
                 "name": f"{test.id} · {display.speed(test.condition.speed_mps)}" + (" (held out)" if thick else ""),
-                "line": {**lines[test.id], "width": 4 if thick else 1.7},
+                **styles[test.id],
+                "line": {**styles[test.id]["line"], "width": 4 if thick else 1.7},
                 "legendgroup": test.id,  # in a group of its own, each name is spaced as closely as possible
             },
         )

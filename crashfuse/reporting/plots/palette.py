@@ -36,6 +36,8 @@ _FILLS_IN_THE_DARK = {  # dim: a bright cell glares on a dark page; light text r
     "#FFF0AE": "#5C5120", "#D5D9DF": "#3A434F",
 }  # fmt: skip
 
+_REPEATS = (("solid", ""), ("dash", "circle"), ("dot", "diamond"), ("dashdot", "triangle-up"), ("longdash", "square"))
+_MARKS = 12  # on a curve
 _SHADES = 64
 # the bright end of the scale is invisible on white, the dark end on a dark page
 _SLOW_TO_FAST = sample_colorscale("Plasma", np.linspace(0.0, 0.63, _SHADES).tolist())
@@ -64,18 +66,21 @@ def further_line(number: int) -> dict[str, Any]:
     return {"color": FURTHER_COLOURS[colour], "width": 1.6, "dash": _FURTHER_DASHES[dash]}
 
 
-def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, str]]:
-    """Line style of each test: dark for slow, on a scale safe for colour-blind readers; dashes distinguish repeats."""
-    if not tests:
-        return {}
-    speeds = np.array([test.condition.speed_mps for test in tests])
-    share = (speeds - speeds.min()) / max(float(np.ptp(speeds)), 1e-9)
-    rounded = np.round(speeds / MPH)
-    repeats = [int((rounded[:i] == rounded[i]).sum()) for i in range(len(tests))]
-    return {
-        test.id: {
-            "color": _SLOW_TO_FAST[round(place * (_SHADES - 1))],
-            "dash": ("solid", "dash", "dot", "dashdot")[repeat % 4],
-        }
-        for test, place, repeat in zip(tests, share.tolist(), repeats, strict=True)
-    }
+def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, Any]]:
+    """Style of each test's curve: dark for slow, on a scale safe for colour-blind readers.
+
+    Colours are spread evenly over the tests, not over the speeds, so that tests of about one speed differ; the second
+    and further ones of these have dashes and a few marks of a shape of their own as well.
+    """
+    slow_to_fast = sorted(tests, key=lambda test: test.condition.speed_mps)
+    step = (_SHADES - 1) / max(len(tests) - 1, 1)
+    mph = [round(test.condition.speed_mps / MPH) for test in slow_to_fast]
+    styles = {}
+    for place, test in enumerate(slow_to_fast):
+        colour, repeat = _SLOW_TO_FAST[round(place * step)], mph[:place].count(mph[place]) % len(_REPEATS)
+        dash, symbol = _REPEATS[repeat]
+        styles[test.id] = {"line": {"color": colour, "dash": dash}}
+        if symbol:
+            marker = {"color": colour, "symbol": symbol, "size": 8, "maxdisplayed": _MARKS}
+            styles[test.id] |= {"mode": "lines+markers", "marker": marker}
+    return styles

@@ -140,7 +140,7 @@ def measured_pulses(
         time_ms, accel = test.pulse.time_s / MS, test.pulse.accel_mps2
         if cfc is not None:
             line = {**style["line"], "dash": "solid", "width": 1}
-            as_read = {**style, "line": line, "opacity": 0.6, "showlegend": False, "hoverinfo": "skip"}
+            as_read = {**style, "mode": "lines", "line": line, "opacity": 0.6, "showlegend": False, "hoverinfo": "skip"}
             add_line(figure, time_ms, accel * display.accel_scale, **as_read)
             accel = cfc_filter(accel, cfc=cfc, dt_s=test.pulse.dt_s)
         add_line(figure, time_ms, accel * display.accel_scale, **style)

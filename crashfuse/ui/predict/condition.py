@@ -16,8 +16,9 @@ _DECIMALS = 9  # of mph and lb in the session and the address: 56 km/h come back
 
 def choose_condition(campaign: Campaign, display: Display) -> Condition:
     """Ask for a condition, and warn if it lies outside the CAE runs; factors not given are left out."""
-    left, middle, right = st.columns(3)
-    columns = st.columns(max(len(campaign.factors), 3))
+    left, middle, right, *columns = st.columns([*(3,) * 3, *(2,) * min(len(campaign.factors), 3)])
+    if (further := len(campaign.factors) - 3) > 0:
+        columns += st.columns(further)
     factors = {}
     for column, (name, values) in zip(columns, campaign.factors.items(), strict=False):
         if st.session_state.get(key := f"factor_{name}") not in values:  # left from another campaign

@@ -1,0 +1,18 @@
+"""The sidebar folds in a window that is too narrow for it and a figure side by side."""
+
+import streamlit as st
+
+_JS = """
+const narrow = matchMedia("(max-width: 1099px)");
+const follow = () => document.querySelector(narrow.matches
+  ? '[data-testid="stSidebarCollapseButton"] button' : '[data-testid="stExpandSidebarButton"]')?.click();
+if (narrow.matches) follow();
+narrow.addEventListener("change", follow);
+export default () => {};
+"""
+_component = st.components.v2.component("crashfuse_folding", js=_JS)
+
+
+def fold_when_narrow() -> None:
+    """Fold the sidebar when the page is opened in a narrow window or the window becomes narrow, unfold it when wide."""
+    _component(key="folding")
