@@ -48,18 +48,19 @@ def show_table(table: Styler | pd.DataFrame, key: str) -> None:
     """
     styler = table if isinstance(table, Styler) else table.style.hide(axis="index")
     for place, name in enumerate(styler.columns):
-        texts = [str(cell) for cell in styler.data.iloc[:, place]]
-        if all(_NUMBER.fullmatch(text) for text in texts) and any(text.strip("–") for text in texts):
+        matches = [_NUMBER.fullmatch(str(cell)) for cell in styler.data.iloc[:, place]]
+        numbers = [match for match in matches if match is not None]
+        if len(numbers) == len(matches) and any(match[1].strip("–") for match in numbers):
+            longest = max(len(match[2] or "") for match in numbers)
+            styler.format(partial(_with_light_interval, longest=longest), subset=[name])
             styler.set_properties(subset=[name], **{"text-align": "right !important"})
             styler.set_table_styles([{"selector": f"th.col{place}", "props": _RIGHT}], overwrite=False)
-            longest = max(len(_NUMBER.fullmatch(text)[2] or "") for text in texts)
-            styler.format(partial(_with_light_interval, longest=longest), subset=[name])
     st.table(styler, border="horizontal")
     _copy_button(data=spreadsheet_text(styler.data), key=f"copy {key}")
 
 
-def _with_light_interval(text: str, longest: int) -> str:
-    """A cell's text as Markdown, its interval lighter, and filled up so that numbers end at one place."""
-    number, interval = _NUMBER.fullmatch(text).groups(default="")
-    escaped = interval.replace("[", "\\[").replace("]", "\\]")
-    return number + f" :gray[{escaped.strip()}]" * bool(interval) + "\u2007" * (longest - len(interval))
+def _with_light_interval(cell: object, longest: int) -> str:
+    """A number as Markdown, its interval lighter, and filled up so that the numbers of a column end at one place."""
+    number, interval = _NUMBER.findall(str(cell))[0]
+    escaped = interval.strip().replace("[", "\\[").replace("]", "\\]")
+    return number + f" :gray[{escaped}]" * bool(escaped) + "\u2007" * (longest - len(interval))

@@ -69,16 +69,17 @@ def further_line(number: int) -> dict[str, Any]:
 def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, Any]]:
     """Style of each test's curve: dark for slow, on a scale safe for colour-blind readers.
 
-    Colours are spread evenly over the tests, not over the speeds, so that tests of about one speed differ; the second
-    and further ones of these have dashes and a few marks of a shape of their own as well.
+    Colours follow half the speed and half its rank, so that tests of about one speed differ; the second and further
+    ones of these have dashes and a few marks of a shape of their own as well.
     """
     slow_to_fast = sorted(tests, key=lambda test: test.condition.speed_mps)
-    step = (_SHADES - 1) / max(len(tests) - 1, 1)
-    mph = [round(test.condition.speed_mps / MPH) for test in slow_to_fast]
-    styles = {}
+    speeds = np.array([test.condition.speed_mps for test in slow_to_fast])
+    by_speed = (speeds - speeds[:1]) / max(float(np.ptp(speeds)) if tests else 0.0, 1e-9)
+    shades = np.rint((by_speed + np.linspace(0, 1, len(tests))) / 2 * (_SHADES - 1)).astype(int)
+    rounded, styles = np.round(speeds / MPH).tolist(), {}
     for place, test in enumerate(slow_to_fast):
-        colour, repeat = _SLOW_TO_FAST[round(place * step)], mph[:place].count(mph[place]) % len(_REPEATS)
-        dash, symbol = _REPEATS[repeat]
+        colour = _SLOW_TO_FAST[shades[place]]
+        dash, symbol = _REPEATS[rounded[:place].count(rounded[place]) % len(_REPEATS)]
         styles[test.id] = {"line": {"color": colour, "dash": dash}}
         if symbol:
             marker = {"color": colour, "symbol": symbol, "size": 8, "maxdisplayed": _MARKS}

@@ -22,9 +22,10 @@ def show(outcome: Outcome) -> None:
     if outcome.whole:
         worst = worst_test(study, outcome.window_ms)
         explanations.show_account(worst.sentences, missed=worst.disappoints)
+    leave_out = "speed group" if study.config.leave_out == "speed group" else "test"
     if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
-        study = study.speed_groups
-    _show_tests(outcome, study)
+        study, leave_out = study.speed_groups, "speed group"
+    _show_tests(outcome, study, leave_out)
     st.markdown("**Mean over the tests, by window**")
     show_table(page_tables.mean_ratings(study), "means")
     st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
@@ -33,7 +34,7 @@ def show(outcome: Outcome) -> None:
             st.caption(f":material/warning: {plain(test.id)}: {plain(note)}")
 
 
-def _show_tests(outcome: Outcome, study: Study) -> None:
+def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
     overall = {
         fold.held_out: {name: by_window[outcome.window_ms].overall for name, by_window in fold.ratings.items()}
         for fold in study.folds
@@ -43,12 +44,12 @@ def _show_tests(outcome: Outcome, study: Study) -> None:
     def open_test(test_id: str) -> None:
         """Open a test as this study left it out."""
         frame.choose_held_out(outcome.view.campaign.test(test_id))
-        st.session_state["leave_out"] = "speed group" if study.config.leave_out == "speed group" else "test"
+        st.session_state["leave_out"] = leave_out
 
     clicked = show_clickable(
         rating_heatmap(overall, study.repeats(outcome.window_ms)),
         alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables",
-        key=f"heat map {study.config.leave_out}",
+        key=f"heat map {leave_out}",
         on_click=open_test,
     )
     with st.container(horizontal=True, vertical_alignment="center"):

@@ -15,3 +15,12 @@ def test_figures_to_be_compared_share_one_range_that_holds_all_curves() -> None:
     bottom, top = low.layout.yaxis.range
     assert -50 < bottom < -45
     assert 20 < top < 25
+
+
+def test_titles_of_axes_are_no_larger_than_text() -> None:
+    """By default they are a fifth larger; a title that is set later keeps the size."""
+    figure = new_figure(300)
+    figure.update_yaxes(title="Velocity (km/h)")
+    assert figure.layout.yaxis.title.font.size is None
+    axes = figure.layout.template.layout
+    assert axes.xaxis.title.font.size == axes.yaxis.title.font.size == figure.layout.font.size

@@ -15,7 +15,7 @@ from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.reporting.plots.canvas import darkened
 from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
-from crashfuse.reporting.plots.palette import VERDICT_COLOURS
+from crashfuse.reporting.plots.palette import IN_THE_DARK, VERDICT_COLOURS
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import LB, MPH
@@ -92,10 +92,11 @@ def test_the_legend_counts_the_verdicts(three: Certification) -> None:
     assert [trace.marker.color for trace in legend] == list(VERDICT_COLOURS.values())
 
 
-def test_verdicts_keep_their_colours_on_a_dark_page(three: Certification) -> None:
-    """Black words stay on light cells."""
+def test_verdicts_are_dim_on_a_dark_page_and_the_legend_with_them(three: Certification) -> None:
+    """Light words on dark cells: a bright cell glares."""
     heat, _, *legend = darkened(verdict_matrix(three)).data
-    assert heat.textfont.color == "#000000"
+    assert heat.textfont.color == IN_THE_DARK["#000000"]
+    assert not {colour for _, colour in heat.colorscale} & set(VERDICT_COLOURS.values())
     assert {colour for _, colour in heat.colorscale} == {trace.marker.color for trace in legend}
 
 

@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -83,9 +84,25 @@ def test_every_approach_has_a_colour_of_its_own_that_shows_on_both_pages() -> No
     assert min(contrast(colour, DARK) for colour in dark) >= LINE
 
 
-def test_black_text_reads_on_every_grade() -> None:
-    """WCAG 2.1 asks for a contrast of 4.5 for text."""
-    assert min(contrast("#000000", colour) for colour in palette.GRADE_COLOURS.values()) >= TEXT
+def test_words_read_on_every_grade_and_verdict_and_none_glares_in_the_dark() -> None:
+    """WCAG 2.1 asks for a contrast of 4.5 for text; on a dark page a fill stays dimmer than the words on it."""
+    fills = {*palette.GRADE_COLOURS.values(), *palette.VERDICT_COLOURS.values()}
+    assert min(contrast("#000000", colour) for colour in fills) >= TEXT
+    ink, dark = palette.IN_THE_DARK["#000000"], [palette.IN_THE_DARK[colour] for colour in fills]
+    assert min(contrast(ink, colour) for colour in dark) >= TEXT
+    assert max(contrast(colour, DARK) for colour in dark) < 3.5
+    assert len(set(dark)) == len(fills)
+
+
+def test_four_tests_of_one_speed_differ_in_more_than_their_dashes(campaign: Campaign) -> None:
+    """In colour, and but for the first in the shape of their marks, which the legend shows, too."""
+    first = campaign.tests[0]
+    styles = palette.speed_lines([replace(first, id=name) for name in "ABCD"])
+    assert len({style["line"]["color"] for style in styles.values()}) == 4
+    assert len({style["line"]["dash"] for style in styles.values()}) == 4
+    assert "marker" not in styles["A"]
+    assert len({styles[name]["marker"]["symbol"] for name in "BCD"}) == 3
+    assert all(style["marker"]["color"] == style["line"]["color"] for style in (styles[name] for name in "BCD"))
 
 
 def test_every_curve_and_every_word_of_a_figure_reads_on_both_pages(figures: list[go.Figure]) -> None:
@@ -140,19 +157,20 @@ def test_thirty_further_curves_read_on_both_pages_and_no_two_look_alike() -> Non
     assert min(contrast(line["color"], ground) for line in lines for ground in (LIGHT, DARK)) >= LINE
 
 
-def test_a_heat_map_of_grades_keeps_its_ground_and_its_black_text() -> None:
-    """Its cells are as light in the dark; what is written beside them is not."""
+def test_a_heat_map_of_grades_is_dim_in_the_dark_with_light_words() -> None:
+    """Every step of its scale has its dark counterpart, at the same limits."""
     scores = {"T1": {"cae": 0.5, "fused": 0.95}}
     light, dark = rating_heatmap(scores), darkened(rating_heatmap(scores))
-    assert dark.data[0].textfont.color == "#000000"
-    assert dark.data[0].colorscale == light.data[0].colorscale
-    assert contrast(dark.layout.font.color, DARK) >= TEXT
+    assert dark.data[0].textfont.color == palette.IN_THE_DARK["#000000"]
+    steps = [(limit, palette.IN_THE_DARK[colour]) for limit, colour in light.data[0].colorscale]
+    assert [tuple(step) for step in dark.data[0].colorscale] == steps
+    assert dark.layout.font.color == palette.IN_THE_DARK[palette.INK]
 
 
 def test_tests_of_rising_speed_rise_in_brightness_on_both_pages(campaign: Campaign) -> None:
     """A scale that the colour-blind, and a grey printer, can follow."""
-    lines = palette.speed_lines(campaign.tests)
-    slow_to_fast = [lines[test.id]["color"] for test in campaign.tests]
+    styles = palette.speed_lines(campaign.tests)
+    slow_to_fast = [styles[test.id]["line"]["color"] for test in campaign.tests]
     for colours in (slow_to_fast, [palette.IN_THE_DARK[colour] for colour in slow_to_fast]):
         bright = [luminance(colour) for colour in colours]
         assert bright == sorted(bright)

@@ -156,11 +156,12 @@ def test_many_names_stand_above_the_curves(campaign: Campaign) -> None:
         assert figure.layout.legend.y > 1
 
 
-def test_tests_at_one_speed_differ_in_their_dashes(test: CrashTest) -> None:
-    """Colour stands for speed, so repeats need something else."""
+def test_tests_at_one_speed_differ_in_dashes_marks_and_colour(test: CrashTest) -> None:
+    """Colour stands for speed, so repeats need something else as well."""
     figure = plots.measured_pulses([test, CrashTest("again", test.condition, test.pulse)])
     first, second = figure.data
-    assert first.line.color == second.line.color
+    assert first.line.color != second.line.color
+    assert (first.mode, second.mode) == ("lines", "lines+markers")
     assert first.line.dash != second.line.dash
 
 

@@ -72,3 +72,10 @@ def test_levels_run_along_x_and_shares_along_y_in_percent() -> None:
     np.testing.assert_allclose(fused.x, [50, 90])
     np.testing.assert_allclose(fused.y, [40, 50])
     assert fused.name == "Fused"
+
+
+def test_words_of_the_heat_map_do_not_shrink_with_their_cells() -> None:
+    """A size that is not given follows the cell, down to what nobody can read."""
+    figure = plots.rating_heatmap({"A": {"cae": 0.5}})
+    assert figure.data[0].textfont.size >= 12
+    assert figure.layout.xaxis.tickfont.size >= 12
