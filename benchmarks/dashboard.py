@@ -103,7 +103,8 @@ def settled(browser: WebDriver, title: str, test: str = "", *, rated: Collection
         const title = document.querySelector('[data-testid="stMain"] h1');
         const app = document.querySelector('[data-testid="stApp"]');
         const subheader = document.querySelector('[data-testid="stMain"] h3');
-        const labels = [...document.querySelectorAll('[data-testid="stMetricLabel"]')].map(l => l.innerText.trim());
+        const names = '[data-testid="stMetricLabel"], .cf-name > :first-child';
+        const labels = [...document.querySelectorAll(names)].map(l => l.innerText.trim());
         const figures = [...document.querySelectorAll('[data-testid="stPlotlyChart"]')];
         return title && title.innerText.includes(arguments[0]) && app.dataset.testScriptState === 'notRunning'
             && (!arguments[1] || (subheader && subheader.innerText.includes(arguments[1])))

@@ -22,7 +22,7 @@ from crashfuse.ui.text import chosen_units, plain
 def show_recommendation(sentences: Sequence[str], beside: Sequence[str] = (), icon: str = "lightbulb") -> None:
     """Show the recommendation in a line; the reasons, and what else is to be said beside it, unfold from "Why"."""
     first, *reasons = sentences
-    with st.container(horizontal=True, vertical_alignment="center", key="recommendation"):
+    with st.container(horizontal=True, wrap=False, vertical_alignment="center", key="recommendation"):
         use, _, expected = plain(first).partition(". ")
         st.markdown(f":material/{icon}: **{use}.** {expected}", width="content")
         if reasons or beside:

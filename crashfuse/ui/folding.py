@@ -3,10 +3,18 @@
 import streamlit as st
 
 _JS = """
-const narrow = matchMedia("(max-width: 1099px)");
-const follow = () => document.querySelector(narrow.matches
-  ? '[data-testid="stSidebarCollapseButton"] button' : '[data-testid="stExpandSidebarButton"]')?.click();
-if (narrow.matches) follow();
+const narrow = matchMedia("(max-width: 1099px)"), FOLDED = "crashfuse folded the sidebar";
+const press = css => document.querySelector(css)?.click();
+const follow = () => {
+  if (narrow.matches) {
+    press('[data-testid="stSidebarCollapseButton"] button');
+    localStorage.setItem(FOLDED, "yes");
+  } else if (localStorage.getItem(FOLDED)) {  // Streamlit remembers it folded; a reader's own folding stays
+    press('[data-testid="stExpandSidebarButton"]');
+    localStorage.removeItem(FOLDED);
+  }
+};
+follow();
 narrow.addEventListener("change", follow);
 export default () => {};
 """

@@ -6,13 +6,16 @@ from crashfuse.reporting.plots.palette import IN_THE_DARK, MEASURED_COLOUR
 
 STYLE = """<style>
 /* Streamlit writes white on the accent colour, which is too light for it in the dark theme */
-button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F) }
+button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsContainer"] [data-baseweb="tag"] * {
+  color: light-dark(#FFFFFF, #14181F) }
 /* the first screen belongs to the figure */
 [data-testid="stMainBlockContainer"] { padding-inline: clamp(1rem, 3vw, 5rem) }
 [data-testid="stMainBlockContainer"] > [data-testid="stVerticalBlock"] { gap: 0.7rem }
 [data-testid="stMain"] h1 { padding: 0 }
 [data-testid="stMain"] h3 { padding: 0.25rem 0 }
 .st-key-head, .st-key-recommendation { row-gap: 0; column-gap: 1rem }
+.st-key-recommendation > :first-child { flex-shrink: 1; min-width: 0 }
+.st-key-recommendation > :last-child { flex-shrink: 0 }
 .st-key-head [data-testid="stHeading"] { margin: 0 }
 /* a row of tabs is no row of buttons */
 [class*="_tab"] [data-testid="stButtonGroup"] button { border-width: 0 0 2px; border-radius: 0; background: none }
@@ -24,7 +27,7 @@ button[data-testid^="stBaseButton-primary"] { color: light-dark(#FFFFFF, #14181F
 [data-testid="stSidebar"] [data-testid="stPageLink"] { margin-block: 0.27rem }
 /* in a narrow window the sidebar lies over the page while it is open */
 @media (max-width: 1099px) {
-  [data-testid="stSidebar"] { position: fixed; height: 100vh; z-index: 999990; box-shadow: 0 0 1rem #0006 }
+  [data-testid="stSidebar"] { position: fixed !important; height: 100vh; z-index: 999990; box-shadow: 0 0 1rem #0006 }
 }
 /* where the keyboard is */
 a:focus-visible, button:focus-visible, summary:focus-visible, [role="tab"]:focus-visible {

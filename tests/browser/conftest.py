@@ -131,6 +131,17 @@ class User:
                 )
             )
 
+    def open_tab(self, label: str) -> None:
+        """Open a tab of the page."""
+        self.press(label, '[class*="_tab"] button')
+
+    def sits_at(self, width: int, height: int, zoom: float = 1.0) -> None:
+        """Make the window so many pixels large, and zoom the page."""
+        size = {"width": round(width / zoom), "height": round(height / zoom)}
+        self.browser.execute_cdp_cmd(
+            "Emulation.setDeviceMetricsOverride", {**size, "deviceScaleFactor": zoom, "mobile": False}
+        )
+
     def prefers(self, theme: str) -> None:
         """Let the system behind the browser prefer the light or the dark theme."""
         feature = {"name": "prefers-color-scheme", "value": theme}
@@ -249,4 +260,5 @@ def user(chromium: WebDriver, tmp_path: Path) -> Iterator[User]:
         chromium.close()
     chromium.switch_to.window(chromium.window_handles[0])
     chromium.get("about:blank")
+    chromium.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     assert _foreign_hosts(chromium) == set()

@@ -44,9 +44,11 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User")
     engineer.sees("Prediction − test", FIGURE)
     engineer.press("Motion")
     engineer.sees("Corridor of the rating, inner", FIGURE)  # the choice has held
+    engineer.open_tab("Ratings and metrics")
+    shown = engineer.sees("Corridor", '[data-testid="stTable"]')
+    engineer.open_tab("Files and report")
     scores = rows(engineer.downloads_file("scores.csv"))
     assert {(row["held_out"], row["approach"]) for row in scores} == {("T1", "cae"), ("T1", "displacement_domain")}
-    shown = engineer.sees("Corridor", '[data-testid="stTable"]')
     assert all(f"{float(row['overall']):.3f} {row['grade']}" in shown for row in scores)
     assert len(rows(engineer.downloads_file("pulses.csv"))) == 2 * 1250
     report = engineer.downloads_file("report.html")
@@ -59,7 +61,7 @@ def test_a_click_on_a_cell_of_the_study_opens_its_test_on_compare(engineer: "Use
     """Anywhere in the cell, not only on the words; the frame then holds that test out."""
     engineer.go("Study")
     engineer.press("Leave out each of 4 tests")
-    engineer.sees("report.html")  # the end of the page: until then the figures move
+    engineer.sees("Mean over the tests")  # the end of the page: until then the figures move
 
     def opened() -> bool:
         figure = engineer.find(FIGURE, "Test T3")
@@ -109,8 +111,8 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(engineer: "User", small_server
 def test_predict_answers_another_speed_at_once(engineer: "User") -> None:
     """Number field and slider follow each other, and the figure follows both; sweep and next test lie in tabs."""
     engineer.go("Predict")
-    engineer.press("Predict")
-    engineer.sees("Pulse metrics")
+    engineer.press("Predict", '[data-testid="stMain"] button')
+    engineer.sees("Use the")
     field = engineer.find('input[aria-label="Impact speed (mph)"]')
     field.send_keys(Keys.CONTROL, "a")
     field.send_keys("31.5", Keys.ENTER)
@@ -120,8 +122,8 @@ def test_predict_answers_another_speed_at_once(engineer: "User") -> None:
     slider.send_keys(Keys.ARROW_LEFT)
     engineer.sees("31.4 mph, front")
     engineer.wait(lambda: field.get_attribute("value") == "31.4")
-    engineer.press("Over speed", '[role="tab"]')
+    engineer.open_tab("Over speed")
     engineer.press("Predict over speed")
     engineer.sees("Impact speed", FIGURE)
-    engineer.press("Next test", '[role="tab"]')
+    engineer.open_tab("Next test")
     engineer.sees("The best 5")

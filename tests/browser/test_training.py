@@ -54,5 +54,5 @@ def test_fitting_on_all_tests_hands_out_a_model_and_predict_answers_at_once(
         record = json.loads(model.metadata()["crashfuse"])
     assert (record["approach"], record["preset"], record["seed"]) == ("cae", "fast", 0)
     user.go("Predict")
-    user.sees("Pulse metrics")
+    user.sees("Use the")
     assert [button.text for button in user.all("button") if button.text.strip() == "Predict"] == []

@@ -1,0 +1,160 @@
+"""The first screen in a real browser: what stands above the fold, narrow windows, the keyboard, zoom, contrast."""
+
+from typing import TYPE_CHECKING
+
+import pytest
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.keys import Keys
+
+pytestmark = pytest.mark.slow
+
+if TYPE_CHECKING:
+    from tests.browser.conftest import Server, User
+
+FIGURE = '[data-testid="stPlotlyChart"]'
+SIDEBAR = '[data-testid="stSidebar"]'
+LEGIBLE_PX, TEXT, LARGE = 11, 4.5, 3.0
+
+# Of every visible word: its size, and its contrast (WCAG 2.1) to what lies under it. Words of an SVG that stand on a
+# coloured cell or band are left to the tests of the palette.
+_WORDS = """
+const numbers = c => (c.match(/[\\d.]+/g) ?? []).map(Number);
+const parts = c => numbers(c).length > 2 ? [...numbers(c), 1].slice(0, 4) : null;
+const over = (a, b) => [0, 1, 2].map(i => a[3] * a[i] + (1 - a[3]) * b[i]).concat(1);
+const luminance = c => [0.2126, 0.7152, 0.0722].reduce((sum, weight, i) => {
+  const v = c[i] / 255; return sum + weight * (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4); }, 0);
+const above = e => { const line = []; for (; e; e = e.parentElement) line.push(getComputedStyle(e)); return line; };
+const found = [], walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+for (let node; node = walker.nextNode();) {
+  const e = node.parentElement, text = node.textContent.trim(), box = e.getBoundingClientRect();
+  const drawn = e.checkVisibility({ opacityProperty: true, visibilityProperty: true });
+  const seen = drawn && box.width > 1 && box.height > 1;
+  if (!text || !seen || e.closest('[aria-hidden="true"], [role="img"], [disabled], [data-testid="stSlider"]')) continue;
+  const style = getComputedStyle(e), svg = e.closest("svg"), size = parseFloat(style.fontSize);
+  if (svg && e.closest(".plot")) { found.push([text, size, 21, 0]); continue; }
+  const lines = above(svg ? svg.parentElement : e);
+  const ground = lines.map(s => parts(s.backgroundColor)).reverse().reduce((under, c) => c ? over(c, under) : under,
+                                                                            [255, 255, 255, 1]);
+  const ink = parts(svg ? style.fill : style.color), opacity = lines.reduce((all, s) => all * s.opacity, 1);
+  const [dim, bright] = [luminance(over([...ink.slice(0, 3), ink[3] * opacity], ground)), luminance(ground)].sort();
+  found.push([text, size, (bright + 0.05) / (dim + 0.05), size >= 24]);
+}
+return found;
+"""
+
+
+@pytest.fixture
+def predicted(small_server: "Server", user: "User") -> "User":
+    """Someone before the comparison of the small campaign's first test."""
+    user.sits_at(1440, 1000)
+    user.open(small_server, "train")
+    user.choose_approaches("CAE", "Displacement domain")
+    user.go("Compare")
+    user.wait(lambda: user.all(".cf-ratings") or _press_if_there(user, "Predict test T1"))
+    user.find(".cf-ratings")
+    return user
+
+
+def _press_if_there(user: "User", label: str) -> None:
+    for button in user.all('[data-testid="stMain"] button'):
+        if label in button.text:
+            button.click()
+
+
+def top_of(user: "User", css: str) -> float:
+    """Distance of the first element of this kind from the window's upper edge."""
+    return float(user.browser.execute_script("return arguments[0].getBoundingClientRect().top", user.find(css)))
+
+
+def test_compare_shows_its_figure_on_the_first_screen_and_one_tab_at_a_time(predicted: "User") -> None:
+    """Ratings in one row, the recommended one marked; a sentence, its reasons on demand; the figure within 350 px."""
+    predicted.sees("Velocity (km/h)", FIGURE)
+    assert top_of(predicted, FIGURE) <= 350
+    tops = {element.rect["y"] for element in predicted.all(".cf-ratings > div")}
+    assert len(tops) == 1
+    assert predicted.find(".cf-best").text.startswith(("CAE", "Displacement domain"))
+    assert "The raw CAE model rated" not in predicted.find('[data-testid="stMain"]').text
+    predicted.press("Why", '[data-testid="stPopover"] button')
+    predicted.sees("rated", '[data-testid="stPopoverBody"]')
+    predicted.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
+    predicted.open_tab("Ratings and metrics")
+    predicted.sees("Pulse metrics")
+    predicted.wait(lambda: not predicted.all(FIGURE))
+    predicted.open_tab("Networks")
+    predicted.sees("No approach with a network")
+    predicted.wait(lambda: not predicted.all('[data-testid="stTable"]'))
+
+
+def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(predicted: "User") -> None:
+    """By itself; a narrow window can open it, over the page."""
+
+    def shown() -> bool:
+        return predicted.find(".stAppViewContainer, [data-testid='stAppViewContainer']") and any(
+            0 <= element.rect["x"] < 300 for element in predicted.all(f'{SIDEBAR} [data-testid="stPageLink-NavLink"]')
+        )
+
+    predicted.wait(shown)
+    predicted.sits_at(900, 1000)
+    predicted.wait(lambda: not shown())
+    left = predicted.find(".cf-ratings").rect["x"]
+    predicted.press("", '[data-testid="stExpandSidebarButton"]')
+    predicted.wait(shown)
+    assert predicted.find(".cf-ratings").rect["x"] == left
+    predicted.browser.refresh()
+    predicted.find(".cf-ratings")
+    predicted.wait(lambda: not shown())
+    predicted.sits_at(1440, 1000)
+    predicted.wait(shown)
+
+
+def test_a_test_of_the_study_is_opened_by_keyboard(predicted: "User") -> None:
+    """The heat map is for the mouse; a field beside it does the same. Whatever has the focus shows it."""
+    predicted.go("Study")
+    predicted.sees("each left out in turn")
+    predicted.wait(lambda: predicted.all(FIGURE) or _press_if_there(predicted, "Leave out each of 4 tests"))
+    predicted.sees("Mean over the tests")
+    predicted.browser.execute_script("document.activeElement.blur(); window.focus()")
+    keyboard = ActionChains(predicted.browser)
+
+    def reached(label: str) -> bool:
+        keyboard.send_keys(Keys.TAB).perform()
+        focused = predicted.browser.switch_to.active_element
+        if focused.tag_name == "a":
+            assert focused.value_of_css_property("outline-style") == "solid"
+        return focused.get_attribute("aria-label") == label
+
+    assert any(reached("Open a test on Compare") for _ in range(80))
+    keyboard.send_keys("T3").pause(0.5).send_keys(Keys.ENTER).perform()
+    predicted.sees("Test T3: 26.0 mph")
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_every_word_can_be_read_at_900_px(predicted: "User", theme: str) -> None:
+    """Nothing below 11 px, in figures neither; contrast of 4.5, of large words 3, in both themes."""
+    predicted.sits_at(900, 1000)
+    predicted.prefers(theme)
+    for tab in ("Pulses", "Ratings and metrics"):
+        predicted.open_tab(tab)
+        predicted.sees({"Pulses": "Corridors of the rating"}.get(tab, "Pulse metrics"))
+        predicted.wait(lambda: not unreadable(predicted), f"Words that cannot be read: {unreadable(predicted)}", 10)
+
+
+def unreadable(user: "User") -> list[str]:
+    """Words that are too small or too dim."""
+    return [
+        f"{text[:30]}: {size:.0f} px, {contrast:.1f}"
+        for text, size, contrast, large in user.browser.execute_script(_WORDS)
+        if size < LEGIBLE_PX or contrast < (LARGE if large else TEXT)
+    ]
+
+
+def test_a_page_can_be_used_at_twice_its_size(predicted: "User") -> None:
+    """Nothing lies beyond the edge, and every tab is reached."""
+    predicted.sits_at(1440, 1000, zoom=2.0)
+    for tab in ("Over displacement", "Ratings and metrics", "Files and report", "Pulses"):
+        predicted.open_tab(tab)
+    predicted.sees("Velocity (km/h)", FIGURE)
+    beyond = (
+        "const main = document.querySelector('[data-testid=\"stMain\"]'); return main.scrollWidth - main.clientWidth"
+    )
+    assert predicted.browser.execute_script(beyond) <= 0
