@@ -28,11 +28,11 @@ _FLAGS = (
 _SHOTS = {  # page, height that shows it, theme, button that starts the computation, text that marks its end
     "data": ("data", 1900, "light", None, "CAE model"),
     "train": ("train", 870, "light", "Start", "are ready"),
-    "compare": ("compare", 1690, "light", "Predict test", "Pulse metrics"),
-    "study": ("study", 1440, "light", "Leave out each", "Every rating"),
-    "predict": ("predict", 1650, "light", "Predict", "Pulse metrics"),
+    "compare": ("compare", 1200, "light", "Predict test", "Use the"),
+    "study": ("study", 1240, "light", "Leave out each", "Use the"),
+    "predict": ("predict", 1280, "light", "Predict", "Use the"),
     "certify": ("certify", 1840, "light", "Certify", "Validated domain"),
-    "compare-dark": ("compare", 1690, "dark", None, "Pulse metrics"),
+    "compare-dark": ("compare", 1200, "dark", None, "Use the"),
 }
 _LONGEST_S = 1200.0
 
