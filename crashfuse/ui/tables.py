@@ -42,11 +42,14 @@ _NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+)?|–|)( \[.*
 
 
 def show_table(table: Styler | pd.DataFrame, key: str) -> None:
-    """Show a table without its index, and below it a button that copies it; the key is unique on the page.
+    """Show a table without its index, and below it a button that copies it; the key is unique on the page."""
+    styler = aligned(table if isinstance(table, Styler) else table.style.hide(axis="index"))
+    st.table(styler, border="horizontal")
+    _copy_button(data=spreadsheet_text(styler.data), key=f"copy {key}")
 
-    Numbers stand at the right, the same digits under each other; their intervals are lighter than they are.
-    """
-    styler = table if isinstance(table, Styler) else table.style.hide(axis="index")
+
+def aligned(styler: Styler) -> Styler:
+    """The same table with numbers at the right, their digits under each other and their intervals lighter."""
     for place, name in enumerate(styler.columns):
         matches = [_NUMBER.fullmatch(str(cell)) for cell in styler.data.iloc[:, place]]
         numbers = [match for match in matches if match is not None]
@@ -55,8 +58,7 @@ def show_table(table: Styler | pd.DataFrame, key: str) -> None:
             styler.format(partial(_with_light_interval, longest=longest), subset=[name])
             styler.set_properties(subset=[name], **{"text-align": "right !important"})
             styler.set_table_styles([{"selector": f"th.col{place}", "props": _RIGHT}], overwrite=False)
-    st.table(styler, border="horizontal")
-    _copy_button(data=spreadsheet_text(styler.data), key=f"copy {key}")
+    return styler
 
 
 def _with_light_interval(cell: object, longest: int) -> str:
