@@ -1,5 +1,6 @@
 """Explanations on a page: recommendation, settings, glossary, notes of the approaches, quality of the fits."""
 
+import re
 from collections.abc import Collection, Iterable, Sequence
 
 import streamlit as st
@@ -23,8 +24,8 @@ def show_recommendation(sentences: Sequence[str], beside: Sequence[str] = (), ic
     """Show the recommendation in a line; the reasons, and what else is to be said beside it, unfold from "Why"."""
     first, *reasons = sentences
     with st.container(horizontal=True, wrap=False, vertical_alignment="center", key="recommendation"):
-        use, _, expected = plain(first).partition(". ")
-        st.markdown(f":material/{icon}: **{use}.** {expected}", width="content")
+        use, *rest = re.split(r"(?<=\\[.:]) ", plain(first), maxsplit=1)  # escaped by then
+        st.markdown(f":material/{icon}: **{use}** {''.join(rest)}", width="content")
         if reasons or beside:
             with st.popover("Why", type="tertiary"):
                 st.markdown("\n\n".join(plain(reason) for reason in (*reasons, *beside)))
