@@ -81,7 +81,7 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(engineer: "User", small_server
     """Conditions of a grid, criteria from a file; the cell is in the address, and its condition on Predict."""
     criteria = engineer.downloads.parent / "criteria.toml"
     criteria.write_text('confidence = 0.9\n[[criterion]]\nmetric = "peak"\nat_most = 25\n', encoding="utf-8")
-    link = {"approach": "Displacement domain", "matrix": "Grid", "speeds": "20, 30"}
+    link = {"approach": "displacement_domain", "matrix": "Grid", "speeds": "20, 30"}
     engineer.open(small_server, "certify", campaign="campaign", **link)
     engineer.sees("No criteria yet")
     engineer.press("How criteria are declared", "summary")
