@@ -55,10 +55,12 @@ def predicted(small_server: "Server", user: "User") -> "User":
     return user
 
 
-def _press_if_there(user: "User", label: str) -> None:
+def _press_if_there(user: "User", label: str) -> bool:
+    """Start what has not been computed yet; False, so that one waits for it."""
     for button in user.all('[data-testid="stMain"] button'):
         if label in button.text:
             button.click()
+    return False
 
 
 def top_of(user: "User", css: str) -> float:
@@ -89,9 +91,8 @@ def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(predi
     """By itself; a narrow window can open it, over the page."""
 
     def shown() -> bool:
-        return predicted.find(".stAppViewContainer, [data-testid='stAppViewContainer']") and any(
-            0 <= element.rect["x"] < 300 for element in predicted.all(f'{SIDEBAR} [data-testid="stPageLink-NavLink"]')
-        )
+        links = predicted.all(f'{SIDEBAR} [data-testid="stPageLink-NavLink"]')
+        return any(0 <= link.rect["x"] < 300 for link in links)
 
     predicted.wait(shown)
     predicted.sits_at(900, 1000)
