@@ -76,7 +76,8 @@ def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, Any]]:
     speeds = np.array([test.condition.speed_mps for test in slow_to_fast])
     by_speed = (speeds - speeds[:1]) / max(float(np.ptp(speeds)) if tests else 0.0, 1e-9)
     shades = np.rint((by_speed + np.linspace(0, 1, len(tests))) / 2 * (_SHADES - 1)).astype(int)
-    rounded, styles = np.round(speeds / MPH).tolist(), {}
+    rounded = np.round(speeds / MPH).tolist()
+    styles: dict[str, dict[str, Any]] = {}
     for place, test in enumerate(slow_to_fast):
         colour = _SLOW_TO_FAST[shades[place]]
         dash, symbol = _REPEATS[rounded[:place].count(rounded[place]) % len(_REPEATS)]
