@@ -255,10 +255,9 @@ def test_the_settings_reach_the_study_and_hold_on_other_pages(monkeypatch: pytes
     app.radio(key="preset").set_value("paper").run()
     assert "many hours" in words(app)
     app.number_input(key="seed").set_value(7).run()
-    app.button_group(key="leave_out").set_value("speed group").run()
     app.radio(key="device").set_value("cpu").run()
     finish(press(app, "Start"))
-    assert asked == [StudyConfig(approaches=FAST, preset="paper", seed=7, leave_out="speed group", device="cpu")]
+    assert asked == [StudyConfig(approaches=FAST, preset="paper", seed=7, device="cpu")]
     assert charts(go(app, "compare")) == 1
     assert len(asked) == 1
 
