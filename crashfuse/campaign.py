@@ -89,18 +89,23 @@ class CaeLibrary:
         same = np.flatnonzero((gap <= _SAME_CONDITION * np.abs(target)).all(axis=1))
         return int(same[0]) if same.size else None
 
-    def extrapolation(self, condition: Condition) -> tuple[str, ...]:
-        """One sentence for every input that lies outside the range of all other CAE runs; empty if none does.
+    @cached_property
+    def range(self) -> tuple[FloatArray, FloatArray]:
+        """The range of the runs: smallest and largest [v0, wf, wr] in m/s and kg, each of shape (3,)."""
+        return self.vectors.min(axis=0), self.vectors.max(axis=0)
 
-        A run at exactly this condition gives the pulse there, but no support around it, so it does not count.
+    def extrapolation(self, condition: Condition) -> tuple[str, ...]:
+        """One sentence for every input of a condition outside :attr:`range`; empty if it is in range.
+
+        This alone decides what is in range, for pages, reports, figures and verdicts alike. A condition with a paired
+        run always is; how near the other runs are is another question
+        (:func:`crashfuse.study.nearest.nearest_runs`).
         """
-        others = np.delete(self.vectors, [] if (own := self.paired_run(condition)) is None else [own], axis=0)
-        if not len(others):
-            return ("Extrapolation: there is no other CAE run to judge this condition by.",)
-        low, high = others.min(axis=0).tolist(), others.max(axis=0).tolist()
         notes = []
-        for (name, quantity), x, lo, hi in zip(_AXES, condition.vector.tolist(), low, high, strict=True):
-            tolerance = _SAME_CONDITION * hi
+        for (name, quantity), x, lo, hi in zip(
+            _AXES, condition.vector.tolist(), *(end.tolist() for end in self.range), strict=True
+        ):
+            tolerance = _SAME_CONDITION * abs(x)  # that of a paired run
             if x < lo - tolerance or x > hi + tolerance:
                 outside = quantity(x, form=".4g"), quantity(lo, hi, form=".4g")
                 notes.append(Sentence("Extrapolation: {} {} lies outside the CAE runs' {}.", name, *outside))

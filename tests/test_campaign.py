@@ -37,12 +37,20 @@ def test_a_weight_beyond_the_library_is_flagged(campaign: Campaign) -> None:
     assert note.startswith("Extrapolation: front weight 2400 lb lies outside the CAE runs' 19")
 
 
-def test_a_pair_alone_does_not_stretch_the_range(campaign: Campaign) -> None:
-    """A run made at the one heavy test gives its pulse, but the neighbourhood is still empty."""
+def test_a_paired_run_puts_its_condition_in_range(campaign: Campaign) -> None:
+    """However far it lies from the other runs, and to the tolerance of a pair: its pulse is known there."""
     heavy = Condition(25 * MPH, 2400 * LB, 1500 * LB)
+    assert campaign.cae.extrapolation(heavy)
     cae = replace(campaign.cae, conditions=(*campaign.cae.conditions[:-1], heavy))
-    assert cae.paired_run(heavy) is not None
-    assert len(cae.extrapolation(heavy)) == 1
+    for factor in (1 - 0.99e-4, 1.0, 1 + 0.99e-4):
+        condition = replace(heavy, front_weight_kg=factor * heavy.front_weight_kg)
+        assert cae.paired_run(condition) is not None
+        assert cae.extrapolation(condition) == ()
+
+
+def test_every_run_is_in_range(campaign: Campaign) -> None:
+    """The range is that of all runs."""
+    assert [campaign.cae.extrapolation(condition) for condition in campaign.cae.conditions] == [()] * len(campaign.cae)
 
 
 def test_a_condition_inside_the_library_is_not_flagged(campaign: Campaign) -> None:

@@ -75,9 +75,9 @@ class Domain:
         """Checked stretches of speed, ascending, within the CAE runs'; empty if the tests are too few to check any."""
         if self.too_few_tests or not len(self.cae):
             return ()
-        runs = self.cae.vectors[:, 0]
-        low = max(self.speeds_mps[0] - self.below_mps, float(runs.min()))
-        high = min(self.speeds_mps[-1] + self.above_mps, float(runs.max()))
+        slowest, fastest = (float(end[0]) for end in self.cae.range)
+        low = max(self.speeds_mps[0] - self.below_mps, slowest)
+        high = min(self.speeds_mps[-1] + self.above_mps, fastest)
         found: list[tuple[float, float]] = []
         for tested in self.speeds_mps:
             start, end = max(tested - self.reach_mps, low), min(tested + self.reach_mps, high)

@@ -3,11 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from pandas.io.formats.style import Styler
 
-from crashfuse.campaign import Campaign
+from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.certification.domain import Domain
 from crashfuse.condition import Condition
+from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.report import page as report_page
 from crashfuse.signals.metrics import Metric, pulse_metrics
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.study.next_test import NextTest
@@ -78,3 +82,22 @@ def test_conditions_are_in_the_chosen_units_alone(campaign: Campaign) -> None:
     assert table.columns[0] == "Speed (km/h)"
     assert table.loc["T1", ["Speed (km/h)", "Front weight (kg)", "Rear weight (kg)"]].tolist() == ["24.1", "907", "658"]
     assert not [name for name in table.columns if "mph" in name or "lb" in name]
+
+
+@pytest.mark.parametrize("paired", [True, False])
+def test_page_report_and_figure_say_one_range(campaign: Campaign, paired: bool) -> None:
+    """A test far from all other runs is in range if it has a run at its own condition, and nowhere if it has none."""
+    far = CrashTest("far", Condition(30 * MPH, 2400 * LB, 1500 * LB), campaign.tests[0].pulse)
+    library = CaeLibrary(
+        (*campaign.cae.ids, "its own"),
+        (*campaign.cae.conditions, far.condition if paired else campaign.cae.conditions[0]),
+        np.vstack([campaign.cae.accel_mps2, campaign.cae.accel_mps2[:1]]),
+    )
+    wider = replace(campaign, cae=library, tests=(*campaign.tests, far))
+    on_page = page_tables.conditions(wider, Display()).data.iloc[-1]
+    in_report = report_page.tests_table(wider, Display()).iloc[-1]
+    legend = {trace.legendgroup for trace in condition_space(library, wider.tests).data if trace.text}
+    assert on_page["In CAE range"] == in_report["Inside the CAE runs' range"] == ("yes" if paired else "no")
+    assert on_page["Paired run"] == ("its own" if paired else "none")
+    assert ("Tests outside it: extrapolation" in legend) is not paired
+    assert any("front weight" in why for why in Domain.of(wider).exceeded_by(far.condition)) is not paired

@@ -27,9 +27,8 @@ def condition_space(
 ) -> go.Figure:
     """Draw front and rear weight over speed, one below the other: CAE runs, their range, and the tests.
 
-    A test outside the range of the CAE runs, not counting its own paired run, is drawn open where its speed or that
-    weight lies outside: predicting it is extrapolation. The range shown is that of the runs not paired with a test. A
-    ring marks the test with the id ``held_out``.
+    A test outside the range of the CAE runs is drawn open where its speed or that weight lies outside: predicting it is
+    extrapolation. A ring marks the test with the id ``held_out``.
     """
     figure = new_figure(height=640)
     style, other_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
@@ -39,7 +38,7 @@ def condition_space(
     figure.update_yaxes(other_style)
     runs = display.vectors(library.vectors)
     some = runs[:: -(-len(runs) // _MAX_RUNS)].astype(np.float32)
-    low, high = map(display.vectors, _range(library, tests))
+    low, high = map(display.vectors, library.range)
     points = display.vectors(np.array([test.condition.vector for test in tests]).reshape(-1, 3))
     everything = np.vstack([runs, points])
     bottom, top = everything.min(axis=0), everything.max(axis=0)
@@ -66,14 +65,6 @@ def condition_space(
         )
     figure.update_layout(hovermode="closest")
     return figure
-
-
-def _range(library: CaeLibrary, tests: Sequence[CrashTest]) -> tuple[FloatArray, FloatArray]:
-    """Minimum and maximum of the conditions of the runs not paired with a test, in SI."""
-    paired = {library.paired_run(test.condition) for test in tests}
-    free = [run for run in range(len(library)) if run not in paired] or list(range(len(library)))
-    vectors = library.vectors[free]
-    return vectors.min(axis=0), vectors.max(axis=0)
 
 
 def _draw_tests(

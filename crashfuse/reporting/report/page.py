@@ -60,7 +60,7 @@ def render(
     """The complete file, from a report's own template and values; the command is the one that reproduces it."""
     cfc = campaign.channel_filter_class
     quality = judge_quality(campaign.cae, campaign.quality_limits)
-    speeds, front, rear = zip(campaign.cae.vectors.min(axis=0), campaign.cae.vectors.max(axis=0), strict=True)
+    speeds, front, rear = zip(*campaign.cae.range, strict=True)
     return (
         _templates(display)
         .get_template(f"{template}.html.j2")
@@ -72,7 +72,7 @@ def render(
             numbers=count(1),
             campaign=campaign,
             config=config,
-            tests=_tests(campaign, display),
+            tests=tests_table(campaign, display),
             library=Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear)),
             quality=[quality.summary, *quality.named],
             quality_table=quality_table(quality),
@@ -83,7 +83,8 @@ def render(
     )
 
 
-def _tests(campaign: Campaign, display: Display) -> pd.DataFrame:
+def tests_table(campaign: Campaign, display: Display) -> pd.DataFrame:
+    """Every test with its condition, where its CAE pulse comes from, and whether the CAE runs cover it."""
     rows = []
     for test in campaign.tests:
         run = campaign.cae.paired_run(test.condition)
