@@ -65,10 +65,20 @@ class ConditionTable:
 def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
     """Read a condition table, converting units by the endings of the column names.
 
-    Problems are appended to ``problems``; None if the table cannot be used. A speed of 0 may be allowed: a CAE run
-    may start at rest, a test may not.
+    Problems are appended to ``problems``; None if there are any. A speed of 0 may be allowed: a CAE run may start at
+    rest, a test may not.
     """
     before = len(problems)
+    table = read_what_can_be(path, standstill_allowed=standstill_allowed, problems=problems)
+    return None if len(problems) > before else table
+
+
+def read_what_can_be(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
+    """Read a condition table that may have problems, so that pulses can be checked against what is sound in it.
+
+    As :func:`read_conditions`, but with every row that has an id of its own; NaN stands for a speed or weight that is
+    not there. None if there are no such rows.
+    """
     frame = _read_text(path, problems)
     if frame is None:
         return None
@@ -78,14 +88,14 @@ def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Prob
         for name, units in _QUANTITIES.items()
         if (pair := find_column(names, name, units, path.name, problems)) is not None
     }
-    if "id" not in names:
+    if "id" in names:
+        frame["id"] = frame["id"].str.strip()
+        sound = _check_ids(frame["id"], path.name, problems)
+    else:
         found, advice = f"the columns {listed(names)}", "name each row in a column id"
         problems.append(Problem(path.name, "a column id", found, advice))
-    if len(problems) > before:
-        return None
-    frame["id"] = frame["id"].str.strip()
-    _check_ids(frame["id"], path.name, problems)
-    values = {}
+        sound = []
+    values = {name: np.full(len(frame), np.nan) for name in _QUANTITIES}
     rows_of = frame.index.to_numpy()
     for name, (column, factor) in columns.items():
         numbers = not_a_number(frame[column], column, path.name, rows_of, problems, _LARGEST[name] / factor)
@@ -93,24 +103,17 @@ def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Prob
         _check_low(numbers, smallest, frame[column], path.name, problems)
         values[name] = factor * numbers
     quality = read_quality(frame, path.name, problems)
-    used = {"id", *QUALITIES, *(column for column, _ in columns.values())}
-    extra = [name for name in names if name not in used]
+    found_columns = [column for column, _ in columns.values()]
+    extra = [name for name in names if name not in {"id", *QUALITIES, *found_columns}]
     _check_factors(frame[extra], path.name, problems)
-    if len(problems) > before:
+    if not sound:
         return None
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=str).tolist()]
     rows = zip(values["speed"], values["front_weight"], values["rear_weight"], factors, strict=True)
     conditions = tuple(Condition(float(v), float(front), float(rear), fac) for v, front, rear, fac in rows)
     units = MPH_LB if "speed_mph" in names else KPH_KG
-    return ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, units)
-
-
-def sound_ids(path: Path) -> tuple[str, ...]:
-    """The valid ids of a condition table that may have errors elsewhere, so that their pulses can be checked."""
-    frame = _read_text(path, [])
-    if frame is None or "id" not in frame:
-        return ()
-    return tuple(run_id for run_id in dict.fromkeys(frame["id"].str.strip()) if id_trouble(run_id) is None)
+    table = ConditionTable(tuple(frame["id"]), conditions, tuple(frame.index), quality, units)
+    return table if len(sound) == len(frame) else table.without(sorted({*range(len(frame))} - {*sound}))
 
 
 def read_candidates(path: Path) -> tuple[Condition, ...]:
@@ -147,10 +150,12 @@ def _read_text(path: Path, problems: list[Problem]) -> pd.DataFrame | None:
     return cells.astype(str)
 
 
-def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> None:
+def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> list[int]:
+    """The places of the rows with a valid id that no row before has."""
     seen: dict[str, str] = {}
+    sound: list[int] = []
     count = 0
-    for row, run_id in ids.items():
+    for place, (row, run_id) in enumerate(ids.items()):
         trouble = id_trouble(run_id)
         name = folded(run_id)
         if trouble is None and name in seen:
@@ -159,8 +164,11 @@ def _check_ids(ids: pd.Series, where: str, problems: list[Problem]) -> None:
             count += 1
             if count <= MOST_PROBLEMS:
                 problems.append(Problem(where, *trouble, "id", row))
+        else:
+            sound.append(place)
         seen.setdefault(name, run_id)
     count_rest(count, MOST_PROBLEMS, "ids that are not fit", where, "id", problems)
+    return sound
 
 
 def _check_factors(cells: pd.DataFrame, where: str, problems: list[Problem]) -> None:

@@ -125,7 +125,7 @@ def _unlike(one: FloatArray, other: FloatArray) -> float:
 
 def _alike(accel: FloatArray) -> Pairs:
     """Pairs of rows worth a closer look, by their correlation at 2.5 kHz."""
-    coarse = np.asarray(accel, dtype=np.float64).reshape(len(accel), -1, _COARSE).mean(axis=2)
+    coarse = np.asarray(accel, dtype=np.float64).reshape(len(accel), N_SAMPLES // _COARSE, _COARSE).mean(axis=2)
     least = np.sqrt(1 - _COARSE_DIFFER**2)
     pairs: set[tuple[int, int]] = set()
     for shift in range(round(_SHIFT_S / (_COARSE * DT_S)) + 1):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
-from crashfuse.campaign_folder.condition_tables import ConditionTable, read_conditions, sound_ids
+from crashfuse.campaign_folder.condition_tables import ConditionTable, read_what_can_be
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
 from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units
 from crashfuse.campaign_folder.pulse_files import PulseFiles
@@ -50,21 +50,13 @@ def load_campaign(folder: str | Path) -> Campaign:
     pulses: dict[str, FloatArray] = {}
     ends_s: dict[str, float] = {}
     for role in ("tests", "cae"):
-        path = folder / f"{role}.csv"
-        table = read_conditions(path, standstill_allowed=role == "cae", problems=problems)
+        table = read_what_can_be(folder / f"{role}.csv", standstill_allowed=role == "cae", problems=problems)
         reader = PulseFiles(folder, role, settings.channel_filter_class)
         if table is None:
-            if ids := sound_ids(path):  # so that problems of their pulses are reported as well
-                reader.read(ids)
-                problems.extend(reader.problems)
-            continue
-        tables[role], pulses[role] = table, reader.read(table.ids)
-        if not reader.problems:
-            check_physics(role, table, pulses[role], reader.problems)
-            check_ends(role, table, pulses[role], reader)
-            check_band(role, pulses[role], reader.warnings)
-            if role == "tests" and not reader.problems:
-                check_tests_differ(table, pulses[role], reader.problems)
+            reader.check()
+        else:
+            tables[role], pulses[role] = table, reader.read(table.ids)
+            _check_pulses(role, table, pulses[role], reader)
         if role == "tests":
             ends_s = reader.ends_s
         problems.extend(reader.problems)
@@ -94,6 +86,17 @@ def load_campaign(folder: str | Path) -> Campaign:
         settings.occupant, _common({settings.tests_imported_with.get(test.id) for test in crash_tests}),
         tables["tests"].units,
     )  # fmt: skip
+
+
+def _check_pulses(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
+    """Check every pulse that could be read against its condition, and tests against each other."""
+    if unread := np.flatnonzero(np.isnan(accel[:, 0])).tolist():
+        table, accel = table.without(unread), np.delete(accel, unread, axis=0)
+    check_physics(role, table, accel, reader.problems)
+    check_ends(role, table, accel, reader)
+    check_band(role, accel, reader.warnings)
+    if role == "tests":
+        check_tests_differ(table, accel, reader.problems)
 
 
 def _common(classes: set[float | None]) -> float | None:

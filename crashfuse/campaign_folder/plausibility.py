@@ -25,7 +25,7 @@ _AT_ONCE = 2000  # pulses per batch
 
 
 def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems: list[Problem]) -> None:
-    """Compare each pulse's change of velocity with its stated impact speed."""
+    """Compare each pulse's change of velocity with its stated impact speed, as far as that is known (not NaN)."""
     low, high = STOPS[role]
     speed, biggest = _speeds(table), _changes(accel)
     ratio = -biggest / np.maximum(speed, 1e-9)
@@ -36,6 +36,10 @@ def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems:
         expected = "changes of velocity near the impact speed, for half of the runs at least"
         problems.append(Problem("cae.csv", expected, found, _likely_cause(typical, *_LIBRARY_STOPS)))
         return
+    for row in np.flatnonzero(np.isnan(speed) & (biggest > CREEP_MPS)):
+        found = f"{biggest[row] / MPH:+.1f} mph ({biggest[row] / KPH:+.1f} km/h)"
+        advice, place = _likely_cause(-1.0, low, high), f"id {table.ids[row]}"
+        problems.append(Problem(f"{role}.csv", "a pulse that brakes", found, advice, place, table.rows[row]))
     for row in np.flatnonzero(((ratio < low) | (ratio > high)) & moving):
         v0, delta_v = speed[row], biggest[row]
         found = f"a change of {delta_v / MPH:+.1f} mph ({delta_v / KPH:+.1f} km/h)"

@@ -44,8 +44,11 @@ class PulseFiles:
     _unreadable: bool = False
 
     def read(self, ids: Sequence[str]) -> npt.NDArray[np.float32]:
-        """The pulses of these ids on the study grid, shape (n_ids, 1250), m/s²; problems go to ``problems``."""
-        accel = np.zeros((len(ids), N_SAMPLES), dtype=np.float32)
+        """The pulses of these ids on the study grid, shape (n_ids, 1250), m/s².
+
+        Problems go to ``problems``; a pulse that has any is NaN.
+        """
+        accel = np.full((len(ids), N_SAMPLES), np.nan, dtype=np.float32)
         row_of = {run_id: row for row, run_id in enumerate(ids)}
         missing = set(ids)
         strangers, named = 0, list[str]()
@@ -58,7 +61,7 @@ class PulseFiles:
                 missing.remove(run_id)
                 if record is None:
                     continue
-                on_grid = self._on_grid(record, f"{where}, {printable(run_id, 60)}" if "_pulses" in where else where)
+                on_grid = self._on_grid(record, _named(run_id, where))
                 if on_grid is not None:
                     accel[row_of[run_id]] = on_grid
                     if ends_early(record.time_s):
@@ -74,21 +77,32 @@ class PulseFiles:
             )
         return accel
 
-    def _records(self, ids: Sequence[str]) -> Iterator[tuple[str, str, RecordedPulse | None]]:
+    def check(self) -> None:
+        """Check every record there is, for want of a table that says which belong; problems go to ``problems``."""
+        if self._forms():
+            for run_id, where, record in self._records(None):
+                if record is not None:
+                    self._on_grid(record, _named(run_id, where))
+
+    def _forms(self) -> list[Path]:
+        """The tables of pulses and the folder of single files, as far as they are there."""
         tables = [path for ending in _ENDINGS if (path := self.folder / f"{self.role}_pulses{ending}").exists()]
         singles = self.folder / self.role
-        forms = [path.name for path in tables] + ([f"{singles.name}/"] if singles.is_dir() else [])
+        return [*tables, *([singles] if singles.is_dir() else [])]
+
+    def _records(self, ids: Sequence[str] | None) -> Iterator[tuple[str, str, RecordedPulse | None]]:
+        forms = self._forms()
         if len(forms) != 1:
             expected = f"the pulses either in {self.role}_pulses.parquet (or .csv) or in {self.role}/<id>.csv"
-            found = " and ".join(forms) if forms else "neither"
+            found = " and ".join(f"{form.name}{'/' * form.is_dir()}" for form in forms) or "neither"
             self.problems.append(Problem(self.role, expected, found, "keep one form" if forms else "add the pulses"))
             self._unreadable = True
-        elif tables:
-            yield from self._from_table(tables[0])
+        elif forms[0].name == self.role:
+            yield from self._from_files(forms[0], ids)
         else:
-            yield from self._from_files(singles, ids)
+            yield from self._from_table(forms[0])
 
-    def _from_files(self, folder: Path, ids: Sequence[str]) -> Iterator[tuple[str, str, RecordedPulse | None]]:
+    def _from_files(self, folder: Path, ids: Sequence[str] | None) -> Iterator[tuple[str, str, RecordedPulse | None]]:
         try:
             names = sorted(path.name for path in folder.iterdir())
         except OSError as error:
@@ -96,6 +110,8 @@ class PulseFiles:
             self._unreadable = True
             return
         there = {_composed(name): name for name in names}  # some systems write accents apart
+        if ids is None:
+            ids = list(dict.fromkeys(name.rpartition(".")[0] for name in names if name.endswith(_ENDINGS)))
         for run_id in ids:
             files = [there[name] for ending in _ENDINGS if (name := _composed(f"{run_id}{ending}")) in there]
             record, where = None, f"{folder.name}/{files[0] if files else ''}"
@@ -149,11 +165,12 @@ class PulseFiles:
     def _on_grid(self, record: RecordedPulse, where: str) -> FloatArray | None:
         """Resample a record to the study grid; where that is impossible, append a problem and return None."""
         time, accel = record.time_s, record.accel_mps2
-        if not (np.isfinite(time).all() and np.isfinite(accel).all()):
+        if not np.isfinite(time).all():
             return None  # already reported cell by cell
         trouble = time_trouble(record, where) or cover_trouble(time, where)
         if trouble is not None:
             self.problems.append(trouble)
+        if trouble is not None or not np.isfinite(accel).all():
             return None
         step = (time[-1] - time[0]) / (time.size - 1)
         if self.channel_filter_class is not None:
@@ -169,3 +186,8 @@ class PulseFiles:
                 f"measured: ratings over windows beyond {time[-1] / MS:.4g} ms mean nothing for it."
             )
         return np.interp(GRID_S, time, accel, right=0.0 if early else None)
+
+
+def _named(run_id: str, where: str) -> str:
+    """The place of a record: its file, with its id if the file holds many."""
+    return f"{where}, {printable(run_id, 60)}" if "_pulses" in where else where

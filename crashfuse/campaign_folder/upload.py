@@ -9,9 +9,10 @@ from pathlib import Path, PurePosixPath
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from crashfuse.campaign_folder.condition_tables import read_conditions
+from crashfuse.campaign_folder.condition_tables import read_what_can_be
+from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.campaign_folder.ids import folded
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import (
     DEFAULT_LIMITS,
     Budget,
@@ -52,23 +53,37 @@ def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = D
     Raises
     ------
     DataError
-        If anything in the uploads is not part of a campaign or exceeds the limits; nothing is left in ``into``.
+        If anything in the uploads is not part of a campaign or exceeds the limits; nothing is left in ``into``. In the
+        first case, what is wrong with the rest is told along with it.
     """
     members, name = _opened(uploads, limits)
     root = _root(members, name)
-    targets = _targets(members, root, name)
+    problems: list[Problem] = []
+    targets = _targets(members, root, problems)
     folder = into / (root.name or PurePosixPath(name).stem.strip(". ") or "campaign")
     folder.mkdir()
     try:
         budget = Budget(limits, sum(len(content) for _, content in uploads))
         for member, target in targets.items():
             member.write_to(folder / target, budget)
-        _place(folder, [target for target in targets.values() if len(target.parts) == 1])
+        _place(folder, [target for target in targets.values() if len(target.parts) == 1], problems)
         _check_rows(folder, limits)
+        if problems:
+            _refuse_with_the_rest(problems, name, folder)
     except BaseException:
         shutil.rmtree(folder)
         raise
     return folder
+
+
+def _refuse_with_the_rest(problems: list[Problem], name: str, folder: Path) -> None:
+    """Raise a DataError with these problems and with those of what could be laid out."""
+    told: list[Problem] = []
+    with collecting(told):
+        refuse(problems, name)
+    with collecting(told):
+        load_campaign(folder)
+    raise DataError(told)
 
 
 def _opened(uploads: Sequence[tuple[str, bytes]], limits: Limits) -> tuple[list[Member], str]:
@@ -111,9 +126,8 @@ def _root(members: Sequence[Member], name: str) -> PurePosixPath:
     return min(homes, key=lambda home: len(home.parts))
 
 
-def _targets(members: Sequence[Member], root: PurePosixPath, name: str) -> dict[Member, PurePosixPath]:
+def _targets(members: Sequence[Member], root: PurePosixPath, problems: list[Problem]) -> dict[Member, PurePosixPath]:
     """The target of each member in the campaign folder; notes are dropped, pulses beside the tables stay for now."""
-    problems: list[Problem] = []
     targets: dict[Member, PurePosixPath] = {}
     for member in members:
         ending = member.path.suffix.lower()
@@ -127,11 +141,11 @@ def _targets(members: Sequence[Member], root: PurePosixPath, name: str) -> dict[
             expected, advice = "a file of one campaign folder", "put pulses into tests/ or cae/ and leave out the rest"
             problems.append(Problem(member.where, expected, "a file elsewhere", advice))
     times = Counter(folded(str(target)) for target in targets.values())
-    for member, target in targets.items():
+    for member, target in [*targets.items()]:
         if (found_times := times[folded(str(target))]) > 1:
             expected = "names that differ by more than capitals"
             problems.append(Problem(member.where, expected, f"{found_times} of this name", "keep one"))
-    refuse(problems, name)
+            del targets[member]
     return targets
 
 
@@ -155,21 +169,23 @@ def _in_a_campaign(path: PurePosixPath) -> bool:
     return False
 
 
-def _place(folder: Path, at_the_top: Sequence[PurePosixPath]) -> None:
-    """Move each pulse beside the tables to the tests or the CAE runs, whichever has its id."""
+def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Problem]) -> None:
+    """Move each pulse beside the tables to the tests or the CAE runs, whichever has its id.
+
+    What is wrong with the tables is told when they are read. A pulse that is of no other role is of one whose table
+    cannot be read.
+    """
     strays = [folder / path for path in at_the_top if path.name not in _AT_THE_TOP]
-    if not strays:
-        return
-    problems: list[Problem] = []
     ids: dict[str, set[str]] = {}
-    for role in _ROLES:
-        table = read_conditions(folder / f"{role}.csv", standstill_allowed=role == "cae", problems=problems)
+    unread: list[str] = []
+    for role in _ROLES if strays else ():
+        table = read_what_can_be(folder / f"{role}.csv", standstill_allowed=role == "cae", problems=[])
         has_pulses = any((folder / f"{role}_pulses{ending}").is_file() for ending in _PULSES)
         ids[role] = set() if table is None or has_pulses else set(table.ids)
-    if problems:
-        raise DataError(problems)
+        if table is None and not has_pulses:
+            unread.append(role)
     for path in strays:
-        homes = [role for role in _ROLES if path.stem in ids[role]]
+        homes = [role for role in _ROLES if path.stem in ids[role]] or unread[:1]
         if len(homes) != 1:
             expected = "a pulse named after an id in tests.csv or in cae.csv"
             found = "an id of both" if homes else "a name that is no id there, or one whose pulse is in a table"
@@ -179,7 +195,6 @@ def _place(folder: Path, at_the_top: Sequence[PurePosixPath]) -> None:
         else:
             home.parent.mkdir(exist_ok=True)
             path.rename(home)
-    refuse(problems, "upload")
 
 
 def _check_rows(folder: Path, limits: Limits) -> None:

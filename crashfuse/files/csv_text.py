@@ -19,6 +19,7 @@ _BLOCK = 4 << 20  # characters
 _LONGEST_LINE = 100_000
 _MOST_COLUMNS = 500
 _LARGEST_TABLE, _MOST_LINES, _MOST_CELLS = 32 << 20, 500_000, 5_000_000  # of a condition table; the first in characters
+_MOST_WIDE = 20  # lines with more cells than the header that are told
 _AGAIN = "export it again as comma-separated text in UTF-8"
 
 
@@ -107,7 +108,7 @@ class CsvTable:
 def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[int]]:
     """Read a small table at once: its header, its rows padded to the header's width, and the number of each row.
 
-    Empty rows are skipped. A table that cannot be read, is larger than any library needs, or has a row with more cells
+    Empty rows are skipped. A table that cannot be read, is larger than any library needs, or has rows with more cells
     than the header raises a DataError.
     """
     with text_from(path, where) as stream:
@@ -125,6 +126,7 @@ def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[
     reader = csv.reader(io.StringIO(text), skipinitialspace=True, strict=True)
     rows: list[list[str]] = []
     numbers: list[int] = []
+    wide: list[Problem] = []
     number = 1
     try:
         names = header_names(next(reader, []), where)
@@ -133,13 +135,15 @@ def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[
                 expected = f"at most {_MOST_LINES} lines and {_MOST_CELLS} cells"
                 raise DataError(Problem(where, expected, "more", "leave out columns that are not needed, or runs"))
             if any(map(str.strip, cells)):
-                if any(map(str.strip, cells[len(names) :])):
-                    raise DataError(too_wide(where, len(names), cells, number))
+                if any(map(str.strip, cells[len(names) :])) and len(wide) < _MOST_WIDE:
+                    wide.append(too_wide(where, len(names), cells, number))
                 rows.append([*map(original, cells[: len(names)]), *[""] * (len(names) - len(cells))])
                 numbers.append(number)
     except csv.Error as error:
         expected = "cells of a comma-separated table"
-        raise DataError(Problem(where, expected, str(error), _AGAIN, row=number + 1)) from None
+        raise DataError([*wide, Problem(where, expected, str(error), _AGAIN, row=number + 1)]) from None
+    if wide:
+        raise DataError(wide)
     return names, rows, numbers
 
 

@@ -566,8 +566,9 @@ def test_a_fault_of_every_run_is_shown_twenty_times_and_counted(campaign_folder:
             shutil.copy(campaign_folder / "tests" / "T2.csv", campaign_folder / "tests" / f"X{i}.csv")
     with pytest.raises(DataError) as raised:
         load_campaign(campaign_folder)
-    assert len(raised.value.problems) == 21
-    assert f"found {many - 20} more like these; correct them too." in str(raised.value.problems[-1])
+    of_one_kind = [problem for problem in raised.value.problems if "record of its own" not in problem.expected]
+    assert len(of_one_kind) == 21
+    assert f"found {many - 20} more like these; correct them too." in str(of_one_kind[-1])
 
 
 @pytest.mark.parametrize(("factor", "advice"), [(KPH / MPH, "mph under a name"), (MPH / KPH, "km/h under a name")])

@@ -117,7 +117,7 @@ BOTH = (("tests.csv", TESTS), ("cae.csv", CAE))
         ([*BOTH, ("tests.csv", TESTS)], "2 of this name"),
         ([("c.zip", zipped(*BOTH, ("T1.csv", PULSE), ("tests/T1.csv", PULSE)))], "one in tests/ too"),
         ([*BOTH, ("T9.csv", PULSE)], "T9.csv: expected a pulse named after an id"),
-        ([("tests.csv", TESTS), ("T1.csv", PULSE)], "cae.csv: expected this file"),
+        ([("tests.csv", TESTS), ("prog.exe", b"MZ")], "prog.exe.*\n(.*\n)*cae.csv: expected this file"),
         ([("T1.csv", PULSE)], "T1.csv: expected tests.csv and cae.csv, found neither"),
         ([("a.csv", PULSE), ("b.parquet", b"")], "upload: expected tests.csv and cae.csv, found neither"),
         ([("prog.exe", b"MZ")], "prog.exe: expected a format that crashfuse reads .*, found a file .exe"),
