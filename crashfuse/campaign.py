@@ -132,6 +132,8 @@ class Campaign:
         CFC that every test was filtered with on import; None if the campaign does not say, or they differ.
     units : UnitSystem
         Units of speed and weight that the tests are declared in: those that its readers see first.
+    unused : tuple of (str, Condition)
+        Tests that are left out of use, by id and condition: nothing learns from them, and they are not rated.
     """
 
     name: str
@@ -144,6 +146,7 @@ class Campaign:
     occupant: OccupantModel = USUAL_OCCUPANT
     tests_filtered_with: float | None = None
     units: UnitSystem = MPH_LB
+    unused: tuple[tuple[str, Condition], ...] = ()
 
     @cached_property
     def fingerprint(self) -> str:
@@ -158,6 +161,14 @@ class Campaign:
             digest.update(f"{test.id}|{test.condition!r}\n".encode())
             digest.update(test.pulse.accel_mps2.tobytes())
         return digest.hexdigest()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of any result should know: the tests that are left out of use, and the warnings."""
+        if not self.unused:
+            return self.warnings
+        names = ", ".join(test_id for test_id, _ in self.unused)
+        return (f"Left out of use, neither learned from nor rated: {names} (unused in campaign.toml).", *self.warnings)
 
     @property
     def filter_class(self) -> str:

@@ -7,7 +7,7 @@ from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
-from crashfuse.ui import address, frame, page_tables
+from crashfuse.ui import address, editing, frame, page_tables
 from crashfuse.ui.beside import choose_tests, without_clicks
 from crashfuse.ui.figures import show_cached_figure, show_figure
 from crashfuse.ui.importing import step as importing
@@ -37,6 +37,7 @@ def show_summary(view: frame.View) -> None:
     )
     for warning in campaign.warnings:
         st.warning(plain(warning), icon=":material/warning:")
+    editing.show_last_change(view)
     page, label = "compare", f"Next: predict test {plain(view.held_out.id)} from the others, and compare"
     if len(campaign.tests) == 1:
         page, label = "predict", "Next: predict another condition"
@@ -47,6 +48,7 @@ def show_tests(view: frame.View) -> None:
     """All tests overlaid, as read or filtered."""
     campaign, test = view.campaign, view.held_out
     st.subheader("Tests")
+    editing.show_tests_in_use(view)
     options = [AS_READ, *(f"CFC {cfc}" for cfc in CLASSES)]
     address.default("filter", AS_READ, options)
     choice = st.segmented_control(

@@ -1,4 +1,4 @@
-"""Adding pulses to a campaign folder: all of them or none.
+"""Adding pulses to a campaign folder: all of them or none, to be undone at will.
 
 A pulse belongs to a campaign once its row is in the condition table, which is written last: an interruption before
 that leaves the campaign unchanged.
@@ -8,24 +8,32 @@ import csv
 import io
 import tempfile
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from crashfuse.campaign_folder.columns import listed
-from crashfuse.campaign_folder.condition_tables import Role, read_conditions
+from crashfuse.campaign_folder.condition_tables import ConditionTable, Role, read_conditions
+from crashfuse.campaign_folder.history import changing, taking_turns
 from crashfuse.campaign_folder.ids import folded
+from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
 from crashfuse.campaign_folder.writer import check_ids, pulse_csv, quality_columns, table_row, toml_text
 from crashfuse.condition import Condition
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.atomic import new_folder, write_atomically
 from crashfuse.files.csv_output import csv_text
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import Pulse
 
 Told = Mapping[str, str | float | Sequence[str]]
+WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
+"""One and many of each role, in words."""
+_SAME = 1e-5  # relative: a table may keep float32
+_NAMED = 5  # ids
 _MARKS = ("tests.csv", "cae.csv", "campaign.toml")  # any of these marks a campaign folder
 
 
@@ -40,11 +48,38 @@ class Addition:
     quality: RunQuality = field(default_factory=RunQuality)
 
 
-def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
+@dataclass(frozen=True, slots=True)
+class Added:
+    """What an addition came to: the ids that are new, and those that were there already, with the same pulse."""
+
+    role: Role
+    ids: tuple[str, ...]
+    there: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """Such as ``Added: 2 tests (T12, T13); 3 were there already``."""
+        told = f"Added: {counted(len(self.ids), self.role)} ({named(self.ids)})"
+        count = len(self.there)
+        return told + (f"; {count} {'was' if count == 1 else 'were'} there already" if count else "")
+
+
+def counted(number: int, role: Role) -> str:
+    """A count of tests or CAE runs as text."""
+    return f"{number:,} {WHAT[role][number != 1]}"
+
+
+def named(ids: Sequence[str]) -> str:
+    """Ids as text, the first and the last of many."""
+    shown = [printable(run_id, 60) for run_id in (ids if len(ids) <= _NAMED else [ids[0], ids[-1]])]
+    return (", " if len(ids) <= _NAMED else " to ").join(shown)
+
+
+def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> Added:
     """Add tests or CAE runs to a campaign folder, or start a new one with them.
 
     Rows go into the existing table, in its units; pulses go where the others are, by default
-    ``<role>/<id>.csv``; ``campaign.toml`` gets an ``[[imported]]`` table for each.
+    ``<role>/<id>.csv``; ``campaign.toml`` gets an ``[[imported]]`` table for each. What is there already, with the same
+    id, condition and pulse, stays as it is. :func:`crashfuse.campaign_folder.history.undo` takes it all back.
 
     Parameters
     ----------
@@ -54,8 +89,9 @@ def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> 
     Raises
     ------
     DataError
-        If an id is already in the campaign, occurs twice in the additions or is not a valid file name, or if the
-        campaign's own table is invalid; nothing is changed.
+        If an id is already in the campaign with another condition or pulse, or all are there already; if an id occurs
+        twice in the additions or is not a valid file name; if the campaign's own table is invalid, or it is the sample;
+        nothing is changed.
     OSError
         If writing fails; the campaign is unchanged.
     """
@@ -67,24 +103,28 @@ def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> 
     if folder.is_dir() and any(folder.iterdir()) and not any((folder / name).is_file() for name in _MARKS):
         found, advice = "other files", "name a campaign, or a folder that does not exist yet"
         raise DataError(Problem(str(folder), "a campaign folder, or an empty one", found, advice))
-    if not folder.is_dir() or not any(folder.iterdir()):
+    with taking_turns(folder):
+        if folder.is_dir() and any(folder.iterdir()):
+            return _add(folder, role, additions)
         with new_folder(folder) as home:
-            _add(home, role, additions)
-    else:
-        _add(folder, role, additions)
+            return _add(home, role, additions)
 
 
-def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
+def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> Added:
     table = folder / f"{role}.csv"
-    text, header = _table_to_extend(table, role, additions)
+    known = _known(table, role)
+    there = tuple(_already_there(folder, role, known, additions))
+    additions = [addition for addition in additions if addition.id not in there]
+    added = Added(role, tuple(addition.id for addition in additions), there)
+    text, header = _table_to_extend(table, known, additions)
     settings = _settings_with(folder / "campaign.toml", role, additions)
     rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in additions]
     content = text + csv_text(rows)
     _check_readable({table.name: content, "campaign.toml": settings}, role)
-    written: list[Path] = []
-    try:
+    with changing(folder, str(added)) as keep:
         tables = [path for ending in ("parquet", "csv") if (path := folder / f"{role}_pulses.{ending}").is_file()]
         if tables:
+            keep(tables[0])
             append_to_table(tables[0], [(addition.id, addition.pulse) for addition in additions])
         else:
             for addition in additions:
@@ -93,35 +133,67 @@ def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> None:
                 if path.exists() and path.read_bytes() != pulse:
                     found, advice = "another pulse there, without a row in the table", "rename or remove the file"
                     raise DataError(Problem(f"{role}/{path.name}", "no such file yet", found, advice))
-                written.append(path)
+                keep(path)
                 write_atomically(path, pulse)
-        write_atomically(folder / "campaign.toml", settings.encode())
-        write_atomically(table, content.encode())
-    except BaseException:
-        for path in written:
-            path.unlink(missing_ok=True)
-        raise
+        for path, new in ((folder / "campaign.toml", settings), (table, content)):
+            keep(path)
+            write_atomically(path, new.encode())
+    return added
 
 
-def _table_to_extend(table: Path, role: str, additions: Sequence[Addition]) -> tuple[str, list[str]]:
+def _known(table: Path, role: Role) -> ConditionTable | None:
+    """The rows of the condition table; None if there is no table yet."""
+    if not table.is_file():
+        return None
+    problems: list[Problem] = []
+    known = read_conditions(table, standstill_allowed=role == "cae", problems=problems)
+    if known is None:
+        raise DataError(problems)
+    return known
+
+
+def _already_there(
+    folder: Path, role: Role, known: ConditionTable | None, additions: Sequence[Addition]
+) -> Iterator[str]:
+    """The ids of additions that the campaign has already; a DataError if one has another condition or pulse there."""
+    own = {} if known is None else dict(zip(known.ids, known.conditions, strict=True))
+    there = set(map(folded, own))
+    again = {addition.id: addition for addition in additions if folded(addition.id) in there}
+    if not again:
+        return
+    pulses = PulseFiles(folder, role, None)
+    same = set()
+    for run_id, _, record in pulses.records([run_id for run_id in again if run_id in own]):
+        if record is not None and run_id in again:
+            pulse, condition = again[run_id].pulse, again[run_id].condition
+            if (
+                record.time_s.shape == pulse.time_s.shape
+                and np.allclose(record.time_s, pulse.time_s, rtol=_SAME, atol=1e-9)
+                and np.allclose(record.accel_mps2, pulse.accel_mps2, atol=_SAME * float(np.abs(pulse.accel_mps2).max()))
+                and np.allclose(own[run_id].vector, condition.vector, rtol=_SAME)
+            ):
+                same.add(run_id)
+    if other := [run_id for run_id in again if run_id not in same]:
+        expected, advice = "an id that is not there yet", "give it another id, or remove the one that is there"
+        raise DataError([Problem(f"{role}.csv", expected, repr(i), advice, "id") for i in other[:20]])
+    if len(same) == len(additions):
+        found = f"{named([*again])}, there already with the same condition and pulse"
+        raise DataError(
+            Problem(f"{role}.csv", f"a {WHAT[role][0]} that is not there yet", found, "nothing has to be added")
+        )
+    yield from again
+
+
+def _table_to_extend(table: Path, known: ConditionTable | None, additions: Sequence[Addition]) -> tuple[str, list[str]]:
     """The text of the condition table, ready for rows to be appended, and its columns.
 
     Columns of run quality that it lacks are added to its header; its rows are then short, which counts as empty cells.
     """
     quality = quality_columns([addition.quality for addition in additions])
-    if not table.is_file():
+    if known is None:
         factors = list(dict.fromkeys(name for addition in additions for name, _ in addition.condition.factors))
         header = ["id", "speed_kph", "front_weight_kg", "rear_weight_kg", *factors, *quality]
         return csv_text([header]), header
-    problems: list[Problem] = []
-    known = read_conditions(table, standstill_allowed=role == "cae", problems=problems)
-    if known is None:
-        raise DataError(problems)
-    there = set(map(folded, known.ids))
-    twice = [addition.id for addition in additions if folded(addition.id) in there]
-    if twice:
-        advice = "give it another id, or remove the one that is there"
-        raise DataError([Problem(table.name, "an id that is not there yet", repr(i), advice, "id") for i in twice[:20]])
     text = table.read_bytes().decode("utf-8-sig")
     header = [cell.strip() for cell in next(csv.reader(io.StringIO(text), skipinitialspace=True))]
     text = text if text.endswith("\n") else f"{text}\n"

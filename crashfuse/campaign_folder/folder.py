@@ -1,6 +1,7 @@
 """The campaign folder: settings, both condition tables and both sets of pulses, checked as a whole."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from crashfuse.campaign_folder.plausibility import check_band, check_ends, check
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.quality_columns import failing
 from crashfuse.campaign_folder.settings import read_settings
-from crashfuse.errors import DataError, Problem, shortened
+from crashfuse.condition import Condition
+from crashfuse.errors import DataError, Problem, printable, shortened
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 
 _FEWEST_RUNS = 10
@@ -49,13 +51,17 @@ def load_campaign(folder: str | Path) -> Campaign:
     tables: dict[str, ConditionTable] = {}
     pulses: dict[str, FloatArray] = {}
     ends_s: dict[str, float] = {}
+    unused: tuple[tuple[str, Condition], ...] = ()
     for role in ("tests", "cae"):
         table = read_what_can_be(folder / f"{role}.csv", standstill_allowed=role == "cae", problems=problems)
         reader = PulseFiles(folder, role, settings.channel_filter_class)
         if table is None:
             reader.check()
         else:
-            tables[role], pulses[role] = table, reader.read(table.ids)
+            if role == "tests" and settings.unused:
+                table, unused = _without_unused(table, settings.unused, problems)
+            passed_over = [test_id for test_id, _ in unused] if role == "tests" else []
+            tables[role], pulses[role] = table, reader.read(table.ids, passed_over)
             _check_pulses(role, table, pulses[role], reader)
         if role == "tests":
             ends_s = reader.ends_s
@@ -84,8 +90,25 @@ def load_campaign(folder: str | Path) -> Campaign:
     return Campaign(
         settings.name, cae, crash_tests, settings.notice, tuple(warnings), cfc, settings.quality.limits,
         settings.occupant, _common({settings.tests_imported_with.get(test.id) for test in crash_tests}),
-        tables["tests"].units,
+        tables["tests"].units, unused,
     )  # fmt: skip
+
+
+def _without_unused(
+    table: ConditionTable, ids: Sequence[str], problems: list[Problem]
+) -> tuple[ConditionTable, tuple[tuple[str, Condition], ...]]:
+    """The tests that are in use, and id and condition of those that are left out of it."""
+    where, key = "campaign.toml", "unused"
+    for test_id in ids:
+        if test_id not in table.ids:
+            expected, advice = "ids of tests.csv", "correct or remove the id"
+            problems.append(Problem(where, expected, repr(printable(test_id, 60)), advice, key))
+    places = [place for place, test_id in enumerate(table.ids) if test_id in ids]
+    if len(places) == len(table.ids):
+        problems.append(
+            Problem(where, "a test that is in use", "all of them left out", "take one out of the list", key)
+        )
+    return table.without(places), tuple((table.ids[place], table.conditions[place]) for place in places)
 
 
 def _check_pulses(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:

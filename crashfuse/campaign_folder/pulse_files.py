@@ -43,16 +43,19 @@ class PulseFiles:
     """End times of the records that are shorter than the study grid, by id."""
     _unreadable: bool = False
 
-    def read(self, ids: Sequence[str]) -> npt.NDArray[np.float32]:
+    def read(self, ids: Sequence[str], unused: Sequence[str] = ()) -> npt.NDArray[np.float32]:
         """The pulses of these ids on the study grid, shape (n_ids, 1250), m/s².
 
-        Problems go to ``problems``; a pulse that has any is NaN.
+        Problems go to ``problems``; a pulse that has any is NaN. Those of unused ids are passed over.
         """
+        passed_over = set(map(_composed, unused))
         accel = np.full((len(ids), N_SAMPLES), np.nan, dtype=np.float32)
         row_of = {run_id: row for row, run_id in enumerate(ids)}
         missing = set(ids)
         strangers, named = 0, list[str]()
-        for run_id, where, record in self._records(ids):
+        for run_id, where, record in self.records(ids):
+            if _composed(run_id) in passed_over:
+                continue
             if run_id not in row_of:
                 strangers += 1
                 if strangers <= _MOST_STRANGERS:
@@ -80,7 +83,7 @@ class PulseFiles:
     def check(self) -> None:
         """Check every record there is, for want of a table that says which belong; problems go to ``problems``."""
         if self._forms():
-            for run_id, where, record in self._records(None):
+            for run_id, where, record in self.records(None):
                 if record is not None:
                     self._on_grid(record, _named(run_id, where))
 
@@ -90,7 +93,8 @@ class PulseFiles:
         singles = self.folder / self.role
         return [*tables, *([singles] if singles.is_dir() else [])]
 
-    def _records(self, ids: Sequence[str] | None) -> Iterator[tuple[str, str, RecordedPulse | None]]:
+    def records(self, ids: Sequence[str] | None) -> Iterator[tuple[str, str, RecordedPulse | None]]:
+        """Yield id, place and samples (None if unreadable) of each record, at least of these ids; None for all."""
         forms = self._forms()
         if len(forms) != 1:
             expected = f"the pulses either in {self.role}_pulses.parquet (or .csv) or in {self.role}/<id>.csv"

@@ -20,7 +20,7 @@ _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
 class Settings:
     """A campaign's description, its limits on CAE runs, and the CFCs its records are to be, or were, filtered with.
 
-    ``tests_imported_with`` holds the CFC of each imported test by its id.
+    ``tests_imported_with`` holds the CFC of each imported test by its id, ``unused`` the ids of tests left out of use.
     """
 
     name: str
@@ -30,6 +30,7 @@ class Settings:
     quality: QualitySettings = field(default_factory=QualitySettings)
     occupant: OccupantModel = USUAL_OCCUPANT
     tests_imported_with: Mapping[str, float] = field(default_factory=dict)
+    unused: tuple[str, ...] = ()
 
 
 def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) -> Settings:
@@ -57,12 +58,13 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
         problems.append(Problem(path.name, expected, "channel_filter_class and filtered_with", advice))
     imported = _imported_with(values.pop("imported", None))
     quality, occupant = quality_settings(values, problems), occupant_settings(values, problems)
+    unused = _ids(values, "unused", problems)
     name = _text(values, "name", unnamed.name, _LONGEST_NAME, problems)
     notice = _text(values, "notice", "", _LONGEST_NOTICE, problems)
     if values:
         unknown = printable(", ".join(values), 200)
         warnings.append(f"{path.name}: {unknown} is not a setting that crashfuse knows; it is left alone.")
-    return Settings(name, notice, cfc, already, quality, occupant, imported)
+    return Settings(name, notice, cfc, already, quality, occupant, imported, unused)
 
 
 def own_filter_class(folder: Path) -> float | None:
@@ -83,6 +85,17 @@ def _imported_with(entries: object) -> dict[str, float]:
         if told.get("as") == "tests" and isinstance(run_id, str) and isinstance(cfc, int | float):
             found[run_id] = float(cfc)
     return found
+
+
+def _ids(values: dict[str, Any], key: str, problems: list[Problem]) -> tuple[str, ...]:
+    """Pop a list of ids from the settings."""
+    ids = values.pop(key, [])
+    if not isinstance(ids, list) or not all(isinstance(each, str) for each in ids):
+        problems.append(
+            Problem("campaign.toml", 'a list of ids such as ["T09"]', _shown(ids), "correct the value", key)
+        )
+        return ()
+    return tuple(dict.fromkeys(ids))
 
 
 def _text(values: dict[str, Any], key: str, default: str, most: int, problems: list[Problem]) -> str:

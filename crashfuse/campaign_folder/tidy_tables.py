@@ -1,7 +1,7 @@
-"""Appending pulses to a tidy table in its own columns and units, batch by batch."""
+"""Adding pulses to, and removing them from, a tidy table in its own columns and units, batch by batch."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from itertools import chain
 from pathlib import Path
 
@@ -18,28 +18,30 @@ from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import ACCELERATION, TIME
 
 
-def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
-    """Add pulses to ``<role>_pulses.parquet`` or ``.csv``; if that fails, the table is unchanged.
+def append_to_table(path: Path, pulses: Sequence[tuple[str, Pulse]], without: Sequence[str] = ()) -> None:
+    """Add pulses to ``<role>_pulses.parquet`` or ``.csv``, and remove those of some ids; all or nothing.
 
-    Rows with the same ids, left by an interrupted import, are replaced. A DataError says what the table lacks.
+    Rows with the ids of added pulses, left by an interrupted import, are replaced. A DataError says what the table
+    lacks.
     """
+    gone = {*without, *(run_id for run_id, _ in pulses)}
     with replacing(path) as temporary:
         try:
-            (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, temporary, pulses)
+            (_append_parquet if path.suffix == ".parquet" else _append_csv)(path, temporary, pulses, gone)
         except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
             found = " ".join(str(error).split())[:200]
             raise DataError(Problem(path.name, "a table that can be added to", found, "repair it first")) from None
 
 
-def _append_parquet(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
+def _append_parquet(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]], gone: Set[str]) -> None:
     with pq.ParquetFile(path) as file:
         schema = file.schema_arrow
         check_size(path, path.name, schema.names)
-        new = pa.array([run_id for run_id, _ in pulses], pa.string())
+        out = pa.array(sorted(gone), pa.string())
         with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
             for batch in file.iter_batches():
                 ids = batch.column("id").cast(pa.string())
-                writer.write_batch(batch.filter(pc.invert(pc.is_in(ids, value_set=new))))
+                writer.write_batch(batch.filter(pc.invert(pc.is_in(ids, value_set=out))))
             for run_id, pulse in pulses:
                 columns = _columns(schema.names, pulse, path.name)
                 size = pulse.time_s.size
@@ -59,8 +61,7 @@ def _ids(run_id: str, size: int, kind: pa.DataType) -> pa.Array:
     return texts.dictionary_encode().cast(kind) if pa.types.is_dictionary(kind) else texts.cast(kind)
 
 
-def _append_csv(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]) -> None:
-    new = {run_id for run_id, _ in pulses}
+def _append_csv(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]], gone: Set[str]) -> None:
     with (
         path.open(encoding="utf-8-sig", newline="") as old,
         temporary.open("w", encoding="utf-8", newline="") as stream,
@@ -70,7 +71,7 @@ def _append_csv(path: Path, temporary: Path, pulses: Sequence[tuple[str, Pulse]]
         if "id" not in header:
             raise DataError(Problem(path.name, "a column id", "none", "repair it first"))
         at = header.index("id")
-        kept = ([*map(original, row)] for row in rows if len(row) <= at or row[at].strip() not in new)
+        kept = ([*map(original, row)] for row in rows if len(row) <= at or row[at].strip() not in gone)
         write_rows(stream, chain([header], kept))
         for run_id, pulse in pulses:
             columns = _columns(header, pulse, path.name)

@@ -29,8 +29,8 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
 
     Conditions are written in SI units at full precision, each test as ``tests/<id>.csv``, the CAE runs as
     ``cae_pulses.parquet``. Pulses that were filtered on reading are written filtered; ``filtered_with`` in
-    ``campaign.toml`` says so, and they are not filtered again. Runs that were left out for their quality are not
-    written.
+    ``campaign.toml`` says so, and they are not filtered again. Runs that were left out for their quality, and tests
+    that are left out of use, are not written.
 
     Raises
     ------

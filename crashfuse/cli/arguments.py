@@ -5,7 +5,9 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
-from crashfuse.cli import certification, data, figures, history, imports, learning, models, outgoing, ratings, studies
+from crashfuse.cli import (
+    certification, data, editing, figures, history, imports, learning, models, outgoing, ratings, studies,
+)
 from crashfuse.units import KPH, LB, MPH
 from crashfuse.version import __version__
 from crashfuse.wording import SYSTEMS
@@ -61,6 +63,7 @@ def parser() -> argparse.ArgumentParser:
     sample.add_argument("folder", type=Path, metavar="DIR", help="folder to make; it must not hold anything yet")
 
     command("check", data.check, "show what a campaign holds and what is wrong with it")
+    editing.add_options(command("edit", editing.edit, "leave tests out of use, take them out, undo the last change"))
     imports.add_options(commands.add_parser("import", help="import files of other formats into a campaign"))
 
     study = command("study", studies.study, "leave out each test in turn, predict it, rate the prediction", None)

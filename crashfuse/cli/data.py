@@ -45,8 +45,8 @@ def check(arguments: argparse.Namespace) -> None:
         print(f"  {test.id}: {test.condition}; {source}")
         for note in campaign.cae.extrapolation(test.condition):
             print(f"    {note}")
-    for warning in campaign.warnings:
-        print(f"Note: {warning}")
+    for remark in campaign.remarks:
+        print(f"Note: {remark}")
     verdict = judge_quality(campaign.cae, campaign.quality_limits)
     for sentence in verdict.sentences:
         print(sentence)

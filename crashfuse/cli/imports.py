@@ -13,6 +13,7 @@ _WEIGHTS = {"mass": "of the whole vehicle", "front-weight": "on the front axle",
 
 def import_(arguments: argparse.Namespace) -> None:
     """Add a source to a campaign, and print how its records were read."""
+    from crashfuse.campaign_folder.history import changes
     from crashfuse.importing import Choices, ColumnChoice, import_source
     from crashfuse.readers.record import PartialCondition
     from crashfuse.units import KPH, LB, MPH, MS
@@ -47,8 +48,7 @@ def import_(arguments: argparse.Namespace) -> None:
         print(f"{one.id}: {one.condition}")
         for step in one.steps:
             print(f"  {step}")
-    what = "test" if arguments.role == "tests" else "CAE run"
-    print(f"{len(added)} {what}{'s' * (len(added) != 1)} added to {arguments.out}; its campaign.toml tells how.")
+    print(f"{changes(arguments.out)[0].what}. {arguments.out / 'campaign.toml'} tells how.")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

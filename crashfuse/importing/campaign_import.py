@@ -5,11 +5,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from crashfuse.campaign_folder.additions import Addition, add_to_campaign
+from crashfuse.campaign_folder.additions import Added, Addition, add_to_campaign
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.execution.cache import Cache
 from crashfuse.files.archive import refuse
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import is_missing_value, missing_values
@@ -57,7 +56,8 @@ def import_source(
     Returns
     -------
     tuple of Settled
-        The records added, each with the steps that led to it, which ``campaign.toml`` also records.
+        The records added, each with the steps that led to it, which ``campaign.toml`` also records. Those that were
+        there already, with the same condition and pulse, are not among them.
 
     Raises
     ------
@@ -85,8 +85,8 @@ def import_source(
         problems = [problem for problem in problems if not is_missing_value(problem)]
         problems += missing_values(source.name, record_id or source.stem, choices.known)
     refuse(problems, source.name)
-    add_settled(out, settled, role=role)
-    return settled
+    added = add_settled(out, settled, role=role)
+    return tuple(one for one in settled if one.id in added.ids)
 
 
 def settle_each(
@@ -116,7 +116,7 @@ def settle_each(
     return tuple(settled)
 
 
-def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") -> None:
+def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") -> Added:
     """Add settled records to a campaign, or start a new one with them: all of them or, on any problem, none.
 
     Parameters
@@ -127,13 +127,13 @@ def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") 
     Raises
     ------
     DataError
-        If an id is already there or is not a valid file name; the campaign is unchanged.
+        If an id is already there with another condition or pulse, or is not a valid file name; the campaign is
+        unchanged.
     OSError
         If writing fails.
     """
     additions = [Addition(one.id, one.condition, one.pulse, _told(one), one.quality) for one in settled]
-    with Cache().alone("campaign", {"folder": str(out.resolve())}):  # concurrent additions take turns
-        add_to_campaign(out, role, additions)
+    return add_to_campaign(out, role, additions)
 
 
 def _named(record: Record, problem: Problem) -> Problem:

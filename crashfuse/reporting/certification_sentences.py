@@ -108,7 +108,7 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     short = {name: s for name, own in supports.items() if (s := own.shortfall(confidence)) is not None}
     outside = dict.fromkeys(joined([i, own.reason], ": ") for i, own in certification.cells if own.word == "outside")
     found = {
-        "Warnings about the campaign": certification.campaign.warnings,
+        "Warnings about the campaign": certification.campaign.remarks,
         "Conditions outside the validated domain": certification.domain.too_few_tests or tuple(outside),
         "Open, because the record is too short to predict": tuple(
             f"{i}: {_names(unknown)}."

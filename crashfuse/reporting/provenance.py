@@ -33,7 +33,7 @@ def provenance(campaign: Campaign, held_out: Sequence[str], config: StudyConfig)
         "occupant": asdict(campaign.occupant),
         "cae_runs": len(campaign.cae),
         "tests": list(campaign.test_ids),
-        "warnings": list(campaign.warnings),
+        "warnings": list(campaign.remarks),
         "held_out": list(held_out),
         "seed": config.seed,
         "config": asdict(config),

@@ -2,7 +2,6 @@
 
 import os
 import secrets
-import tempfile
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,14 +10,12 @@ import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.sample_folder import sample_folder
 from crashfuse.errors import DataError, Problem
-from crashfuse.execution.cache import default_folder
-from crashfuse.synthetic import write_sample
 from crashfuse.ui import journal
 from crashfuse.ui.visitors import visitor
 
 SAMPLE = "sample"
-_SHIPPED = Path(__file__).parents[2] / "sample_data"
 ROOTS = "CRASHFUSE_ROOT"  # environment variable: folders that pages may open and write to, separated as in PATH
 _opening = threading.Lock()
 
@@ -69,9 +66,9 @@ def allowed(path: Path) -> Path:
         path = path.expanduser().resolve()
     except (OSError, RuntimeError, ValueError) as error:  # no such home directory, or an invalid folder name
         raise _unreadable(path, error) from error
-    outside = [] if _inside(path) else [path]
+    outside = [] if may_open(path) else [path]
     if roots() and not outside and path.is_dir():
-        outside = [link for link in path.rglob("*") if link.is_symlink() and not _inside(link.resolve())]
+        outside = [link for link in path.rglob("*") if link.is_symlink() and not may_open(link.resolve())]
     if outside:
         journal.note(visitor(), f"was refused {outside[0]}, outside {' and '.join(map(str, roots()))}")
         expected = f"a path inside {' or '.join(map(str, roots()))}"
@@ -85,7 +82,8 @@ def roots() -> list[Path]:
     return [Path(root).resolve() for root in os.environ.get(ROOTS, "").split(os.pathsep) if root]
 
 
-def _inside(path: Path) -> bool:
+def may_open(path: Path) -> bool:
+    """True if a path, links resolved, lies where pages may open and write."""
     return not roots() or any(path.is_relative_to(root) for root in roots())
 
 
@@ -130,11 +128,6 @@ def read(folder: Path) -> Campaign:
         raise _unreadable(folder, error) from error
 
 
-def is_sample(folder: Path) -> bool:
-    """True if a folder is the sample's or lies inside it: nothing may be added there."""
-    return bool({folder, *folder.parents} & {_SHIPPED.resolve(), (default_folder() / SAMPLE).resolve()})
-
-
 def _put(folder: Path, opened: dict[str, _Opened], *visitors: str, for_all: bool = False) -> str:
     """Open a folder under its own name, numbered if that name is taken; returns the name."""
     with _opening:
@@ -167,12 +160,4 @@ def _stamp(folder: Path) -> tuple[object, ...]:
 
 @st.cache_resource(show_spinner="Preparing the sample campaign …")
 def _sample_folder() -> Path:
-    if (_SHIPPED / "tests.csv").is_file():
-        return _SHIPPED
-    folder = default_folder() / "sample"
-    if not (folder / "tests.csv").is_file():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder.parent) as scratch:
-            write_sample(Path(scratch) / "sample")
-            (Path(scratch) / "sample").rename(folder)  # all or nothing
-    return folder
+    return sample_folder()

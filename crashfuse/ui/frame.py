@@ -173,6 +173,9 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
         state["test"] = None
     if state["test"] is None:
         state["test"] = campaign.tests[0].id
+    if campaign.unused:
+        names = ", ".join(plain(test_id) for test_id, _ in campaign.unused)
+        st.caption(f":material/block: Left out of use: {names}")
     if address.acts("test", page):
         st.selectbox(
             "Held-out test",

@@ -2,16 +2,18 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import streamlit as st
 
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.formats import all_formats
-from crashfuse.ui import campaigns, frame
+from crashfuse.ui import campaigns, frame, recent
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import Source, begin, leave, source_at
 from crashfuse.ui.problems import show_problems
+from crashfuse.ui.text import plain
 from crashfuse.ui.uploads import open_uploads
 
 _ROUND = "uploads so far"
@@ -29,6 +31,14 @@ def show_open_forms() -> None:
             "other formats are taken, too, to be imported.",
         )
         st.form_submit_button("Open folder", icon=":material/folder_open:", on_click=_open_folder)
+    if folders := recent.recent_folders():
+        with folder.container(horizontal=True, vertical_alignment="center", gap="small"):
+            st.caption("Opened before:", width="content")
+            for place, label in zip(folders, recent.labels(folders), strict=True):
+                st.button(
+                    plain(label), help=plain(str(place)), key=f"recent {place}", type="tertiary",
+                    icon=":material/folder:", on_click=_attempt, args=(partial(_campaign_or_source, place),),
+                )  # fmt: skip
     with upload.form("open upload", border=False):
         st.file_uploader(
             "Or a zip of one, its files together, or test and CAE files to import",
@@ -84,13 +94,15 @@ def _campaign_or_source(path: Path) -> str | Source:
     if path.is_file():
         return _source_or_advice(path)
     try:
-        return campaigns.open_folder(path)
+        name = campaigns.open_folder(path)
     except DataError:
         if path.is_dir() and any((path / table).is_file() for table in ("tests.csv", "cae.csv")):
             raise
         with suppress(DataError, OSError):
             return source_at(path)
         raise
+    recent.remember(campaigns.folder_of(name))
+    return name
 
 
 def _source_or_advice(file: Path) -> Source:

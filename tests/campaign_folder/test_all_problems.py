@@ -30,9 +30,8 @@ def edited(path: Path, edit: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
     edit(pd.read_csv(path)).to_csv(path, index=False)
 
 
-@pytest.fixture
-def spoilt(campaign_folder: Path) -> Path:
-    """A campaign with every file spoilt in another way."""
+def spoil(campaign_folder: Path) -> dict[str, str]:
+    """Spoil every file of the small campaign in another way; returns what is to be told of each."""
     edited(campaign_folder / "tests.csv", lambda t: t.drop(columns="rear_weight_lb"))
     edited(
         campaign_folder / "cae.csv",
@@ -47,6 +46,13 @@ def spoilt(campaign_folder: Path) -> Path:
     edited(tests / "T3.csv", lambda t: t.assign(acceleration_g=-t.acceleration_g))
     edited(tests / "T4.csv", lambda t: t.rename(columns={"acceleration_g": "acceleration_ftps2"}))
     (campaign_folder / "campaign.toml").write_text("name = 'never closed\n")
+    return TOLD
+
+
+@pytest.fixture
+def spoilt(campaign_folder: Path) -> Path:
+    """A campaign with every file spoilt in another way."""
+    spoil(campaign_folder)
     return campaign_folder
 
 

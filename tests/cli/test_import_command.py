@@ -33,7 +33,7 @@ def test_a_foreign_table_becomes_a_test_of_a_new_campaign(tmp_path: Path, capsys
     command += ["--mass-kg", "1500", "--front-share", "0.6", "--channel-filter-class", "none"]
     assert cli.main(command) == cli.DONE
     said = capsys.readouterr().out
-    assert "1 test added" in said
+    assert "Added: 1 test (" in said
     assert "V7: 31.1 mph (50.0 km/h)" in said
     assert "[[imported]]" in (out / "campaign.toml").read_text()
     table = read_conditions(out / "tests.csv", standstill_allowed=False, problems=[])

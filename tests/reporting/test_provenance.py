@@ -1,6 +1,7 @@
 """The command in the report is one that the command line takes, and gives the same settings."""
 
 import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,3 +62,13 @@ def test_the_provenance_names_data_versions_and_settings(campaign: Campaign) -> 
     assert record["held_out"] == ["T2"]
     assert record["channel_filter_class"] is None
     assert {"numpy", "torch"} <= set(record["packages"])  # type: ignore[call-overload]
+
+
+def test_the_provenance_names_tests_left_out_of_use(campaign: Campaign) -> None:
+    """Beside the warnings: whoever reads a result should know what it was made without."""
+    without = replace(campaign.without(["T3"]), unused=(("T3", campaign.test("T3").condition),), warnings=("Noise.",))
+    record = provenance(without, [], StudyConfig())
+    assert record["warnings"] == [
+        "Left out of use, neither learned from nor rated: T3 (unused in campaign.toml).", "Noise.",
+    ]  # fmt: skip
+    assert record["fingerprint"] == campaign.without(["T3"]).fingerprint

@@ -6,7 +6,7 @@ import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -14,13 +14,14 @@ import pytest
 import streamlit as st
 
 from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder import sample_folder
 from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.errors import Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
-from crashfuse.ui import campaigns, uploads
+from crashfuse.ui import campaigns, recent, uploads
 from crashfuse.ui.problems import problem_table, short_table
 from crashfuse.units import G
 
@@ -73,8 +74,8 @@ def test_the_sample_is_made_where_it_was_not_shipped(
         written.append(folder)
         shutil.copytree(campaign_folder, folder)
 
-    monkeypatch.setattr(campaigns, "_SHIPPED", tmp_path / "nowhere")
-    monkeypatch.setattr(campaigns, "write_sample", write)
+    monkeypatch.setattr(sample_folder, "SHIPPED", tmp_path / "nowhere")
+    monkeypatch.setattr("crashfuse.synthetic.write_sample", write)
     for _ in range(2):
         st.cache_resource.clear()
         assert visit().press("Load the sample campaign").numbers["Tests"] == "4"
@@ -316,3 +317,139 @@ def test_what_a_single_test_allows_is_said_on_every_page(visit: Visit, open_camp
         assert "T1 is the only test of this campaign: left out, it would leave nothing to learn from." in session.words
         assert not session.buttons
     assert session.go("predict").buttons
+
+
+# --- edited --------------------------------------------------------------------------------------------------------
+
+
+def pills(session: "Session") -> list[Any]:
+    """The marks of the tests in use; none where the campaign cannot be edited."""
+    return [group for group in session.app.pills if group.label == "Tests in use"]
+
+
+def in_use(session: "Session") -> list[str]:
+    """The tests that are marked as in use."""
+    return list(pills(session)[0].value)
+
+
+@pytest.mark.slow
+def test_a_test_is_left_out_of_use_and_the_change_undone(visit: Visit, open_campaign: Path) -> None:
+    """It is gone from numbers and choices, and said to be, on every page; the button brings it back."""
+    session = visit()
+    pills(session)[0].set_value(["T1", "T2", "T4"]).run()
+    session = session.run()
+    assert session.numbers["Tests"] == "3"
+    assert "Left out of use: T3." in session.words
+    assert in_use(session) == ["T1", "T2", "T4"]
+    for page in ("compare", "study", "predict", "data"):
+        assert "Left out of use: T3" in "".join(c.value for c in session.go(page).app.sidebar.caption)
+    assert session.press("Undo").numbers["Tests"] == "4"
+    assert in_use(session) == ["T1", "T2", "T3", "T4"]
+    assert not (open_campaign / "campaign.toml").exists()
+
+
+@pytest.mark.slow
+def test_the_held_out_test_may_be_taken_out(visit: Visit, open_campaign: Path) -> None:
+    """Another one is held out then, without a complaint about the link; what was changed since is not undone."""
+    session = visit(test="T3")
+    (choice,) = [box for box in session.app.selectbox if box.label == "Test"]
+    choice.select("T3")
+    session = session.press("Take it out of the folder")
+    assert session.numbers["Tests"] == "3"
+    assert "This link" not in session.words
+    assert not (open_campaign / "tests" / "T3.csv").exists()
+    table = open_campaign / "tests.csv"
+    table.write_text(table.read_text() + "\n")
+    session = session.press("Undo")
+    assert "Nothing was changed: 1 problem" in session.words
+    assert session.tables[0]["Found"].tolist() == ["another content: it was changed since"]
+    assert not (open_campaign / "tests" / "T3.csv").exists()
+
+
+@pytest.mark.slow
+def test_the_last_test_in_use_stays(visit: Visit, open_campaign: Path) -> None:
+    """A campaign without tests could not be opened again."""
+    session = visit()
+    pills(session)[0].set_value([]).run()
+    assert "Nothing was changed: 1 problem" in session.words
+    assert session.tables[0]["Found"].tolist() == ["At least one test has to stay in use."]
+    assert not (open_campaign / "campaign.toml").exists()
+    assert in_use(session.run()) == ["T1", "T2", "T3", "T4"]
+
+
+@pytest.mark.slow
+def test_a_copy_of_the_sample_is_edited(visit: Visit, tmp_path: Path) -> None:
+    """The sample itself offers nothing but that copy, which is open at once."""
+    session = visit().press("Load the sample campaign")
+    assert not pills(session)
+    (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
+    field.set_value("copy")
+    session = session.press("Save the copy")
+    assert session.tables[0]["What to do"].tolist() == ["Name it by its whole path"]
+    (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
+    field.set_value(str(tmp_path / "mine"))
+    session = session.press("Save the copy")
+    assert session.app.selectbox(key="campaign").value == "mine"
+    assert len(in_use(session)) == 11
+    assert load_campaign(tmp_path / "mine").name == "Sample (synthetic)"
+
+
+# --- folders opened before -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_folder_opened_before_is_one_click_away(visit: Visit, campaign_folder: Path) -> None:
+    """After a restart, too; one that is gone is not offered."""
+    other = shutil.copytree(campaign_folder, campaign_folder.with_name("other"))
+    for folder in (other, campaign_folder):
+        open_folder(visit(), str(folder))
+    st.cache_resource.clear()
+    shutil.rmtree(other)
+    session = visit()
+    assert "other" not in session.buttons
+    assert session.press("campaign").numbers["Tests"] == "4"
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{}", b"[1]", b'["relative"]', b"\xff", b"[" * 60_000, b"0" * 100_000, b'["/\\u0000"]']
+)
+def test_a_damaged_list_of_folders_is_ignored(content: bytes, tmp_path: Path) -> None:
+    """And written anew by the next folder."""
+    default_folder().mkdir(parents=True, exist_ok=True)
+    (default_folder() / "recent.json").write_bytes(content)
+    assert recent.recent_folders() == ()
+    recent.remember(tmp_path)
+    assert recent.recent_folders() == (tmp_path,)
+
+
+def test_the_list_of_folders_is_short(tmp_path: Path) -> None:
+    """The last ones, each once; two of one name are told apart."""
+    folders = [tmp_path / "a" / "car", tmp_path / "b" / "car", *(tmp_path / f"c{i}" for i in range(9))]
+    for folder in folders:
+        folder.mkdir(parents=True)
+    for folder in (*folders, folders[0], folders[1], folders[0]):
+        recent.remember(folder)
+    listed = recent.recent_folders()
+    assert listed[:3] == (folders[0], folders[1], folders[-1])
+    assert len(listed) == 8
+    assert recent.labels(listed)[:3] == ["a/car", "b/car", "c8"]
+
+
+@pytest.mark.slow
+def test_pages_offer_and_copy_only_inside_the_roots(
+    visit: Visit, campaign_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder opened before the server was restricted is not offered, and no copy is saved elsewhere."""
+    inside = shutil.copytree(campaign_folder, tmp_path / "root" / "inside")
+    for folder in (campaign_folder, inside):
+        recent.remember(folder)
+    monkeypatch.setenv(campaigns.ROOTS, str(tmp_path / "root"))
+    session = visit()
+    assert "inside" in session.buttons
+    assert campaign_folder.name not in session.buttons
+    session = session.press("Load the sample campaign")
+    (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
+    field.set_value(str(tmp_path / "elsewhere"))
+    session = session.press("Save the copy")
+    assert session.tables[0]["Found"].tolist() == ["one outside"]
+    assert not (tmp_path / "elsewhere").exists()

@@ -13,7 +13,8 @@ import pytest
 from openpyxl import Workbook
 
 from crashfuse.campaign_folder.folder import load_campaign
-from crashfuse.ui import campaigns, uploads, visitors
+from crashfuse.campaign_folder.sample_folder import sample_folder
+from crashfuse.ui import uploads, visitors
 from crashfuse.units import KPH, MPH
 from tests.files.test_tarball import tarred
 from tests.importing.crash_files import german, isomme, library, zipped
@@ -95,7 +96,7 @@ def test_an_nhtsa_zip_needs_nothing_but_a_folder(visit: Visit, tmp_path: Path) -
     assert abs(curves(session)["As recorded"]).max() > 1.3 * abs(curves(session)["00005"]).max()
     session = into(session, tmp_path / "nova").press("Add as test")
     assert added(tmp_path / "nova") == ["00005"]
-    assert "1 test added to" in session.words
+    assert "Added: 1 test (00005), in" in session.words
     assert "cae.csv" in session.words
     assert "what is imported next goes to the same folder" in session.words
     assert kept() == []
@@ -375,7 +376,7 @@ def test_a_library_and_a_test_make_a_campaign_that_is_opened(visit: Visit, tmp_p
     session = drop(visit(), **parts)
     field(session, "Take it as").set_value("cae")
     session = into(session.run(), out).press("Add 12 CAE runs")
-    assert "12 CAE runs added" in session.words
+    assert "Added: 12 CAE runs (" in session.words
     files = {f"t{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(2)}
     session = drop(session, **files)
     for label, value in (("Speed (", 56.0), ("Front weight", 950.0), ("Rear weight", 750.0)):
@@ -443,7 +444,7 @@ def test_nothing_is_added_to_the_sample_or_among_other_things(visit: Visit, tmp_
     session = drop(session, v5_zip=zipped(nhtsa_files()))
     assert not [one for one in session.app.radio if one.label == "Into"]
     (tmp_path / "letter.txt").write_text("Dear")
-    sample = campaigns._SHIPPED
+    sample = sample_folder()
     before = sorted(sample.iterdir())
     for text, found in (
         (sample, "one of crashfuse's own"),

@@ -7,11 +7,14 @@ from pathlib import Path
 
 import streamlit as st
 
+from crashfuse.campaign_folder.additions import WHAT, counted
 from crashfuse.campaign_folder.condition_tables import Role, read_conditions
+from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing import Choices, Reading, Settled, add_settled
-from crashfuse.ui import campaigns, frame, journal
+from crashfuse.ui import campaigns, frame, journal, recent
+from crashfuse.ui.editing import can_be_edited
 from crashfuse.ui.importing.session import NEXT_ROLE, REFUSED, UNFINISHED, Source, leave, settled_of
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
@@ -19,7 +22,6 @@ from crashfuse.ui.uploads import is_scratch
 from crashfuse.ui.visitors import visitor
 
 _FOLDER, _INTO = "import folder", "import into"  # session keys
-WHAT: dict[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
 _FACTOR_PX = 260
 _adding = threading.Lock()
 
@@ -139,8 +141,8 @@ def _add(source: Source, reading: Reading, choices: Choices, role: Role) -> None
             raise DataError(problems)
         settled = tuple(_with_factors(one, source, role) for one in settled)
         with _adding:
-            add_settled(folder, settled, role=role)
-        journal.note(visitor(), f"added {counted(len(settled), role)} to {folder}")
+            added = add_settled(folder, settled, role=role)
+        journal.note(visitor(), f"{added}, in {folder}")
     except DataError as error:
         st.session_state[REFUSED] = error.problems
         return
@@ -149,25 +151,26 @@ def _add(source: Source, reading: Reading, choices: Choices, role: Role) -> None
         st.session_state[REFUSED] = (Problem("campaign", expected, found, "check the path and your rights"),)
         return
     leave()
-    _turn_to(folder, f"{counted(len(settled), role)} added")
+    _turn_to(folder, plain(str(added)))
 
 
 def _turn_to(folder: Path, sentence: str) -> None:
     st.session_state.pop(NEXT_ROLE, None)
     try:
         frame.choose_campaign(campaigns.open_folder(folder))
+        recent.remember(folder)
         st.toast(f"{sentence}; campaign.toml tells how.", icon=":material/check:")
     except DataError as error:
         st.session_state[_FOLDER] = str(folder)  # the likely target of the next import
         if not (folder / "cae.csv").is_file():
             st.session_state[NEXT_ROLE] = "cae"
-        st.session_state[UNFINISHED] = (f"{sentence} to {plain(str(folder))}.", error.problems)
+        st.session_state[UNFINISHED] = (f"{sentence}, in {plain(str(folder))}.", error.problems)
 
 
 def _open_folder() -> Path | None:
     """The folder of the open campaign, if records can be added to it."""
     folder = campaigns.open_campaigns().get(st.session_state.get("campaign") or "")
-    return None if folder is None or is_scratch(folder) or campaigns.is_sample(folder) else folder
+    return folder if folder is not None and can_be_edited(folder) else None
 
 
 def _target() -> Path:
@@ -183,7 +186,7 @@ def _target() -> Path:
             raise DataError(Problem("campaign folder", expected, text or "none", advice))
         folder = campaigns.allowed(folder)
         trouble = None
-        if campaigns.is_sample(folder) or is_scratch(folder):
+        if is_sample(folder) or is_scratch(folder):
             trouble = "one of crashfuse's own"
         elif folder.exists() and not folder.is_dir():
             trouble = "a file"
@@ -194,8 +197,3 @@ def _target() -> Path:
     if trouble is not None:
         raise DataError(Problem(str(folder), expected, trouble, "name another folder"))
     return folder
-
-
-def counted(number: int, role: Role) -> str:
-    """A count of tests or CAE runs as text."""
-    return f"{number} {WHAT[role][number != 1]}"

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import streamlit as st
 
+from crashfuse.campaign_folder.additions import WHAT, counted
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import Problem
 from crashfuse.importing import Choices, Settled
@@ -16,7 +17,7 @@ from crashfuse.reporting.plots.imports import imported_pulse
 from crashfuse.signals.pulse import kinematics
 from crashfuse.ui import frame
 from crashfuse.ui.figures import show_figure
-from crashfuse.ui.importing.adding import WHAT, counted, own_class, show_add_form
+from crashfuse.ui.importing.adding import own_class, show_add_form
 from crashfuse.ui.importing.condition import Units
 from crashfuse.ui.importing.fields import choices_of, reading_of
 from crashfuse.ui.importing.session import NEXT_ROLE, UNFINISHED, Source, leave, records_of, settled_of

@@ -1,0 +1,166 @@
+"""Editing a campaign folder: tests left out of use or taken out, and copies to edit.
+
+Each edit is all or nothing, and :func:`crashfuse.campaign_folder.history.undo` takes it back.
+"""
+
+import csv
+import io
+import re
+import shutil
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+
+from crashfuse.campaign_folder.additions import named
+from crashfuse.campaign_folder.condition_tables import read_what_can_be
+from crashfuse.campaign_folder.history import changing, taking_turns
+from crashfuse.campaign_folder.settings import read_settings
+from crashfuse.campaign_folder.tidy_tables import append_to_table
+from crashfuse.campaign_folder.writer import toml_text
+from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.files.atomic import new_folder, write_atomically
+
+_LIST = re.compile(r"^unused[ \t]*=[ \t]*\[[^\]]*\][ \t]*(#[^\n]*)?\r?(\n|\Z)", re.M)
+_FILES = ("tests.csv", "cae.csv", "campaign.toml", "criteria.toml", "matrix.csv")
+_ENDINGS = ("csv", "parquet")
+
+
+def leave_out(folder: Path, ids: Sequence[str]) -> str:
+    """Leave tests of a campaign out of use: they stay in the folder, but nothing learns from them or rates them.
+
+    ``unused`` in ``campaign.toml`` lists them. A test whose record is damaged can be left out, too.
+
+    Returns
+    -------
+    str
+        What was done, a sentence without its full stop.
+
+    Raises
+    ------
+    UsageError
+        If there is no such test, it is left out already, or none would stay in use.
+    DataError
+        If the campaign's files cannot be edited, or it is the sample; nothing is changed.
+    """
+    with taking_turns(folder):
+        known, unused = _tests(folder)
+        _require(ids, [test_id for test_id in known if test_id not in unused], "in use")
+        return _set_unused(folder, known, {*unused, *ids}, f"Left out of use: {named(ids)}")
+
+
+def use_again(folder: Path, ids: Sequence[str]) -> str:
+    """Use tests again that were left out of use; otherwise as :func:`leave_out`."""
+    with taking_turns(folder):
+        known, unused = _tests(folder)
+        _require(ids, unused, "left out of use", some_stay=False)
+        return _set_unused(folder, known, {*unused} - {*ids}, f"In use again: {named(ids)}")
+
+
+def remove_tests(folder: Path, ids: Sequence[str]) -> str:
+    """Take tests out of a campaign folder, rows and pulses; otherwise as :func:`leave_out`."""
+    with taking_turns(folder):
+        known, unused = _tests(folder)
+        _require(ids, known, "there")
+        if {*known} <= {*unused, *ids}:
+            raise UsageError("At least one test has to stay in use.")
+        table, settings = folder / "tests.csv", folder / "campaign.toml"
+        told = f"Taken out: {named(ids)}"
+        with changing(folder, told) as keep:
+            if {*ids} & {*unused}:
+                keep(settings)
+                _write_unused(settings, [test_id for test_id in unused if test_id not in ids])
+            keep(table)
+            write_atomically(table, _without_rows(table.read_bytes().decode("utf-8-sig"), ids).encode())
+            for path in (folder / f"tests_pulses.{ending}" for ending in _ENDINGS):
+                if path.is_file():
+                    keep(path)
+                    append_to_table(path, [], without=ids)
+            for path in (folder / "tests" / f"{test_id}.{ending}" for test_id in ids for ending in _ENDINGS):
+                if path.is_file():
+                    keep(path)
+                    path.unlink()
+        return told
+
+
+def copy_campaign(folder: Path, to: Path) -> None:
+    """Copy the files of a campaign folder, byte for byte, into a new one.
+
+    Raises
+    ------
+    DataError
+        If there is something in the new folder already.
+    OSError
+        If reading or writing fails; nothing is left behind.
+    """
+    with new_folder(to) as home:
+        tables = [folder / f"{role}_pulses.{ending}" for role in ("tests", "cae") for ending in _ENDINGS]
+        singles = [
+            path for role in ("tests", "cae") for ending in _ENDINGS for path in folder.glob(f"{role}/*.{ending}")
+        ]
+        for path in (*(folder / name for name in _FILES), *tables, *singles):
+            if path.is_file():
+                target = home / path.relative_to(folder)
+                target.parent.mkdir(exist_ok=True)
+                shutil.copyfile(path, target)
+
+
+def _tests(folder: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The ids of all tests in the folder, whatever is wrong with their data, and of those that are left out of use."""
+    problems: list[Problem] = []
+    settings = read_settings(folder, problems, [])
+    if problems:
+        raise DataError(problems)
+    table = read_what_can_be(folder / "tests.csv", standstill_allowed=False, problems=problems)
+    if table is None:
+        raise DataError(problems)
+    return table.ids, settings.unused
+
+
+def _require(ids: Sequence[str], allowed: Sequence[str], what: str, *, some_stay: bool = True) -> None:
+    """Raise a UsageError if one of the ids is not allowed, or if none of these would stay."""
+    for test_id in ids:
+        if test_id not in allowed:
+            listed = ", ".join(printable(other, 60) for other in allowed) or "none"
+            raise UsageError(f"There is no test {printable(test_id, 60)!r} that is {what}; there is {listed}.")
+    if some_stay and not {*allowed} - {*ids}:
+        raise UsageError("At least one test has to stay in use.")
+
+
+def _set_unused(folder: Path, known: Sequence[str], unused: set[str], told: str) -> str:
+    path = folder / "campaign.toml"
+    with changing(folder, told) as keep:
+        keep(path)
+        _write_unused(path, [test_id for test_id in known if test_id in unused])
+    return told
+
+
+def _write_unused(path: Path, unused: Sequence[str]) -> None:
+    """Set the list ``unused`` in a campaign.toml, and leave every other byte of it; without any setting, it goes."""
+    text = path.read_bytes().decode("utf-8-sig") if path.is_file() else ""
+    line = f"unused = {toml_text(unused)}\n" if unused else ""
+    new = line + _LIST.sub("", text, count=1)  # the first line: before any table, whose setting it would be
+    others = {key: value for key, value in tomllib.loads(text).items() if key != "unused"}
+    try:
+        edited = tomllib.loads(new)
+    except tomllib.TOMLDecodeError:
+        edited = {}
+    if edited != others | ({"unused": list(unused)} if unused else {}):
+        expected, found = "a list unused = [...] at the start of a line", "another form"
+        raise DataError(Problem(path.name, expected, found, f"set it by hand: unused = {toml_text(unused)}"))
+    if new:
+        write_atomically(path, new.encode())
+    else:
+        path.unlink()
+
+
+def _without_rows(text: str, ids: Sequence[str]) -> str:
+    """The text of a condition table without the rows of these ids; the other lines stay to the byte."""
+    lines = io.StringIO(text, newline="").readlines()
+    reader = csv.reader(lines, skipinitialspace=True)
+    at = [cell.strip() for cell in next(reader)].index("id")
+    kept, start = lines[: reader.line_num], reader.line_num
+    for cells in reader:
+        if len(cells) <= at or cells[at].strip() not in ids:
+            kept += lines[start : reader.line_num]
+        start = reader.line_num
+    return "".join(kept)

@@ -1,0 +1,130 @@
+"""Editing the open campaign on the page Data: tests in use, tests taken out, the last change undone, a copy to edit."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import streamlit as st
+
+from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, use_again
+from crashfuse.campaign_folder.history import changes, undo
+from crashfuse.campaign_folder.sample_folder import is_sample
+from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.ui import campaigns, frame, journal, recent
+from crashfuse.ui.problems import show_problems
+from crashfuse.ui.text import plain
+from crashfuse.ui.uploads import is_scratch
+from crashfuse.ui.visitors import visitor
+
+_USED, _REMOVED, _COPY = "tests in use", "test to take out", "copy folder"  # widget keys
+_REFUSED = "edit refused"  # session key
+
+
+def can_be_edited(folder: Path) -> bool:
+    """True if a campaign folder is the user's own and can be written: not the sample, nor an upload."""
+    return not is_sample(folder) and not is_scratch(folder) and os.access(folder, os.W_OK)
+
+
+def show_last_change(view: frame.View) -> None:
+    """Show in a line what was changed last, with a button that undoes it."""
+    last = next(iter(changes(view.folder)), None) if can_be_edited(view.folder) else None
+    if last is None:
+        return
+    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        st.markdown(f":material/history: {plain(last.what)}.", width="content")
+        st.button(
+            "Undo",
+            icon=":material/undo:",
+            on_click=_edit,
+            args=(view, lambda: undo(view.folder).what, "Undone: "),
+            help=f"Changed on {last.when[:16].replace('T', ' at ')} UTC. The folder will be what it was before.",
+        )
+
+
+def show_tests_in_use(view: frame.View) -> None:
+    """Show which tests are in use, to be changed by a click; of a campaign that cannot be edited, offer a copy."""
+    if problems := st.session_state.pop(_REFUSED, None):
+        show_problems(problems, "Nothing was changed", "The campaign is as it was.", place="edit")
+    if not can_be_edited(view.folder):
+        _offer_copy(view)
+        return
+    used, unused = view.campaign.test_ids, tuple(test_id for test_id, _ in view.campaign.unused)
+    st.session_state[_USED] = list(used)
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        st.pills(
+            "Tests in use", sorted((*used, *unused)), selection_mode="multi", key=_USED, on_change=_change_use,
+            args=(view, used), width="content", wrap=True,
+            help="A click leaves a test out of use, another one uses it again. It stays in the folder, but nothing "
+            "learns from it and it is not rated: `unused` in campaign.toml.",
+        )  # fmt: skip
+        with st.popover("Take out …", icon=":material/delete:", help="Take a test out of the campaign folder."):
+            st.selectbox("Test", sorted((*used, *unused)), key=_REMOVED)
+            st.caption("Its row and its pulse leave the folder. Undo brings them back.")
+            st.button("Take it out of the folder", on_click=_take_out, args=(view,))
+
+
+def _change_use(view: frame.View, used: tuple[str, ...]) -> None:
+    """Leave out the tests that were just deselected, and use those again that were selected."""
+    chosen = set(st.session_state[_USED])
+    if out := [test_id for test_id in used if test_id not in chosen]:
+        _edit(view, lambda: leave_out(view.folder, out), gone=out)
+    if again := sorted(chosen - {*used}):
+        _edit(view, lambda: use_again(view.folder, again))
+
+
+def _take_out(view: frame.View) -> None:
+    test_id = st.session_state[_REMOVED]
+    _edit(view, lambda: remove_tests(view.folder, [test_id]), gone=[test_id])
+
+
+def _edit(view: frame.View, change_it: Callable[[], str], before: str = "", gone: list[str] | None = None) -> None:
+    """Change the campaign and say so; a refusal is kept for the page to show."""
+    try:
+        told = change_it()
+    except DataError as error:
+        st.session_state[_REFUSED] = error.problems
+    except (UsageError, OSError) as error:
+        expected, advice = "a change that can be made", "choose otherwise, or check your rights"
+        st.session_state[_REFUSED] = (Problem(view.campaign.name, expected, _said(error), advice),)
+    else:
+        if st.session_state["test"] in (gone or ()):
+            st.session_state["test"] = None
+        journal.note(visitor(), f"{before}{told}, in {view.folder}")
+        st.toast(f"{before}{plain(told)}.", icon=":material/check:")
+
+
+def _offer_copy(view: frame.View) -> None:
+    """Offer to save a campaign that cannot be edited as one that can be."""
+    what = "The sample" if is_sample(view.folder) else "This campaign"
+    with st.popover("Save a copy to edit", icon=":material/content_copy:"):
+        st.markdown(f"{what} itself is not edited: leave tests out of use, or add some, in a copy.")
+        st.text_input(
+            "Folder of the copy", key=_COPY, persist_state="session", placeholder=str(Path.home() / "my-campaign"),
+            help="On the computer that crashfuse runs on. It must not hold anything yet.",
+        )  # fmt: skip
+        st.button("Save the copy", type="primary", on_click=_save_copy, args=(view,))
+
+
+def _save_copy(view: frame.View) -> None:
+    text = st.session_state.get(_COPY, "").strip().strip('"')
+    try:
+        folder = Path(text).expanduser()
+        if not folder.is_absolute():
+            expected, advice = "a new or empty folder", "name it by its whole path"
+            raise DataError(Problem("folder of the copy", expected, text or "none", advice))
+        folder = campaigns.allowed(folder)
+        copy_campaign(view.folder, folder)
+        frame.choose_campaign(campaigns.open_folder(folder))
+    except DataError as error:
+        st.session_state[_REFUSED] = error.problems
+        return
+    except (OSError, RuntimeError, ValueError) as error:
+        expected, advice = "a folder that can be written", "check the path and your rights"
+        st.session_state[_REFUSED] = (Problem(text, expected, _said(error), advice),)
+        return
+    recent.remember(folder)
+    st.toast("Saved; the copy is open.", icon=":material/check:")
+
+
+def _said(error: Exception) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)

@@ -1,0 +1,316 @@
+"""Editing a campaign: tests left out of use or taken out, imports undone, and the folder as it was, byte for byte."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from crashfuse import cli
+from crashfuse.campaign_folder import editing, history
+from crashfuse.campaign_folder.additions import add_to_campaign
+from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, use_again
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.history import changes, undo
+from crashfuse.campaign_folder.sample_folder import sample_folder
+from crashfuse.errors import DataError, UsageError
+from tests.campaign_folder.test_additions import _reshape as reshape
+from tests.campaign_folder.test_additions import addition, content_of
+from tests.conftest import ROOT
+
+SETTINGS = '# ours\nname = "Our car"  # the red one\n\n[occupant]\nvpi_slack_mm = 20.0\n'
+SPEEDS = {"A": 30.0, "B": 35.0, "C": 22.0}  # at which no pulse is another's
+
+
+@pytest.fixture
+def folder(campaign_folder: Path) -> Path:
+    """The small campaign, with settings that end in a table."""
+    (campaign_folder / "campaign.toml").write_text(SETTINGS)
+    return campaign_folder
+
+
+def test_a_test_left_out_of_use_is_gone_from_the_campaign_and_stays_in_the_folder(folder: Path) -> None:
+    """One test fewer, another fingerprint, that of the campaign without it; settings and files stay."""
+    before = load_campaign(folder)
+    assert leave_out(folder, ["T3"]) == "Left out of use: T3"
+    after = load_campaign(folder)
+    assert after.test_ids == ("T1", "T2", "T4")
+    assert after.fingerprint == before.without(["T3"]).fingerprint != before.fingerprint
+    assert after.unused == (("T3", before.test("T3").condition),)
+    assert after.remarks == ("Left out of use, neither learned from nor rated: T3 (unused in campaign.toml).",)
+    assert (folder / "tests" / "T3.csv").is_file()
+    assert (folder / "campaign.toml").read_text() == f'unused = ["T3"]\n{SETTINGS}'
+    leave_out(folder, ["T1"])
+    assert load_campaign(folder).test_ids == ("T2", "T4")
+    assert use_again(folder, ["T3", "T1"]) == "In use again: T3, T1"
+    assert (folder / "campaign.toml").read_text() == SETTINGS
+    assert load_campaign(folder).fingerprint == before.fingerprint
+
+
+def test_a_list_that_a_person_wrote_is_edited(folder: Path) -> None:
+    """Over several lines, with a comment behind it, anywhere above the tables."""
+    (folder / "campaign.toml").write_text(
+        f'name = "Car"\nunused = [\n  "T1",\n] # sensor came loose\n{SETTINGS[SETTINGS.index("[") :]}'
+    )
+    leave_out(folder, ["T2"])
+    assert load_campaign(folder).test_ids == ("T3", "T4")
+    use_again(folder, ["T1", "T2"])
+    assert load_campaign(folder).test_ids == ("T1", "T2", "T3", "T4")
+
+
+def test_a_list_that_cannot_be_edited_is_left_alone(folder: Path) -> None:
+    """Two settings in a line are no valid TOML, but a table in braces is: the sentence has the line to write."""
+    text = '"unused" = ["T1"]\n'
+    (folder / "campaign.toml").write_text(text)
+    with pytest.raises(DataError, match=r'set it by hand: unused = \["T1", "T2"\]'):
+        leave_out(folder, ["T2"])
+    assert (folder / "campaign.toml").read_text() == text
+    assert changes(folder) == ()
+
+
+def test_a_damaged_test_can_be_left_out(folder: Path) -> None:
+    """The campaign can be opened then."""
+    (folder / "tests" / "T2.csv").write_text("lost")
+    pd.read_csv(folder / "tests.csv").astype({"speed_mph": object}).assign(
+        speed_mph=lambda t: t.speed_mph.where(t.id != "T3", "fast")
+    ).to_csv(folder / "tests.csv", index=False)
+    leave_out(folder, ["T2"])
+    with pytest.raises(DataError, match="'fast'"):
+        load_campaign(folder)
+    remove_tests(folder, ["T3"])
+    assert load_campaign(folder).test_ids == ("T1", "T4")
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ('unused = ["T9"]', "campaign.toml, column unused: expected ids of tests.csv, found 'T9'"),
+        ('unused = "T1"', "campaign.toml, column unused: expected a list of ids"),
+        ("unused = [1]", "campaign.toml, column unused: expected a list of ids"),
+        ('unused = ["T1", "T2", "T3", "T4"]', "expected a test that is in use, found all of them left out"),
+    ],
+)
+def test_a_wrong_list_is_refused(folder: Path, line: str, sentence: str) -> None:
+    """A slip of the pen would silently use the test that it meant."""
+    (folder / "campaign.toml").write_text(line)
+    with pytest.raises(DataError) as raised:
+        load_campaign(folder)
+    assert sentence in str(raised.value)
+
+
+@pytest.mark.parametrize("form", ["files", "parquet", "csv"])
+def test_a_test_is_taken_out_and_back(folder: Path, form: str) -> None:
+    """Row and pulse go, the rest of the table stays to the byte; undone, the folder is what it was."""
+    reshape(folder, "tests", form)
+    leave_out(folder, ["T2"])
+    before, loaded = content_of(folder), load_campaign(folder)
+    lines = (folder / "tests.csv").read_bytes().splitlines(keepends=True)
+    assert remove_tests(folder, ["T2", "T4"]) == "Taken out: T2, T4"
+    after = load_campaign(folder)
+    assert after.test_ids == ("T1", "T3")
+    assert after.unused == ()
+    assert after.warnings == ()
+    assert after.fingerprint == loaded.without(["T4"]).fingerprint
+    assert (folder / "tests.csv").read_bytes() == b"".join([lines[0], lines[1], lines[3]])
+    assert not list((folder / "tests").glob("T[24].csv"))
+    assert undo(folder).what == "Taken out: T2, T4"
+    assert content_of(folder) == before
+
+
+@pytest.mark.parametrize("role", ["tests", "cae"])
+@pytest.mark.parametrize("form", ["files", "parquet", "csv"])
+def test_an_import_is_undone_byte_for_byte(folder: Path, role: str, form: str) -> None:
+    """In any form of the pulses; the journal goes with the last change."""
+    reshape(folder, role, form)
+    before = content_of(folder)
+    for ids in (["A", "B"], ["C"]):
+        add_to_campaign(folder, role, [addition(run_id, SPEEDS[run_id]) for run_id in ids])  # type: ignore[arg-type]
+    what = "test" if role == "tests" else "CAE run"
+    assert [change.what for change in changes(folder)] == [f"Added: 1 {what} (C)", f"Added: 2 {what}s (A, B)"]
+    undo(folder)
+    assert len(load_campaign(folder).tests) == (6 if role == "tests" else 4)
+    undo(folder)
+    assert content_of(folder) == before
+    assert not (folder / ".undo").exists()
+    with pytest.raises(DataError, match="expected a change that can be undone, found none"):
+        undo(folder)
+
+
+def test_a_campaign_that_an_import_began_is_empty_after_it(tmp_path: Path) -> None:
+    """Folders that the import made go, too."""
+    add_to_campaign(tmp_path / "car", "tests", [addition("A")])
+    undo(tmp_path / "car")
+    assert list((tmp_path / "car").iterdir()) == []
+
+
+def test_a_change_is_undone_by_another_process(folder: Path) -> None:
+    """What is needed lies in the folder, wherever that is moved: a restart loses nothing."""
+    before = content_of(folder)
+    add_to_campaign(folder, "tests", [addition()])
+    moved = folder.rename(folder.with_name("moved"))
+    command = [sys.executable, "-m", "crashfuse", "edit", str(moved), "--undo"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == "Undone: Added: 1 test (New).\n"
+    assert content_of(moved) == before
+
+
+@pytest.mark.parametrize(
+    "changed", ["tests.csv", "campaign.toml", "tests/New.csv", ".undo/000001/before/tests.csv"], ids=str
+)
+def test_nothing_is_undone_over_what_was_changed_since(folder: Path, changed: str) -> None:
+    """One sentence names the file, and the folder stays as it is."""
+    add_to_campaign(folder, "tests", [addition()])
+    path = folder / changed
+    new = path.read_bytes() + b"\n"
+    path.unlink()  # an editor that saves under the same name
+    path.write_bytes(new)
+    before = content_of(folder)
+    with pytest.raises(DataError) as raised:
+        undo(folder)
+    (problem,) = raised.value.problems
+    assert problem.where == changed
+    assert content_of(folder) == before
+
+
+def test_an_undo_that_was_interrupted_can_be_repeated(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After any of its steps; the campaign can be read in between."""
+    before = content_of(folder)
+    add_to_campaign(folder, "tests", [addition("A"), addition("B", 35.0)])
+    put_back, steps = history._put_back, 0
+
+    def killed(*arguments: object, **options: object) -> None:
+        nonlocal steps
+        if steps:
+            raise KeyboardInterrupt
+        steps += 1
+        put_back(*arguments, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(history, "_put_back", killed)
+    for _ in range(4):
+        steps = 0
+        try:
+            undo(folder)
+        except KeyboardInterrupt:
+            assert load_campaign(folder).test_ids[:4] == ("T1", "T2", "T3", "T4")
+    assert content_of(folder) == before
+
+
+def test_an_edit_that_fails_changes_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that is full when the row is gone: row and journal are as they were."""
+    reshape(folder, "tests", "csv")
+    before = content_of(folder)
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(editing, "append_to_table", full)
+    with pytest.raises(OSError, match="disk full"):
+        remove_tests(folder, ["T1"])
+    assert content_of(folder) == before
+
+
+def test_what_is_there_already_is_passed_over(folder: Path) -> None:
+    """With the same condition and pulse; another pulse of that id is refused, and so is adding nothing at all."""
+    add_to_campaign(folder, "tests", [addition("A"), addition("B", 35.0)])
+    added = add_to_campaign(folder, "tests", [addition("B", 35.0), addition("C", 22.0), addition("A")])
+    assert str(added) == "Added: 1 test (C); 2 were there already"
+    assert load_campaign(folder).test_ids == ("T1", "T2", "T3", "T4", "A", "B", "C")
+    before = content_of(folder)
+    with pytest.raises(DataError, match="an id that is not there yet, found 'A'"):
+        add_to_campaign(folder, "tests", [addition("A", 31.0), addition("D", 20.0)])
+    with pytest.raises(DataError, match="found A, B, there already with the same condition and pulse"):
+        add_to_campaign(folder, "tests", [addition("A"), addition("B", 35.0)])
+    assert content_of(folder) == before
+
+
+def test_only_the_last_changes_are_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What older ones replaced is let go."""
+    monkeypatch.setattr(history, "_KEPT", 2)
+    for test_id in ("T1", "T2", "T3"):
+        leave_out(folder, [test_id])
+    assert [change.what for change in changes(folder)] == ["Left out of use: T3", "Left out of use: T2"]
+    assert len(list((folder / ".undo").iterdir())) == 2
+
+
+@pytest.mark.parametrize("name", ["../../secret.csv", "/etc/hosts.csv", "tests/../../secret.csv", "notes.txt", 7, None])
+def test_a_journal_from_elsewhere_touches_nothing_outside(folder: Path, name: object) -> None:
+    """A folder may come from anyone: a list that names other files is no list of ours."""
+    (folder.parent / "secret.csv").write_text("mine")
+    leave_out(folder, ["T1"])
+    path = folder / ".undo" / "000001" / "change.json"
+    told = json.loads(path.read_text())
+    told["files"] = [{"name": name, "before": None, "after": None}]
+    path.write_text(json.dumps(told))
+    assert changes(folder) == ()
+    for text in ("", "[]", "{}", "[" * 100_000, '{"number": 1, "what": "x", "when": "y", "files": [1]}'):
+        path.write_text(text)
+        assert changes(folder) == ()
+    assert (folder.parent / "secret.csv").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("edit", "ids", "sentence"),
+    [
+        (leave_out, ["T9"], "There is no test 'T9' that is in use; there is T1, T2, T3, T4."),
+        (leave_out, ["T1", "T2", "T3", "T4"], "At least one test has to stay in use."),
+        (use_again, ["T1"], "There is no test 'T1' that is left out of use; there is none."),
+        (remove_tests, ["T1", "T2", "T3", "T4"], "At least one test has to stay in use."),
+    ],
+)
+def test_what_cannot_be_edited_is_said(folder: Path, edit: object, ids: list[str], sentence: str) -> None:
+    """And the folder stays as it was."""
+    before = content_of(folder)
+    with pytest.raises(UsageError) as raised:
+        edit(folder, ids)  # type: ignore[operator]
+    assert str(raised.value) == sentence
+    assert content_of(folder) == before
+
+
+def test_the_sample_is_not_edited_but_a_copy_is(tmp_path: Path) -> None:
+    """The copy is the same campaign."""
+    for edit in (lambda: leave_out(sample_folder(), ["T01"]), lambda: undo(sample_folder())):
+        with pytest.raises(DataError, match="save a copy of it first"):
+            edit()
+    with pytest.raises(DataError, match="save a copy of it first"):
+        add_to_campaign(sample_folder(), "tests", [addition()])
+    copy_campaign(sample_folder(), tmp_path / "copy")
+    assert load_campaign(tmp_path / "copy").fingerprint == load_campaign(sample_folder()).fingerprint
+    assert (tmp_path / "copy" / "criteria.toml").is_file()
+    leave_out(tmp_path / "copy", ["T01"])
+    assert "T01" not in load_campaign(tmp_path / "copy").test_ids
+
+
+def test_hard_links_are_not_needed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk without them gets copies."""
+    before = content_of(folder)
+
+    def none(*_: object, **__: object) -> None:
+        raise OSError("not supported")
+
+    monkeypatch.setattr(os, "link", none)
+    remove_tests(folder, ["T1"])
+    undo(folder)
+    assert content_of(folder) == before
+
+
+def test_the_command_line_edits_and_undoes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each change is said, listed and taken back; wrong usage ends with 2, nothing to undo with 1."""
+    untouched = shutil.copytree(folder, folder.with_name("untouched"))
+    assert cli.main(["edit", str(folder), "--leave-out", "T1", "T2"]) == cli.DONE
+    assert cli.main(["edit", str(folder), "--use", "T1"]) == cli.DONE
+    assert cli.main(["edit", str(folder), "--remove", "T2"]) == cli.DONE
+    capsys.readouterr()
+    assert cli.main(["edit", str(folder)]) == cli.DONE
+    listed = capsys.readouterr().out.splitlines()
+    ends = ["Taken out: T2", "In use again: T1", "Left out of use: T1, T2"]
+    assert [line.partition("  ")[2].partition("  ")[2] for line in listed[1:]] == ends
+    assert cli.main(["edit", str(folder), "--leave-out", "T9"]) == cli.WRONG_USAGE
+    for end in ends:
+        assert cli.main(["edit", str(folder), "--undo"]) == cli.DONE
+        assert capsys.readouterr().out == f"Undone: {end}.\n"
+    assert cli.main(["edit", str(folder), "--undo"]) == cli.WRONG_DATA
+    assert content_of(folder) == content_of(untouched)
