@@ -6,7 +6,17 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from crashfuse.cli import (
-    certification, data, editing, figures, history, imports, learning, models, outgoing, ratings, studies,
+    certification,
+    data,
+    editing,
+    figures,
+    history,
+    imports,
+    learning,
+    models,
+    outgoing,
+    ratings,
+    studies,
 )
 from crashfuse.units import KPH, LB, MPH
 from crashfuse.version import __version__
