@@ -9,6 +9,7 @@ from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, editing, frame, page_tables
 from crashfuse.ui.beside import choose_tests, without_clicks
+from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import show_cached_figure, show_figure
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import running
@@ -62,6 +63,7 @@ def show_tests(view: frame.View) -> None:
     show_figure(
         without_clicks(figure),
         alt="Pulses of all tests over time, coloured by speed",
+        name=file_name("tests", choice, view.display.in_names[1]),
     )
     reading = "as they are in the files"
     if campaign.channel_filter_class is not None:
@@ -91,6 +93,7 @@ def show_conditions(view: frame.View) -> None:
         campaign.fingerprint,
         view.held_out.id,
         view.display.system,
+        name="conditions",
     )
     st.markdown(
         f"**The tests, and how the CAE model rates against each before any correction** ({campaign.rating_basis})"
@@ -108,6 +111,7 @@ def show_library(view: frame.View) -> None:
         "library",
         campaign.fingerprint,
         view.display,
+        name=file_name("CAE runs", view.display.in_names[1]),
     )
     st.caption(
         "The shaded band holds the middle 90 % of all CAE runs at each time, whatever their speed. "
@@ -123,7 +127,7 @@ def show_quality(view: frame.View) -> None:
     st.markdown(plain(verdict.summary))
     table = quality_table(verdict)
     if not table.empty:
-        st.table(table.map(plain).style.hide(axis="index"), border="horizontal")
+        show_table(table, "quality")
     for sentence in verdict.named:
         st.warning(plain(sentence), icon=":material/warning:")
     if verdict.failing:

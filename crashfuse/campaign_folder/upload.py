@@ -29,7 +29,7 @@ from crashfuse.files.archive import (
 
 _TABLES, _ROLES = ("tests.csv", "cae.csv"), ("tests", "cae")
 _PULSES = (".csv", ".parquet")
-_ASKED = ("criteria.toml", "matrix.csv")  # of a certification
+_ASKED = ("criteria.toml", "matrix.csv", "notes.csv")  # of a certification, and by readers
 _AT_THE_TOP = {*_TABLES, *_ASKED, "campaign.toml", *(f"{role}_pulses{ending}" for role in _ROLES for ending in _PULSES)}
 _NOTES = (".md", ".txt")
 _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst")

@@ -96,6 +96,9 @@ def parser() -> argparse.ArgumentParser:
         help="leave each test out alone, with all tests at about its speed, or both, one study after the other "
         "(default: both, but only test with --held-out or --preset paper)",
     )
+    study.add_argument(
+        "--report", choices=("whole", "short"), default="whole", help="report.html in whole (default) or on three pages"
+    )
     _add_workers(study)
     _add_units(study)
     study.add_argument("--resume", action="store_true", help="continue the study that was started in DIR")
@@ -161,7 +164,7 @@ def parser() -> argparse.ArgumentParser:
     _add_units(next_test)
     next_test.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
 
-    figures.add_options(commands.add_parser("figures", help="write the figures of a report as SVG, PNG or slides"))
+    figures.add_options(commands.add_parser("figures", help="write the figures of a report as SVG, PNG, CSV or slides"))
     history.add_options(commands.add_parser("compare", help="say which of two studies rates better, and by how much"))
     listing = commands.add_parser("studies", help="list the studies and predictions of this machine")
     listing.set_defaults(run=history.studies)

@@ -12,13 +12,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("report", type=Path, metavar="REPORT.html", help="a report that another command has written")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the figures")
     parser.add_argument(
-        "--format", nargs="+", choices=("svg", "png", "pptx"), default=["svg", "png"], help="default: svg png"
+        "--format", nargs="+", choices=("svg", "png", "csv", "pptx"), default=["svg", "png"], help="default: svg png"
     )
     parser.set_defaults(run=figures)
 
 
 def figures(arguments: argparse.Namespace) -> None:
-    """Write every figure of a report in each format, and all of them as slides."""
+    """Write every figure of a report in each format, its numbers as CSV, and all of them as slides."""
     from crashfuse.reporting.figure_files import figure_files, missing_for, read_figures
 
     if missing := missing_for(arguments.format):

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from crashfuse.campaign import Campaign
+    from crashfuse.reporting.report import ReportOptions
     from crashfuse.study.plan import StudyPlan
 
 _LEFT_OUT = {"test": "each left out alone", "speed group": "each left out with all tests at about its speed"}
@@ -27,6 +28,7 @@ class _Run:
     name: str
     out: Path
     plan: "StudyPlan"
+    report: "ReportOptions"
 
 
 def study(arguments: argparse.Namespace) -> None:
@@ -68,10 +70,12 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
     for folder in folders.values():
         require_output(arguments.out, folder, "study" if alone else "series of studies")
     from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.campaign_folder.notes import read_notes
+    from crashfuse.reporting.report import ReportOptions
 
     runs = []
     for name, folder in folders.items():
-        campaign = load_campaign(folder)
+        campaign, report = load_campaign(folder), ReportOptions(arguments.report, notes=read_notes(folder))
         for way in ways:
             out = arguments.out
             if not alone:
@@ -79,7 +83,8 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
                 require_output(out, folder, "study")
             # in a series that was killed, some may not have been started
             resume = arguments.resume and (alone or (out / "study.json").is_file())
-            runs.append(_Run(name, out, _plan(campaign, way, arguments.held_out or (), out if resume else None)))
+            plan = _plan(campaign, way, arguments.held_out or (), out if resume else None)
+            runs.append(_Run(name, out, plan, report))
     return runs
 
 
@@ -136,7 +141,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
         study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
     display = Display(system=SYSTEMS[arguments.units])
     with replacing(run.out, "study"), writing(run.out) as folder:
-        write_study(study, folder, display)
+        write_study(study, folder, display, run.report)
     keep(PastResult.of_study(study))
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
     _print_means(scores_table(study))

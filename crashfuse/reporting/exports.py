@@ -8,6 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from markupsafe import Markup
 
+from crashfuse.files.csv_output import neutral
+
 
 def parquet_bytes(table: pd.DataFrame) -> bytes:
     """Return a table as a Parquet file: float64 at full precision, text as dictionaries, empty cells as nulls."""
@@ -22,7 +24,7 @@ def parquet_bytes(table: pd.DataFrame) -> bytes:
 
 _INTERVAL = re.compile(r"(?P<value>\S+) \[(?P<lower>\S+), (?P<upper>\S+)\]")
 _GRADED = re.compile(r"(?P<value>[\d.]+) (?P<grade>[A-Z][a-z]+)")
-_NUMBER = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?( ± [\d.]+)?")
+_NUMBER = re.compile(r"[+-][\d.]+ ± [\d.]+")  # with its error, as no formula is
 
 
 def spreadsheet_text(table: pd.DataFrame) -> str:
@@ -54,4 +56,4 @@ def _plain(cell: object) -> str:
 
 def _cell(text: str) -> str:
     text = "" if text == "–" else text.replace("−", "-")  # no value; the minus sign of print
-    return f"'{text}" if text[:1] in ("=", "+", "-", "@") and not _NUMBER.fullmatch(text) else text
+    return text if _NUMBER.fullmatch(text) else neutral(text)

@@ -1,4 +1,4 @@
-"""The figures of a report as files: SVG, PNG, and slides.
+"""The figures of a report as files: SVG, PNG, slides, and their numbers as CSV.
 
 A report holds its figures as data, so they are read from it, whichever command wrote it, and drawn as on the page: by
 Plotly itself, in a browser of this machine that shows no window and reaches no network.
@@ -19,11 +19,13 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError
+from crashfuse.files.csv_output import csv_bytes
+from crashfuse.reporting.figure_data import figure_table
 
-FigureFormat = Literal["svg", "png", "pptx"]
+FigureFormat = Literal["svg", "png", "csv", "pptx"]
 FIGURE_FORMATS: tuple[FigureFormat, ...] = get_args(FigureFormat)
 
-_NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "pptx": ("kaleido", "pptx")}  # modules, by format
+_NEEDS = {"svg": ("kaleido",), "png": ("kaleido",), "csv": (), "pptx": ("kaleido", "pptx")}  # modules, by format
 _CALL = re.compile(r'Plotly\.newPlot\(\s*"figure-\d+",\s*')
 _HEADINGS = ("h1", "h2", "h3")
 _WIDTH_PX, _HEIGHT_PX, _DENSITY = 960, 540, 2  # of a figure that states no size; pixels of a PNG for each of these
@@ -121,7 +123,7 @@ def missing_for(formats: Sequence[FigureFormat]) -> str:
         extra = "pptx" if "pptx" in formats else "figures"
         wanted = f'need the extra {extra}: python -m pip install "crashfuse[{extra}]"'
         return f"Figures as {', '.join(formats)} {wanted}. {instead}"
-    if formats and not _browser():
+    if any(map(_NEEDS.__getitem__, formats)) and not _browser():
         return f"Figures are drawn by Chrome, Chromium or Edge, and none was found (BROWSER_PATH names one). {instead}"
     return ""
 
@@ -134,12 +136,14 @@ def _browser() -> str | None:
 
 
 def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> dict[str, bytes]:
-    """The figures as files, by name: ``01-heading.svg``, ``01-heading.png`` and, all in one, ``figures.pptx``.
+    """The figures as files, by name: ``01-heading.svg``, ``.png`` and ``.csv`` and, all in one, ``figures.pptx``.
 
     Raises
     ------
     UsageError
         If a format is unknown, or the extra or the browser that it needs is not there.
+    DataError
+        If the numbers of a figure cannot be read.
     CrashfuseError
         If the browser fails.
     """
@@ -148,20 +152,33 @@ def figure_files(report: FiguresOfReport, formats: Sequence[FigureFormat]) -> di
     if missing := missing_for(formats):
         raise UsageError(missing)
     kinds = [kind for kind in ("svg", "png") if kind in formats or (kind == "png" and "pptx" in formats)]
-    images = _images([figure.drawn for figure in report.figures], kinds)
+    made = _images([figure.drawn for figure in report.figures], kinds) if kinds else {}
+    if "csv" in formats:
+        made["csv"] = [_numbers(figure) for figure in report.figures]
     written = {
-        f"{number:02d}-{_file_name(figure.title)}.{kind}": images[kind][number - 1]
+        f"{number:02d}-{_file_name(figure.title)}.{kind}": contents[number - 1]
         for number, figure in enumerate(report.figures, start=1)
-        for kind in kinds
+        for kind, contents in made.items()
         if kind in formats
     }
     if "pptx" in formats:
-        written["figures.pptx"] = _slides(report, images["png"])
+        written["figures.pptx"] = _slides(report, made["png"])
     return written
 
 
 def _file_name(title: str) -> str:
+    """Name from the outermost heading, as far as its colon, and the innermost."""
+    title = " ".join(dict.fromkeys(title.split(": ")[:: max(title.count(": "), 1)]))
     return re.sub(r"[^a-z0-9]+", "-", title.lower())[:60].strip("-") or "figure"
+
+
+def _numbers(figure: ReportFigure) -> bytes:
+    """What a figure shows, as CSV."""
+    try:
+        return csv_bytes(figure_table(figure.drawn))
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        expected, advice = "a figure as crashfuse draws it", "write the report again"
+        raise DataError(Problem(figure.title, expected, f"one that cannot be read ({error!r})", advice)) from error
 
 
 def _images(figures: Sequence[dict[str, Any]], kinds: Sequence[str]) -> dict[str, list[bytes]]:

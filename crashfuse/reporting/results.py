@@ -27,6 +27,7 @@ from crashfuse.reporting.report import (
     study_report,
     sweep_report,
 )
+from crashfuse.reporting.report.options import ReportOptions
 from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, study_metrics
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost
@@ -70,8 +71,10 @@ def read_record(folder: Path) -> StudyRecord:
         raise DataError(Problem(str(path), "the record of a study", f"{error!r}", advice)) from error
 
 
-def write_study(study: Study, folder: str | Path, display: Display = DEFAULT) -> None:
-    """Write the results of a study.
+def write_study(
+    study: Study, folder: str | Path, display: Display = DEFAULT, report: ReportOptions = ReportOptions()
+) -> None:
+    """Write the results of a study, its report in these units and this form.
 
     ``scores.csv``, ``pulses.csv``, ``metrics.csv``, ``report.html``; ``speed_groups.csv``, the scores with whole speed
     groups left out, if requested; and, last, ``study.json``.
@@ -81,7 +84,7 @@ def write_study(study: Study, folder: str | Path, display: Display = DEFAULT) ->
     OSError
         If the folder cannot be written.
     """
-    _write(_STUDY, folder, study, display)
+    _write(_STUDY, folder, study, display, report)
 
 
 def write_prediction(
@@ -189,15 +192,15 @@ def _json(values: Mapping[str, object]) -> bytes:
     return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-_STUDY: Mapping[str, Callable[[Study, Display], Content]] = {
-    "scores.csv": lambda study, _: csv_bytes(scores_table(study)),
-    "speed_groups.csv": lambda study, _: (
+_STUDY: Mapping[str, Callable[[Study, Display, ReportOptions], Content]] = {
+    "scores.csv": lambda study, *_: csv_bytes(scores_table(study)),
+    "speed_groups.csv": lambda study, *_: (
         None if study.speed_groups is None else csv_bytes(scores_table(study.speed_groups))
     ),
-    "pulses.csv": lambda study, _: csv_bytes(pulses_table((f.held_out, e) for f in study.folds for e in f.estimates)),
-    "metrics.csv": lambda study, _: csv_bytes(study_metrics(study)),
+    "pulses.csv": lambda study, *_: csv_bytes(pulses_table((f.held_out, e) for f in study.folds for e in f.estimates)),
+    "metrics.csv": lambda study, *_: csv_bytes(study_metrics(study)),
     "report.html": lambda *result: study_report(*result).encode(),
-    "study.json": lambda study, _: _json(study_record(study)),
+    "study.json": lambda study, *_: _json(study_record(study)),
 }
 _PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig, PulseFiles, Display], Content]] = {
     "pulses.csv": lambda _, estimates, *__: csv_bytes(_pulses(estimates)),

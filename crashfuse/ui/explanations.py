@@ -87,4 +87,4 @@ def show_fits(estimates: Iterable[Estimate]) -> None:
             with st.expander(f"How the fit went: {LABELS[estimate.approach].lower()}"):
                 st.markdown("\n\n".join(plain(sentence) for sentence in sentences))
                 if not (table := fit_table(estimate.state, chosen_units())).empty:
-                    st.table(table.style.hide(axis="index"), border="horizontal")
+                    show_table(table, f"fit of {estimate.approach}")

@@ -8,29 +8,22 @@ import streamlit as st
 
 from crashfuse.reporting.plots.canvas import darkened
 from crashfuse.ui import address
+from crashfuse.ui.figure_tools import file_name, offer_files
 
 _CACHED = 200  # figures of up to half a megabyte
-_IMAGE = "image"  # session key: the format in which the camera saves a figure
 _DENSITY = 3  # pixels of a PNG for each on the page
 
 
-def choose_image_format() -> None:
-    """Let the user choose how the camera above a figure saves it."""
-    st.segmented_control(
-        "Save figures as", ["SVG", "PNG"], default="SVG", required=True, key=_IMAGE, persist_state="session",
-        help="With the camera at the right of a figure. SVG stays sharp at any size; PNG goes into any document.",
-    )  # fmt: skip
+_TOOLS: dict[str, Any] = {  # those that are useful on a curve; none of them sends it anywhere
+    "displaylogo": False,
+    "showSendToCloud": False,
+    "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
+}
 
 
-def _tools() -> dict[str, Any]:
-    """The tools that are useful on a curve; none of them sends it anywhere."""
-    form = st.session_state.get(_IMAGE, "SVG").lower()
-    return {
-        "displaylogo": False,
-        "showSendToCloud": False,
-        "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
-        "toImageButtonOptions": {"format": form, "filename": "crashfuse", "scale": _DENSITY if form == "png" else 1},
-    }
+def _tools(name: str) -> dict[str, Any]:
+    """The tools beside a figure; the camera saves it under its name."""
+    return {**_TOOLS, "toImageButtonOptions": {"format": "png", "filename": name, "scale": _DENSITY}}
 
 
 def choose(
@@ -50,26 +43,35 @@ def choose(
     return choice
 
 
-def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:
-    """Show a figure with the tools that are useful on a curve; ``alt`` is its alternative text."""
-    st.plotly_chart(_in_theme(figure), alt=alt, key=key, theme=None, config=_tools())
+def show_figure(figure: go.Figure, alt: str, key: str | None = None, *, name: str = "") -> None:
+    """Show a figure with the tools that are useful on a curve, and below it what saves it.
+
+    ``alt`` is its alternative text, ``name`` that of its files: what it shows, from :func:`file_name`.
+    """
+    name = name or file_name(alt)
+    st.plotly_chart(_in_theme(figure), alt=alt, key=key, theme=None, config=_tools(name))
+    offer_files(figure, name, key or alt)
 
 
-def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable) -> None:
+def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable, name: str = "") -> None:
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
-    st.plotly_chart(_cached(key, st.context.theme.type == "dark", draw), alt=alt, theme=None, config=_tools())
+    name, figure = name or file_name(alt), _cached(key, st.context.theme.type == "dark", draw)
+    st.plotly_chart(figure, alt=alt, theme=None, config=_tools(name))
+    offer_files(figure, name, alt)
 
 
-def show_clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[str], None]) -> bool:
+def show_clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[str], None], *, name: str = "") -> bool:
     """Show a figure and pass the value of a clicked mark to ``on_click``; returns True if one was clicked."""
 
     def take() -> None:
         for point in _points(st.session_state[key]):
             on_click(point)
 
+    name = name or file_name(alt)
     event = st.plotly_chart(
-        _in_theme(figure), alt=alt, key=key, theme=None, config=_tools(), on_select=take, selection_mode="points"
+        _in_theme(figure), alt=alt, key=key, theme=None, config=_tools(name), on_select=take, selection_mode="points"
     )
+    offer_files(figure, name, key)
     return bool(_points(event))
 
 

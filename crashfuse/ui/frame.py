@@ -14,7 +14,6 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig
 from crashfuse.ui import address, campaigns, login
 from crashfuse.ui.computation import chosen_config, jobs
-from crashfuse.ui.figures import choose_image_format
 from crashfuse.ui.folding import fold_when_narrow
 from crashfuse.ui.navigation import navigate, show_link, show_links
 from crashfuse.ui.panel import title_of
@@ -208,7 +207,6 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
             "Show as", address.CHOICES["sign"].options, required=True, key="sign", persist_state="session",
             help="Braking is negative as an acceleration (SAE J1733), positive as a deceleration.",
         )  # fmt: skip
-        choose_image_format()
     display = Display(float(state["window"]), state["unit"], state["sign"] == "Deceleration", SYSTEMS[state["system"]])
     return View(campaign, campaigns.folder_of(name), tests[state["test"]], display)
 

@@ -10,7 +10,7 @@ import streamlit as st
 
 from crashfuse.errors import Problem
 from crashfuse.files.csv_output import csv_bytes
-from crashfuse.ui.text import plain
+from crashfuse.ui.tables import show_table
 
 _MOST_ROWS = 50  # shown; the downloaded file has all
 _INSIDE = r"(?:[^()]|\([^()]*\))*"  # of parentheses: a channel's name may have its own
@@ -70,7 +70,7 @@ def show_problems(
     st.error(f"**{what}: {count}.** {result}", icon=":material/error:")
     table = short_table(problems)
     with st.container(border=True, height=420 if len(table) > 8 else "content"):
-        st.table(table.head(_MOST_ROWS).map(plain).style.hide(axis="index"), border="horizontal")
+        show_table(table.head(_MOST_ROWS), f"problems {place}")
     if len(table) > _MOST_ROWS:
         st.caption(f"The first {_MOST_ROWS}; problems.csv has all.")
     st.download_button(

@@ -8,8 +8,10 @@ import streamlit as st
 from pandas.io.formats.style import Styler
 
 from crashfuse.reporting.exports import spreadsheet_text
+from crashfuse.ui.text import plain
 
-_CSS = """
+BUTTON_CSS = """
+.row { display: flex; gap: 0.4rem }
 button { font: inherit; font-size: 0.8rem; color: inherit; opacity: 0.7; background: none; cursor: pointer;
          border: 1px solid var(--st-border-color); border-radius: 4px; padding: 0 0.6rem }
 button:hover, button:focus-visible { opacity: 1 }
@@ -34,7 +36,7 @@ export default ({ parentElement, data }) => {
 """
 _RIGHT = "text-align: right !important"
 _COPY = '<button type="button" title="Copy this table for a spreadsheet">Copy</button>'
-_copy_button = st.components.v2.component("crashfuse_copy_table", html=_COPY, css=_CSS, js=_JS)
+_copy_button = st.components.v2.component("crashfuse_copy_table", html=_COPY, css=BUTTON_CSS, js=_JS)
 
 
 _NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+)?|–|)( \[.*\]| \(.*\))?")
@@ -49,7 +51,10 @@ def show_table(table: Styler | pd.DataFrame, key: str) -> None:
 
 
 def aligned(styler: Styler) -> Styler:
-    """The same table with numbers at the right, their digits under each other and their intervals lighter."""
+    """The same table with numbers at the right, their digits under each other and their intervals lighter.
+
+    Texts of cells are shown literally: they may be a laboratory's.
+    """
     for place, name in enumerate(styler.columns):
         matches = [_NUMBER.fullmatch(str(cell)) for cell in styler.data.iloc[:, place]]
         numbers = [match for match in matches if match is not None]
@@ -58,6 +63,8 @@ def aligned(styler: Styler) -> Styler:
             styler.format(partial(_with_light_interval, longest=longest), subset=[name])
             styler.set_properties(subset=[name], **{"text-align": "right !important"})
             styler.set_table_styles([{"selector": f"th.col{place}", "props": _RIGHT}], overwrite=False)
+        else:
+            styler.format(_literally, subset=[name])
     return styler
 
 
@@ -66,3 +73,7 @@ def _with_light_interval(cell: object, longest: int) -> str:
     number, interval = (str(part) for part in _NUMBER.findall(str(cell))[0])
     escaped = interval.strip().replace("[", "\\[").replace("]", "\\]")
     return number + f" :gray[{escaped}]" * bool(escaped) + "\u2007" * (longest - len(interval))
+
+
+def _literally(cell: object) -> object:
+    return plain(cell) if isinstance(cell, str) else cell

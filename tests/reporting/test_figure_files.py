@@ -140,7 +140,7 @@ def test_drawing_reaches_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_a_format_needs_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """The extra if it is not installed, then a browser; the report itself can do without both."""
     report = figures_of(REPORT)
-    with pytest.raises(UsageError, match="svg, png, pptx, not as pdf"):
+    with pytest.raises(UsageError, match="svg, png, csv, pptx, not as pdf"):
         figure_files(report, ("pdf",))  # type: ignore[arg-type]
     monkeypatch.setattr(module, "_browser", lambda: None)
     with pytest.raises(UsageError, match="Chrome, Chromium or Edge, and none was found"):

@@ -9,7 +9,11 @@ from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.reporting.report import prediction_report, study_report
+from crashfuse.campaign_folder.notes import Note
+from crashfuse.errors import UsageError
+from crashfuse.reporting.figure_files import figures_of
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.report import ReportOptions, prediction_report, study_report
 from crashfuse.run_quality import NAMED_LIMITS, RunQuality
 from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig
@@ -155,8 +159,8 @@ def test_speed_groups_are_shown_beside_where_they_were_left_out(study: Study) ->
 
 
 def test_paper_gets_page_breaks_and_no_scrollbars(text: str) -> None:
-    """Each test begins a page, figures are made to fit, and nothing scrolls by itself."""
-    assert "section.test { break-before: page }" in text
+    """Figures are made to fit, no paragraph or row is cut, and nothing scrolls by itself."""
+    assert "p, li { break-inside: avoid }" in text
     assert "beforeprint" in text
     assert "overflow: auto" not in text
     assert "overflow: scroll" not in text
@@ -188,3 +192,48 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
 def test_equal_results_give_equal_bytes(study: Study, text: str) -> None:
     """Whenever and however long it took: a review can compare reports."""
     assert study_report(replace(study, seconds={"prepare": 7.0})) == text
+
+
+@pytest.mark.slow
+def test_a_short_report_has_the_result_and_the_worst_test_alone(study: Study) -> None:
+    """Heat map and one test's pulses; data, method and the other tests are in the whole one."""
+    weaker = replace(estimate(study.campaign.tests[1]), prediction=Prediction(study.campaign.tests[1].condition,
+                     0.8 * study.campaign.tests[1].pulse.accel_mps2))  # fmt: skip
+    folds = (study.folds[0], Fold.of(study.campaign.tests[1], [weaker], CONFIG.windows_ms))
+    short = study_report(replace(study, folds=folds), options=ReportOptions("short"))
+    assert figures(short) == 2
+    assert "<h2>Test T2: " in short
+    assert "<h2>Test T1: " not in short
+    assert "The worst test" in short
+    assert "Method and settings" not in short
+
+
+def test_a_report_shows_chosen_tests_in_the_units_and_the_window_of_the_page(study: Study) -> None:
+    """Means are over all tests; figures rate the window; what was not left out cannot be shown."""
+    display = Display(window_ms=20.0, unit="m/s²")
+    text = study_report(study, display, ReportOptions(tests=("T2",)))
+    assert "<h2>Test T2: " in text
+    assert "<h2>Test T1: " not in text
+    assert "Every held-out test, 0–20 ms" in text
+    assert "Test T1" in text  # in the heat map
+    pulses = next(figure.drawn for figure in figures_of(text).figures if figure.title.endswith("Pulses over time"))
+    assert pulses["layout"]["yaxis"]["title"]["text"] == "Acceleration (m/s²)"
+    assert "rated: 0–20 ms" in [note["text"] for note in pulses["layout"]["annotations"]]
+    with pytest.raises(UsageError, match="T4"):
+        study_report(study, options=ReportOptions(tests=("T4",)))
+
+
+def test_notes_stand_in_the_report_as_text(study: Study) -> None:
+    """Of the tests that were left out; nothing in them is markup."""
+    notes = (Note("T1", "<img src=x onerror=alert(1)> barrier & face", 12.0, 20.0), Note("T4", "not left out"))
+    text = study_report(study, options=ReportOptions(notes=notes))
+    assert "<img" not in text
+    assert "12–20 ms</td><td>&lt;img src=x onerror=alert(1)&gt; barrier &amp; face</td>" in text
+    assert "not left out" not in text
+    assert "<h2>Notes" not in study_report(study)
+
+
+def test_a_form_that_is_none_is_one_sentence() -> None:
+    """With the forms that there are."""
+    with pytest.raises(UsageError, match="short or whole, not 'long'"):
+        ReportOptions("long")  # type: ignore[arg-type]

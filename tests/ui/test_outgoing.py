@@ -10,8 +10,10 @@ from streamlit.testing.v1 import AppTest
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
+from crashfuse.reporting.plots.display import Display
 from crashfuse.study.estimate import Estimate
-from crashfuse.ui import occupant_model
+from crashfuse.ui import figures, occupant_model
+from crashfuse.ui.figure_tools import file_name
 
 
 def page() -> None:
@@ -90,20 +92,21 @@ def test_a_page_hands_out_iso_mme_at_a_location(made: list[tuple[str, dict[str, 
     assert len(made) == before
 
 
-def test_the_camera_saves_what_was_chosen_and_nothing_is_sent_away() -> None:
-    """SVG, or PNG with three pixels for one; the button that uploads a chart is off."""
+def test_the_camera_saves_a_figure_under_its_name_and_nothing_is_sent_away() -> None:
+    """PNG with three pixels for one; the button that uploads a chart is off."""
+    tools = figures._tools(file_name("T09", "pulses", *Display().in_names))
+    assert tools["toImageButtonOptions"] == {"format": "png", "filename": "T09_pulses_0-60ms_g", "scale": 3}
+    assert tools["showSendToCloud"] is False
 
-    def sidebar() -> None:
-        import streamlit as st
 
-        from crashfuse.ui import figures
-
-        figures.choose_image_format()
-        st.json(figures._tools())
-
-    app = AppTest.from_function(sidebar).run()
-    assert '"format": "svg"' in app.json[0].value
-    app.button_group(key="image").set_value("PNG").run()
-    assert '"format": "png"' in app.json[0].value
-    assert '"scale": 3' in app.json[0].value
-    assert '"showSendToCloud": false' in app.json[0].value
+@pytest.mark.parametrize(
+    ("parts", "name"),
+    [
+        (("T09", "CAE and", "Time domain"), "T09_CAE-and_Time-domain"),
+        (("../../etc", "a/b\\c:d"), "etc_a-b-c-d"),
+        (("Prüfung 7", "x" * 200), "Pr-fung-7_" + "x" * 80),
+    ],
+)
+def test_a_name_of_a_file_is_safe_on_any_disk(parts: tuple[str, ...], name: str) -> None:
+    """Whatever a test is called: no folders, no signs that a disk refuses, not too long."""
+    assert file_name(*parts) == name

@@ -21,6 +21,9 @@ _BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.25
 _USUAL_NAMES = 6  # of the approaches and the test
 _EDGE_OPACITY = 0.6  # of a band that is outlined
 
+BAND = "band"
+"""In a trace's ``meta``: its outline runs forth along a lower edge and back along an upper one."""
+
 
 def new_figure(height: int) -> go.Figure:
     """An empty figure over time in ms, in the common style: legend above it, tools beside it."""
@@ -112,6 +115,7 @@ def add_band(
         y=_single(up),
         mode="lines",
         hoverinfo="skip",
+        meta=BAND,
         **look,
         **style,
     )

@@ -50,6 +50,11 @@ class Display:
         return (1 / G if self.unit == "g" else 1.0) * (-1 if self.deceleration else 1)
 
     @property
+    def in_names(self) -> tuple[str, str]:
+        """Rated window and unit, for names of files."""
+        return f"0-{self.window_ms:g}ms", "g" if self.unit == "g" else "mps2"
+
+    @property
     def accel_title(self) -> str:
         """Title of an acceleration axis, with its unit."""
         return f"{'Deceleration' if self.deceleration else 'Acceleration'} ({self.unit})"

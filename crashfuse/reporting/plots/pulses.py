@@ -8,6 +8,7 @@ import plotly.graph_objects as go
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import CaeLibrary, CrashTest
 from crashfuse.reporting.plots.canvas import (
+    BAND,
     add_band,
     add_line,
     height_under_names,
@@ -116,7 +117,7 @@ def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT
         figure.add_scatter(
             x=outline, y=np.concatenate([accel - half, (accel + half)[::-1]]).astype(np.float32), mode="lines",
             line={"width": 0, "color": "#7A5AB5"}, fill="toself", fillcolor=f"rgba(122, 90, 181, {colour})",
-            name=f"Corridor of the rating, {name} (± {half:.1f} {display.unit})", hoverinfo="skip",
+            name=f"Corridor of the rating, {name} (± {half:.1f} {display.unit})", hoverinfo="skip", meta=BAND,
         )  # fmt: skip
     return figure
 

@@ -60,7 +60,7 @@ def rating_heatmap(
         hoverdistance=-1,  # anywhere in a cell, its own mark is the nearest
         dragmode=False,
         margin={"t": 52, "b": 8, "r": 16},
-        modebar={"remove": ["zoom2d", "pan2d", "resetScale2d", "toImage"]},
+        modebar={"remove": ["zoom2d", "pan2d", "resetScale2d"]},
     )
     figure.update_xaxes(
         side="top", title=None, range=None, tickfont={"size": 12}, ticks="", showline=False, showgrid=False,

@@ -2,10 +2,14 @@
 
 from crashfuse.reporting.report.certification import certification_report
 from crashfuse.reporting.report.learning_curve import learning_curve_report
+from crashfuse.reporting.report.options import REPORT_FORMS, ReportForm, ReportOptions
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
 from crashfuse.reporting.report.study import study_report
 
 __all__ = [
+    "REPORT_FORMS",
+    "ReportForm",
+    "ReportOptions",
     "certification_report",
     "learning_curve_report",
     "next_test_report",

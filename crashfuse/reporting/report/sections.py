@@ -1,5 +1,6 @@
 """Sections common to reports: metrics, notes and fits of estimates, the CAE model's bias, and how tests repeat."""
 
+import re
 from collections.abc import Mapping, Sequence
 
 import pandas as pd
@@ -19,6 +20,8 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.wording import joined
 
+_INTERVAL = re.compile(r"\[[^\s,]+, [^\s,]+\]")
+
 
 def details(
     campaign: Campaign, estimates: Sequence[Estimate], display: Display, measured: Sequence[Metric] = ()
@@ -27,7 +30,9 @@ def details(
     headings = {name: display.heading(label) for name, label in campaign.metric_headings.items()}
     columns = [("Measured", measured)] if measured else []
     columns += [(LABELS[estimate.approach], estimate.metrics) for estimate in estimates]
-    metrics = pd.DataFrame({who: {metric.name: display.metric(metric).text for metric in own} for who, own in columns})
+    metrics = pd.DataFrame(
+        {who: {metric.name: _unbroken(display.metric(metric).text) for metric in own} for who, own in columns}
+    )
     main = metrics.index.isin(MAIN_METRICS)
     shown = metrics.rename(index=headings).rename_axis("Pulse metric").reset_index()
     return {
@@ -64,3 +69,8 @@ def repeats_table(
         repeats = next(iter(own.values())).repeats if own else ()
         rows.append({**row, "Repeats among the tests": ", ".join(repeats) or "none"})
     return pd.DataFrame(rows)
+
+
+def _unbroken(text: str) -> str:
+    """A value with its interval, which no line may cut."""
+    return _INTERVAL.sub(lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), text)

@@ -1,4 +1,4 @@
-"""Report of a study: how well each approach predicted every test that was left out."""
+"""Report of a study: how well each approach predicted every test that was left out, in short or in whole."""
 
 from dataclasses import replace
 
@@ -9,13 +9,16 @@ from markupsafe import Markup
 from crashfuse.approaches.calibration import LEVELS
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import SPEED_STEP_MPS
+from crashfuse.errors import UsageError
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.paper_tables import REPEAT, TABLE_3, TABLE_5, best, rating_table
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.plots.marks import add_marks
 from crashfuse.reporting.plots.pulses import motion
 from crashfuse.reporting.plots.ratings import calibration_curves, rating_heatmap, rating_spread
 from crashfuse.reporting.provenance import study_command
+from crashfuse.reporting.report.options import ReportOptions
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import bias, details, repeats_table
 from crashfuse.reporting.report.why import why
@@ -31,42 +34,68 @@ _CAPTIONS = (
 )
 
 
-def study_report(study: Study, display: Display = DEFAULT) -> str:
-    """HTML report of a study."""
+def study_report(study: Study, display: Display = DEFAULT, options: ReportOptions = ReportOptions()) -> str:
+    """HTML report of a study.
+
+    Means are over all tests of the study, whichever are shown one by one.
+
+    Raises
+    ------
+    UsageError
+        If a test that is to be shown was not left out.
+    """
     campaign, config, verdict = study.campaign, study.config, recommend(study)
     held_out = [fold.held_out for fold in study.folds]
-    window_ms = max(config.windows_ms)
-    display = replace(display, window_ms=window_ms)
-    tables = [(caption, rating_table(study, rows)) for rows, caption in _CAPTIONS]
-    spread = study.rating_spread(window_ms)
+    if display.window_ms not in config.windows_ms:
+        display = replace(display, window_ms=max(config.windows_ms))
+    common: dict[str, object] = {
+        "verdict": verdict.sentences,
+        "window": f"0–{display.window_ms:g} ms",
+        "result": _result(study, display),
+        "notes": [(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
+        "weak_spots": _weak_spots(study, verdict.approach),
+        "worst_test": worst_test(study, display.window_ms).sentences,
+    }
+    if unknown := set(options.tests).difference(held_out):
+        raise UsageError(f"The report cannot show {', '.join(sorted(unknown))}: the study did not leave it out.")
+    whole = options.form == "whole"
+    if whole:
+        common |= _whole(study, display)
+    worst = min(study.folds, key=lambda fold: fold.ratings[verdict.approach][display.window_ms].overall)
+    shown = options.tests or tuple(held_out if whole else [worst.held_out])
     return render(
-        "study",
+        "study" if whole else "short",
         f"study with each {config.split_configs[0].leave_out} left out",
         campaign,
         config,
         study_command(campaign, held_out, config, display.system),
         display,
         held_out,
-        verdict=verdict.sentences,
-        window=f"0–{window_ms:g} ms",
-        result=_result(study),
-        speed_groups=study.speed_groups and _result(study.speed_groups),
-        speed_step=speed(SPEED_STEP_MPS, form=".2g"),
-        repeats=repeats_table(study.repeatability, [fold.held_out for fold in study.folds], config.windows_ms),
-        paper_tables=[(caption, _shown(table, best(table))) for caption, table in tables if len(table)],
-        spread=rating_spread(spread, study.repeats(window_ms)) if any(spread.values()) else None,
-        band=study.coverage
-        and {"coverage": coverage_table(study.coverage), "curves": calibration_curves(LEVELS, study.reliability)},
-        bias=bias(campaign, display),
-        folds=[_fold(study, fold, display) for fold in study.folds],
-        weak_spots=_weak_spots(study, verdict.approach),
-        worst_test=worst_test(study, window_ms).sentences,
+        folds=[_fold(study, study.fold(test), options, display) for test in shown],
+        **common,
     )
 
 
-def _result(study: Study) -> dict[str, object]:
+def _whole(study: Study, display: Display) -> dict[str, object]:
+    """What stands in the whole report only."""
+    windows_ms, window_ms = study.config.windows_ms, display.window_ms
+    tables = [(caption, rating_table(study, rows)) for rows, caption in _CAPTIONS]
+    spread = study.rating_spread(window_ms)
+    return {
+        "speed_groups": study.speed_groups and _result(study.speed_groups, display),
+        "speed_step": speed(SPEED_STEP_MPS, form=".2g"),
+        "repeats": repeats_table(study.repeatability, [fold.held_out for fold in study.folds], windows_ms),
+        "paper_tables": [(caption, _shown(table, best(table))) for caption, table in tables if len(table)],
+        "spread": rating_spread(spread, study.repeats(window_ms)) if any(spread.values()) else None,
+        "band": study.coverage
+        and {"coverage": coverage_table(study.coverage), "curves": calibration_curves(LEVELS, study.reliability)},
+        "bias": bias(study.campaign, display),
+    }
+
+
+def _result(study: Study, display: Display) -> dict[str, object]:
     """Mean ratings over the tests, and the ratings of each test."""
-    window = max(study.config.windows_ms)
+    window = display.window_ms
     means = {w: {name: study.mean_rating(name, w) for name in study.config.approaches} for w in study.config.windows_ms}
     overall = {fold.held_out: {name: own[window].overall for name, own in fold.ratings.items()} for fold in study.folds}
     for w in means:
@@ -96,10 +125,11 @@ def _shown(ratings: pd.DataFrame, bold: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(cells, ratings.index, ratings.columns, dtype=object).reset_index()
 
 
-def _fold(study: Study, fold: Fold, display: Display) -> dict[str, object]:
-    """The recommendation made for a test before it was run, and the actual outcome."""
+def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) -> dict[str, object]:
+    """The recommendation made for a test before it was run, and the actual outcome; its notes and marks."""
     test = study.campaign.test(fold.held_out)
-    window = max(study.config.windows_ms)
+    window = display.window_ms
+    notes = [note for note in options.notes if note.test == test.id]
     predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
     v0 = test.condition.speed_mps
     rest = study.config.training_campaign(study.campaign, test.id)
@@ -110,7 +140,8 @@ def _fold(study: Study, fold: Fold, display: Display) -> dict[str, object]:
         "advice": advice.sentences,
         "outcome": fold.ratings[advice.approach][window],
         "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall, LABELS[advice.approach]),
-        "motion": motion(test.pulse, predictions, v0, display),
+        "notes": [(note.when, note.text) for note in notes],
+        "motion": add_marks(motion(test.pulse, predictions, v0, display), notes),
         "ratings": _by_approach(
             {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}
         ),

@@ -84,13 +84,11 @@ def _counts(certification: Certification, display: Display) -> pd.DataFrame:
         bound = counts["decided"]["wrong_at_most"]
         rows.append(
             {
-                "Criterion": plain(criterion.name),
+                "Criterion": criterion.name,
                 "Limit": display.words(criterion.limits),
                 **{word.capitalize(): _said(counts[word]) for word in ("met", "not met", "open", "outside")},
                 "Wrong at most": "–" if bound is None else f"{100 * float(str(bound)):.0f} %",
-                "What this record supports": plain(
-                    support_sentence(record, criterion, certification.criteria.confidence)
-                ),
+                "What this record supports": support_sentence(record, criterion, certification.criteria.confidence),
             }
         )
     return pd.DataFrame(rows)

@@ -18,6 +18,7 @@ from crashfuse.reporting.plots import displacement as plots
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.ui.beside import without_clicks
 from crashfuse.ui.compare.comparison import Comparison
+from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure, show_figure
 
 _CURVES, _ENERGY, _BIAS = "Acceleration", "Energy", "Bias by speed"
@@ -60,7 +61,9 @@ def show(comparison: Comparison) -> None:
             "Lines: each pulse integrated twice over time, up to zero velocity. Circles: the same motion recovered "
             "from acceleration over displacement (Eq. 29). Where they agree, the conversion is lossless."
         )
-    show_cached_figure(lambda: without_clicks(draw()), alt, choice, comparison.key, curves.key)
+    shown = "acceleration over displacement" if choice == _CURVES else choice.lower()
+    name = file_name(test.id, shown, *view.display.in_names[1:])
+    show_cached_figure(lambda: without_clicks(draw()), alt, choice, comparison.key, curves.key, name=name)
     st.caption(caption)
 
 
@@ -90,6 +93,7 @@ def _show_parts(comparison: Comparison) -> None:
     show_figure(
         bias.bias_parts(expected, grid, measured, view.display),
         alt=f"Parts of the bias that is expected in test {test.id}, over displacement, each with its 95 % band",
+        name=file_name(test.id, "parts of the bias", *view.display.in_names[1:]),
     )
     st.caption(
         f"What the other {len(rest.tests)} tests predict of the bias in {test.id}. Parts can cancel each other: their "

@@ -7,17 +7,19 @@ from crashfuse.reporting.result_tables import pulses_table, scores_table, study_
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.occupant_model import offer_pulses
+from crashfuse.ui.report_options import choose_report
 
 
 def show(comparison: Comparison) -> None:
     """Offer what this comparison rests on; a report, and pulses for others, once every approach is known."""
     test, study, estimates = comparison.test, comparison.study, comparison.fold.estimates
+    report = choose_report(comparison.view, [test.id])
     with st.container(horizontal=True):
         download_table("scores.csv", lambda: scores_table(study))
         download_table("pulses.csv", lambda: pulses_table((test.id, estimate) for estimate in estimates))
         download_table("metrics.csv", lambda: study_metrics(study))
         if comparison.advice is not None:
-            download_report(lambda: study_report(study, comparison.view.display))
+            download_report(lambda: study_report(study, comparison.view.display, report))
     if comparison.advice is not None:
         remark = f"Test {test.id}, at this condition, was left out."
         offer_pulses(comparison.others, estimates, comparison.advice.approach, comparison.config.seed, [remark])

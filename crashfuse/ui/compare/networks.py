@@ -10,6 +10,7 @@ from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.reporting.plots.learning import learning_curves, tuning_strength
 from crashfuse.reporting.plots.pulses import overlay
 from crashfuse.ui.compare.comparison import Comparison
+from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure, show_figure
 
 _BEFORE_AND_AFTER, _LEARNING = "Before and after the tests", "Learning curves"
@@ -71,6 +72,7 @@ def _show_beside_the_cae(comparison: Comparison, name: str) -> None:
         f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}",
         name,
         comparison.key,
+        name=file_name(fold.held_out, "CAE and", LABELS[name], *comparison.view.display.in_names),
     )
     st.caption(_MEANING[name])
 

@@ -3,10 +3,13 @@
 import plotly.graph_objects as go
 import streamlit as st
 
+from crashfuse.reporting.plots.marks import add_marks
 from crashfuse.reporting.plots.pulses import add_corridors, motion, residuals
 from crashfuse.ui.beside import without_clicks
 from crashfuse.ui.compare.comparison import Comparison
+from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure
+from crashfuse.ui.notes import edit_notes, notes_of
 
 _MOTION, _RESIDUALS = "Motion", "Residuals"
 _CORRIDORS_HELP = (
@@ -25,19 +28,23 @@ def show(comparison: Comparison) -> None:
         )
 
     curves = comparison.choose_curves()
+    notes = notes_of(comparison.view)
+    own = tuple(note for note in notes if note.test == test.id)
 
     def draw() -> go.Figure:
         if shown == _RESIDUALS:
-            return without_clicks(residuals(test.pulse, curves.predictions, display, filled=curves.filled))
-        measured = test.pulse if curves.test else None
-        speed = test.condition.speed_mps
-        figure = without_clicks(motion(measured, curves.predictions, speed, display, filled=curves.filled))
-        return add_corridors(figure, test.pulse, display) if corridors else figure
+            figure = residuals(test.pulse, curves.predictions, display, filled=curves.filled)
+        else:
+            measured = test.pulse if curves.test else None
+            figure = motion(measured, curves.predictions, test.condition.speed_mps, display, filled=curves.filled)
+        return add_marks(without_clicks(add_corridors(figure, test.pulse, display) if corridors else figure), own)
 
     alt = {
         _MOTION: f"Acceleration, velocity and displacement over time: test {test.id} and every prediction of it",
         _RESIDUALS: f"Every prediction of test {test.id} minus what was measured, over time",
     }
-    show_cached_figure(draw, alt[shown], shown, corridors, comparison.key, curves.key)
+    name = file_name(test.id, "pulses" if shown == _MOTION else "residuals", *display.in_names)
+    show_cached_figure(draw, alt[shown], shown, corridors, own, comparison.key, curves.key, name=name)
     if shown == _RESIDUALS:
         st.caption("Where a band leaves zero, the test left that band. RMS: over the rated window.")
+    edit_notes(comparison.view, notes)

@@ -5,6 +5,7 @@ import plotly.graph_objects as go
 from crashfuse.reporting.plots.displacement import energy_over_crush, over_displacement
 from crashfuse.reporting.plots.pulses import motion
 from crashfuse.ui.beside import choose_curves, without_clicks
+from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.predict.answer import Answer
 
@@ -26,4 +27,5 @@ def show(answer: Answer) -> None:
         return without_clicks(figure)
 
     alt = f"Prediction by every approach at {display.condition(condition)}: {shown.lower()}"
-    show_cached_figure(draw, alt, shown, answer.key, curves.key)
+    name = file_name("prediction", display.speed(condition.speed_mps), shown, *display.in_names[1:])
+    show_cached_figure(draw, alt, shown, answer.key, curves.key, name=name)

@@ -6,6 +6,7 @@ from crashfuse.approaches.calibration import LEVELS
 from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.plots.ratings import calibration_curves, rating_spread
+from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import show_figure
 from crashfuse.ui.study.outcome import Outcome
 from crashfuse.ui.tables import show_table
@@ -21,6 +22,7 @@ def show(outcome: Outcome) -> None:
     show_figure(
         rating_spread(study.rating_spread(window_ms), study.repeats(window_ms)),
         alt="Rating of each held-out test by approach, with the interval of the ratings of single drawn pulses",
+        name=file_name("ratings of draws", outcome.window),
     )
     st.caption(
         "Marks: rating of the expected pulse. Lines: 95 % of the ratings of single pulses drawn from the band. A "
@@ -35,5 +37,6 @@ def show(outcome: Outcome) -> None:
     show_figure(
         calibration_curves(LEVELS, study.reliability),
         alt="Share of the time up to TTZV at which a(t) lies inside bands of each level, by approach",
+        name="coverage_by_level_of_the_band",
     )
     st.caption("Above the dotted line a band is wider than it claims to be, below it too narrow.")

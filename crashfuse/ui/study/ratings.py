@@ -7,6 +7,7 @@ from crashfuse.reporting.plots.ratings import rating_heatmap
 from crashfuse.study.account import worst_test
 from crashfuse.study.study import Study
 from crashfuse.ui import explanations, frame, page_tables
+from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_clickable
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.study.outcome import Outcome
@@ -51,6 +52,11 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
         alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables",
         key=f"heat map {leave_out}",
         on_click=open_test,
+        name=file_name(
+            "ratings",
+            outcome.window,
+            "left out with its speed group" if study.config.leave_out == "speed group" else "left out alone",
+        ),
     )
     with st.container(horizontal=True, vertical_alignment="center"):
         st.markdown("Click a cell, or choose a test, to see it on the page Compare.", width="content")

@@ -1,13 +1,43 @@
-// Paper is narrower than the window, and a page shorter than a stack of figures; afterwards all is as it was.
+// On paper figures are narrower and lower, with smaller words, so that two or three fit a page; afterwards all is as it was.
+const WIDTH_PX = 680, HIGHEST_PX = 600, SHARE = 0.52, LOWEST_PX = 270, ROW_PX = 19, WORDS_PX = 11;
+const MARGINS_PX = 110, LETTER_PX = 6;
+const before = new Map();
 const figures = () => document.querySelectorAll(".plotly-graph-div");
-const resize = (figure, layout) => {
-  Plotly.relayout(figure, layout);
-  figure.parentElement.style.height = `${layout.height}px`;
+const relaid = (figure, changes, height) => {
+  Plotly.relayout(figure, changes);
+  figure.parentElement.style.height = `${height}px`;
 };
+const wrapped = (text, most) => text.replaceAll("<br>", " ").split(" ").reduce((lines, word) => {
+  const longer = `${lines.at(-1)} ${word}`.trim();
+  return longer.length > most && lines.at(-1) ? [...lines, word] : [...lines.slice(0, -1), longer];
+}, [""]).join("<br>");
+const underNames = data => { // a row of names above a figure takes space from its curves
+  const names = new Set(data.filter(trace => trace.name && trace.showlegend !== false).map(trace => trace.name));
+  const length = [...names].reduce((sum, name) => sum + name.length * LETTER_PX + 45, 0);
+  return 20 * Math.max(Math.ceil(length / 560) - 2, 0);
+};
+const onPaper = figure => {
+  const { layout, data } = figure, usual = layout.height;
+  const changes = { autosize: false, width: WIDTH_PX };
+  if (document.querySelector(".dossier")) return { ...changes, height: Math.min(usual, HIGHEST_PX) };
+  const cells = data.find(trace => trace.type === "heatmap");
+  const rows = cells ? cells.y.length * ROW_PX + 64 : Math.max(usual * SHARE, LOWEST_PX) + underNames(data);
+  Object.assign(changes, { height: Math.round(Math.min(usual, rows)), "font.size": WORDS_PX });
+  for (const key of Object.keys(layout).filter(key => /^[xy]axis/.test(key) && layout[key].title?.text)) {
+    changes[`${key}.title.font.size`] = WORDS_PX;
+    const [low, high] = layout[key].domain ?? [0, 1], length = (changes.height - MARGINS_PX) * (high - low);
+    if (key.startsWith("y")) changes[`${key}.title.text`] = wrapped(layout[key].title.text, length / LETTER_PX);
+  }
+  return changes;
+};
+const kept = (figure, changes) => Object.fromEntries(Object.keys(changes).map(path =>
+  [path, path.split(".").reduce((part, key) => part?.[key], figure.layout) ?? null]));
 addEventListener("beforeprint", () => figures().forEach(figure => {
-  figure.dataset.height = figure.layout.height;
-  resize(figure, { autosize: false, width: 680, height: Math.min(figure.layout.height, 600) });
+  const changes = onPaper(figure);
+  before.set(figure, kept(figure, changes));
+  relaid(figure, changes, changes.height);
 }));
-addEventListener("afterprint", () => figures().forEach(figure => {
-  resize(figure, { autosize: true, width: null, height: Number(figure.dataset.height) });
+addEventListener("afterprint", () => before.forEach((usual, figure) => {
+  relaid(figure, { ...usual, autosize: true, width: null }, usual.height);
+  before.delete(figure);
 }));

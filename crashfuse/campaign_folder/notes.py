@@ -1,0 +1,124 @@
+"""Notes on tests, and marks in time on their figures: ``notes.csv`` of a campaign folder.
+
+Readers write them; they are shown, drawn and reported as text, and nothing is computed from them: they are no part of a
+campaign's fingerprint.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.files.atomic import write_atomically
+from crashfuse.files.csv_output import csv_text
+from crashfuse.files.csv_text import read_rows
+
+FILE = "notes.csv"
+COLUMNS = ("test", "start_ms", "end_ms", "text")
+LONGEST_TEXT = 500  # characters
+MOST = 500
+LATEST_MS = 100.0  # pulses are shown until then
+_ADVICE = f"correct it, or take {FILE} out of the folder"
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A note on a test; with a start, a mark on its figures over time at that moment, or from there to an end.
+
+    Parameters
+    ----------
+    test : str
+        Id of the test.
+    text : str
+        At most 500 characters; runs of white space become single spaces.
+    start_ms, end_ms : float, optional
+        From 0 to 100 ms.
+
+    Raises
+    ------
+    UsageError
+        If there is no text, it is too long, or the times are not in order within 0 to 100 ms.
+    """
+
+    test: str
+    text: str
+    start_ms: float | None = None
+    end_ms: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", printable(" ".join(self.text.split()), 10 * LONGEST_TEXT))
+        if not self.text:
+            raise UsageError("A note needs a text.")
+        if len(self.text) > LONGEST_TEXT:
+            raise UsageError(f"A note has at most {LONGEST_TEXT} characters, not {len(self.text)}.")
+        start, end = self.start_ms, self.end_ms
+        if start is None and end is not None:
+            raise UsageError("A mark that has an end needs a start.")
+        if start is not None and not 0 <= start <= (LATEST_MS if end is None else end) <= LATEST_MS:
+            raise UsageError(f"A mark lies between 0 and {LATEST_MS:g} ms, its start before its end.")
+
+    @property
+    def when(self) -> str:
+        """The time in words; empty for a note on the test as a whole."""
+        if self.start_ms is None:
+            return ""
+        return f"{self.start_ms:g} ms" if self.end_ms is None else f"{self.start_ms:g}–{self.end_ms:g} ms"
+
+
+def read_notes(folder: str | Path) -> tuple[Note, ...]:
+    """The notes in a campaign folder, in their order; none if it has no ``notes.csv``.
+
+    Raises
+    ------
+    DataError
+        If the file is not such a table.
+    """
+    path = Path(folder, FILE)
+    if not path.exists():
+        return ()
+    names, rows, numbers = read_rows(path, FILE)
+    if missing := [name for name in COLUMNS if name not in names]:
+        raise DataError(Problem(FILE, f"the columns {', '.join(COLUMNS)}", f"none named {missing[0]}", _ADVICE))
+    if len(rows) > MOST:
+        raise DataError(Problem(FILE, f"at most {MOST} notes", f"{len(rows)}", "take some out"))
+    notes, problems = [], []
+    for row, number in zip(rows, numbers, strict=True):
+        test, start, end, text = (row[names.index(name)] for name in COLUMNS)
+        try:
+            notes.append(Note(test.strip(), text, _time(start), _time(end)))
+        except (UsageError, ValueError) as error:
+            expected = str(error) if isinstance(error, UsageError) else "times in ms, or nothing"
+            found = printable(", ".join((test, start, end, text)), 80)
+            problems.append(Problem(FILE, expected.rstrip("."), found, _ADVICE, row=number))
+    if problems:
+        raise DataError(*problems)
+    return tuple(notes)
+
+
+def write_notes(folder: str | Path, notes: Sequence[Note]) -> None:
+    """Write ``notes.csv`` in place of the one there, or take that away if there are no notes; the folder is there.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    if not notes:
+        Path(folder, FILE).unlink(missing_ok=True)
+        return
+    rows = [(note.test, _cell(note.start_ms), _cell(note.end_ms), note.text) for note in notes]
+    write_atomically(Path(folder, FILE), csv_text([COLUMNS, *rows]).encode())
+
+
+def may_keep_notes(folder: Path) -> bool:
+    """True if notes can be written to a folder."""
+    return os.access(folder, os.W_OK | os.X_OK)
+
+
+def _time(cell: str) -> float | None:
+    return float(cell) if cell.strip() else None
+
+
+def _cell(time_ms: float | None) -> object:
+    return "" if time_ms is None else float(f"{time_ms:.6g}")

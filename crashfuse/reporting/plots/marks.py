@@ -1,0 +1,36 @@
+"""Marks of a reader on figures over time: a moment or a stretch, with a text."""
+
+from collections.abc import Sequence
+from html import escape
+from textwrap import shorten
+
+import plotly.graph_objects as go
+
+from crashfuse.campaign_folder.notes import Note
+from crashfuse.reporting.plots.palette import CURSOR
+
+_WIDTH = 36  # characters of a mark's text; all of it is in the list of notes
+_STEPS, _STEP_PX = 3, 17  # texts of marks near each other stand at different heights
+_BEHIND = "rgba(255, 255, 255, 0.7)"
+
+
+def add_marks(figure: go.Figure, notes: Sequence[Note]) -> go.Figure:
+    """Draw the notes that have a time into every row of a figure over time; returns the same figure."""
+    marks = sorted((note for note in notes if note.start_ms is not None), key=lambda note: note.start_ms or 0.0)
+    rows = sorted({trace.yaxis or "y" for trace in figure.data})
+    for number, mark in enumerate(marks):
+        start, end = mark.start_ms or 0.0, mark.end_ms
+        for row in rows:
+            place = {"xref": "x", "yref": f"{row} domain", "x0": start, "y0": 0, "y1": 1}
+            if end is None:
+                figure.add_shape(type="line", **place, x1=start, line={"color": CURSOR, "width": 1.5, "dash": "dot"})
+            else:
+                figure.add_shape(
+                    type="rect", **place, x1=end, fillcolor=CURSOR, opacity=0.15, line_width=0, layer="below"
+                )
+        figure.add_annotation(
+            x=start, xref="x", y=0, yref=f"{rows[-1]} domain", yshift=_STEP_PX * (number % _STEPS), xanchor="left",
+            yanchor="bottom", showarrow=False, font={"size": 12, "color": CURSOR}, bgcolor=_BEHIND, borderpad=1,
+            text=escape(shorten(mark.text, _WIDTH, placeholder=" …"), quote=False),
+        )  # fmt: skip
+    return figure

@@ -1,0 +1,80 @@
+"""Notes on the tests of a campaign: kept in its folder if it may be written, else for the session."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import streamlit as st
+
+from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, may_keep_notes, read_notes, write_notes
+from crashfuse.errors import DataError, UsageError
+from crashfuse.ui import campaigns
+from crashfuse.ui.frame import View
+from crashfuse.ui.text import plain
+from crashfuse.ui.uploads import is_scratch
+
+_KEPT = "notes"  # session key: notes by folder, where they cannot be kept in the folder
+_REFUSED = "note refused"  # session key: why the last one was not added
+_HERE = "A note with a time is a mark on this test's figures over time. Notes and marks go into the report. "
+
+
+def notes_of(view: View) -> tuple[Note, ...]:
+    """The notes on a campaign's tests; none while the file in its folder cannot be read, which is said."""
+    kept: dict[Path, tuple[Note, ...]] = st.session_state.get(_KEPT, {})
+    try:
+        return kept[view.folder] if view.folder in kept else read_notes(view.folder)
+    except DataError as error:
+        st.warning(plain(str(error.problems[0])), icon=":material/warning:")
+        return ()
+
+
+def edit_notes(view: View, notes: Sequence[Note]) -> None:
+    """Show the notes on the held-out test, each with a button that deletes it, and a form for another."""
+    test = view.held_out.id
+    own = [note for note in notes if note.test == test]
+    with st.expander(f"Notes and marks on {plain(test)}", icon=":material/edit_note:"):
+        for number, note in enumerate(own):
+            with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+                st.button(
+                    "Delete", icon=":material/close:", key=f"delete note {number} of {test}", type="tertiary",
+                    on_click=_store, args=(view, [other for other in notes if other is not note]),
+                )  # fmt: skip
+                st.markdown(f"**{note.when}** {plain(note.text)}" if note.when else plain(note.text), width="stretch")
+        with st.form(f"note on {test}", border=False, clear_on_submit=True):
+            left, middle, right = st.columns([4, 1, 1])
+            left.text_input("Note", max_chars=LONGEST_TEXT, key="note_text")
+            for column, label, key in ((middle, "From (ms)", "note_start"), (right, "To (ms)", "note_end")):
+                column.number_input(label, 0.0, LATEST_MS, None, step=1.0, format="%.1f", key=key)
+            st.form_submit_button("Add", icon=":material/add:", on_click=_add, args=(view, notes))
+        if refused := st.session_state.pop(_REFUSED, ""):
+            st.warning(plain(refused), icon=":material/warning:")
+        st.caption(_HERE + _where(view.folder))
+
+
+def _add(view: View, notes: Sequence[Note]) -> None:
+    """Add what was typed in."""
+    text, start, end = (st.session_state[key] for key in ("note_text", "note_start", "note_end"))
+    try:
+        _store(view, [*notes, Note(view.held_out.id, text, start, end)])
+    except UsageError as error:
+        st.session_state[_REFUSED] = str(error)
+
+
+def _store(view: View, notes: Sequence[Note]) -> None:
+    """Keep the notes in the folder, else in the session."""
+    if _in_the_folder(view.folder):
+        try:
+            write_notes(view.folder, notes)
+        except OSError as error:
+            st.session_state[_REFUSED] = f"{FILE} was not written: {error.strerror or error}."
+        return
+    st.session_state[_KEPT] = {**st.session_state.get(_KEPT, {}), view.folder: tuple(notes)}
+
+
+def _in_the_folder(folder: Path) -> bool:
+    return not campaigns.is_sample(folder) and not is_scratch(folder) and may_keep_notes(folder)
+
+
+def _where(folder: Path) -> str:
+    if _in_the_folder(folder):
+        return f"They are kept in {FILE} of the campaign folder, for everyone who opens it."
+    return "This campaign's folder is not written to: they last until this tab is closed."

@@ -1,0 +1,140 @@
+"""Out of the page in a real browser: the numbers of a figure, notes and marks, a report that fits on paper."""
+
+import base64
+import csv
+import io
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import APPROACHES
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.notes import Note
+from crashfuse.reporting.report import ReportForm, ReportOptions, study_report
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.fold import Fold
+from crashfuse.study.study import Study
+from crashfuse.units import G
+from tests.conftest import ROOT
+
+pytestmark = pytest.mark.slow
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.browser.conftest import Server, User
+
+FIGURE = ".js-plotly-plot"
+BANDED = ("time_domain", "displacement_domain", "fused")
+
+
+@pytest.fixture
+def engineer(small_server: "Server", user: "User") -> "User":
+    """Someone who looks at a test of the small campaign, and at two quick predictions of it."""
+    user.open(small_server, "train")
+    user.choose_approaches("CAE", "Displacement domain")
+    user.go("Compare")
+
+    def begun() -> bool:
+        for button in user.all('[data-testid="stMain"] button'):
+            if "Predict test T1" in button.text:
+                button.click()
+                return True
+        return bool(user.all(FIGURE))
+
+    user.wait(begun)
+    user.sees("Velocity (mph)", FIGURE)
+    return user
+
+
+def press_tool(user: "User", name: str) -> None:
+    """Press a button below the first figure; it lies in a part of the page of its own."""
+
+    def pressed() -> bool:
+        return bool(
+            user.browser.execute_script(
+                "const tool = [...document.querySelectorAll('*')].map(e => e.shadowRoot?.querySelector(arguments[0]))"
+                ".find(Boolean); tool?.click(); return Boolean(tool)",
+                f'button[data-format="{name}"]',
+            )
+        )
+
+    user.wait(pressed, f"There is no button {name}.")
+
+
+def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
+    engineer: "User", campaign_on_disk: "Path"
+) -> None:
+    """A curve is hidden in the legend, corridors are added: the file has what is left, as the library has it."""
+    engineer.press("Corridors of the rating", "label")
+    engineer.sees("Corridor of the rating, inner", FIGURE)
+    names = [entry.text for entry in engineer.all(f"{FIGURE} .legendtext")]
+    engineer.all(f"{FIGURE} .legendtoggle")[names.index("CAE")].click()
+    engineer.wait(lambda: engineer.all(f"{FIGURE} .traces[style*='opacity: 0.5']"))
+    press_tool(engineer, "csv")
+    file = engineer.downloads / "T1_pulses_0-60ms_g.csv"
+    engineer.wait(file.is_file, "The numbers never arrived.")
+    rows = list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8"))))
+    shown = set(rows[0])
+    assert "Displacement domain: Velocity, upper (mph)" in shown
+    assert any(name.startswith("Corridor of the rating, inner") for name in shown)
+    assert not any(name.startswith("CAE:") for name in shown)
+    measured = load_campaign(campaign_on_disk).test("T1").pulse.accel_mps2 / G
+    np.testing.assert_allclose([float(row["Test: Acceleration (g)"]) for row in rows], measured, rtol=1e-5, atol=1e-5)
+    for form, start in (("svg", b"<svg"), ("png", b"\x89PNG")):
+        press_tool(engineer, form)
+        image = engineer.downloads / f"T1_pulses_0-60ms_g.{form}"
+        engineer.wait(image.is_file, f"{image.name} never arrived.")
+        assert image.read_bytes().startswith(start)
+
+
+def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
+    engineer: "User", small_server: "Server", campaign_on_disk: "Path"
+) -> None:
+    """They are typed in beside the figure, kept in the campaign folder for the next session, and deleted again."""
+    engineer.press("Notes and marks on T1", "summary")
+    engineer.fill("Note", "<b>hump</b> comes early")
+    engineer.fill("From (ms)", "25")
+    engineer.fill("To (ms)", "40")
+    engineer.press("Add")
+    engineer.sees("25–40 ms")
+    engineer.sees("<b>hump</b> comes early", FIGURE)
+    assert "<b>hump</b> comes early" in (campaign_on_disk / "notes.csv").read_text(encoding="utf-8")
+    engineer.fill("Note", "nothing begins here")
+    engineer.fill("To (ms)", "40")
+    engineer.press("Add")
+    engineer.sees("A mark that has an end needs a start.")
+    link = {"campaign": "campaign", "test": "T1", "approaches": "cae", "compare_tab": "Files and report"}
+    engineer.open(small_server, "compare", **link)
+    report = engineer.downloads_file("report.html")
+    assert "25–40 ms</td><td>&lt;b&gt;hump&lt;/b&gt; comes early</td>" in report
+    engineer.press("Pulses", '[data-testid="stMain"] button')
+    engineer.sees("<b>hump</b> comes early", FIGURE)
+    engineer.press("Notes and marks on T1", "summary")
+    engineer.press("Delete")
+    engineer.wait(lambda: not (campaign_on_disk / "notes.csv").exists())
+
+
+@pytest.mark.parametrize(("form", "most"), [("short", 3), ("whole", 30)])
+def test_a_report_on_the_sample_fits_its_pages(user: "User", tmp_path: "Path", form: ReportForm, most: int) -> None:
+    """Eleven tests and five approaches, printed by Chromium: short on three pages of A4, whole on thirty."""
+    campaign, config = load_campaign(ROOT / "sample_data"), StudyConfig()
+    folds = []
+    for test in campaign.tests:
+        accel = 0.95 * test.pulse.accel_mps2
+        with_draws = Prediction(test.condition, accel, accel * np.linspace(0.9, 1.1, 50)[:, None])
+        predictions = {name: with_draws if name in BANDED else Prediction(test.condition, accel) for name in APPROACHES}
+        estimates = [Estimate(name, own, {}, 0.1, {test.id: accel}) for name, own in predictions.items()]
+        folds.append(Fold.of(test, estimates, config.windows_ms))
+    path = tmp_path / f"{form}.html"
+    notes = (Note("T01", "Third hump comes early: check the record", 25.0, 40.0), Note("T02", "Barrier face replaced"))
+    report = study_report(Study(campaign, config, tuple(folds)), options=ReportOptions(form, notes=notes))
+    path.write_text(report, encoding="utf-8")
+    user.browser.get(path.as_uri())
+    user.wait(lambda: user.all(FIGURE))
+    printed = user.browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(printed["data"]))) <= most

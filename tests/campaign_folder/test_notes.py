@@ -1,0 +1,114 @@
+"""Notes go into a campaign folder and come back; a damaged file is said; no result depends on them."""
+
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from crashfuse import cli
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.notes import FILE, LONGEST_TEXT, MOST, Note, read_notes, write_notes
+from crashfuse.campaign_folder.upload import lay_out
+from crashfuse.errors import DataError, UsageError
+from crashfuse.reporting.figure_files import figures_of
+
+NOTES = (
+    Note("T1", "Barrier face\n  replaced"),
+    Note("T1", '=HYPERLINK("http://x")', 25.0),
+    Note("T2", "hump, “third”; <b>early</b> 'x", 25.5, 40.0),
+)
+
+
+def test_notes_come_back_as_they_were_written(tmp_path: Path) -> None:
+    """Texts, moments and stretches; a formula is none to the spreadsheet that opens the file."""
+    write_notes(tmp_path, NOTES)
+    assert read_notes(tmp_path) == NOTES
+    table = pd.read_csv(tmp_path / FILE)
+    assert list(table) == ["test", "start_ms", "end_ms", "text"]
+    assert table["text"].tolist()[:2] == ["Barrier face replaced", '\'=HYPERLINK("http://x")']
+    assert [note.when for note in NOTES] == ["", "25 ms", "25.5–40 ms"]
+    write_notes(tmp_path, ())
+    assert not list(tmp_path.iterdir())
+    assert read_notes(tmp_path) == ()
+
+
+@pytest.fixture
+def folder(campaign_on_disk: Path, tmp_path: Path) -> Path:
+    """A campaign folder of one's own."""
+    return Path(shutil.copytree(campaign_on_disk, tmp_path / "campaign"))
+
+
+def test_notes_are_no_part_of_a_campaigns_data(folder: Path) -> None:
+    """The fingerprint, and with it every result, stays the same."""
+    before = load_campaign(folder).fingerprint
+    write_notes(folder, NOTES)
+    assert load_campaign(folder).fingerprint == before
+
+
+def test_notes_travel_with_a_campaign_that_is_uploaded(folder: Path, tmp_path: Path) -> None:
+    """In a zip of the folder."""
+    write_notes(folder, NOTES)
+    archive = Path(shutil.make_archive(str(tmp_path / "campaign"), "zip", folder))
+    (tmp_path / "into").mkdir()
+    assert read_notes(lay_out([(archive.name, archive.read_bytes())], tmp_path / "into")) == NOTES
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (("T1", " "), "needs a text"),
+        (("T1", "x" * (LONGEST_TEXT + 1)), "at most 500 characters, not 501"),
+        (("T1", "x", None, 3.0), "needs a start"),
+        (("T1", "x", 30.0, 20.0), "its start before its end"),
+        (("T1", "x", -1.0), "between 0 and 100 ms"),
+        (("T1", "x", 20.0, 101.0), "between 0 and 100 ms"),
+        (("T1", "x", float("nan")), "between 0 and 100 ms"),
+    ],
+)
+def test_what_is_no_note_is_one_sentence(given: tuple[object, ...], said: str) -> None:
+    """Without a text, too long, with times that cannot be."""
+    with pytest.raises(UsageError, match=said):
+        Note(*given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"test,text\nT1,x\n", "none named start_ms"),
+        (b"test,start_ms,end_ms,text\nT1,soon,,x\n", "row 2: expected times in ms, or nothing"),
+        (b"test,start_ms,end_ms,text\nT1,,,\n", "row 2: expected A note needs a text"),
+        (b"test,start_ms,end_ms,text\n" + b"T1,,,x\n" * (MOST + 1), "at most 500 notes, found 501"),
+        (b"\xff\xfe\x00", "text in UTF-8"),
+        (b"", "a table with a header"),
+    ],
+)
+def test_a_damaged_file_is_one_sentence(tmp_path: Path, content: bytes, said: str) -> None:
+    """Where it is wrong, and what to do."""
+    (tmp_path / FILE).write_bytes(content)
+    with pytest.raises(DataError, match=said):
+        read_notes(tmp_path)
+
+
+def test_a_note_of_a_hostile_text_reaches_the_report_of_the_command_as_text(folder: Path, tmp_path: Path) -> None:
+    """A script in notes.csv is shown, not run, in the list and on the figure of the short report."""
+    write_notes(folder, [Note("T1", "<script>alert(1)</script>", 25.0)])
+    out = tmp_path / "out"
+    command = ["study", str(folder), "--out", str(out), "--held-out", "T1", "--approach", "cae", "--workers", "1"]
+    assert cli.main([*command, "--report", "short"]) == cli.DONE
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "<script>alert(1)" not in text
+    assert "<td>&lt;script&gt;alert(1)&lt;/script&gt;</td>" in text
+    (drawn,) = [figure.drawn for figure in figures_of(text).figures if figure.title.endswith("Pulses over time")]
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in [note["text"] for note in drawn["layout"]["annotations"]]
+    assert "Method and settings" not in text
+
+
+def test_damaged_notes_stop_the_command_before_anything_is_computed(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One sentence, nothing written."""
+    (folder / FILE).write_text("test,text\n", encoding="utf-8")
+    assert cli.main(["study", str(folder), "--out", str(tmp_path / "out")]) == cli.WRONG_DATA
+    assert "notes.csv: expected the columns test, start_ms, end_ms, text" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,31 @@
+"""Marks stand at their time in every row of a figure, as text."""
+
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.notes import Note
+from crashfuse.reporting.plots.marks import add_marks
+from crashfuse.reporting.plots.pulses import motion
+
+MARKS = (Note("T2", "the <b>third</b> hump", 25.0, 40.0), Note("T2", "on the test"), Note("T2", "airbag", 12.5))
+
+
+def test_a_mark_stands_at_its_time_in_every_row(campaign: Campaign) -> None:
+    """A line for a moment, a stretch from its start to its end; a note without a time is not drawn."""
+    test = campaign.test("T2")
+    plain = motion(test.pulse, {}, test.condition.speed_mps)
+    before, written = len(plain.layout.shapes), len(plain.layout.annotations)
+    marked = add_marks(plain, MARKS)
+    drawn = marked.layout.shapes[before:]
+    assert [(shape.type, shape.x0, shape.x1, shape.yref) for shape in drawn] == [
+        *(("line", 12.5, 12.5, f"{row} domain") for row in ("y", "y2", "y3")),
+        *(("rect", 25.0, 40.0, f"{row} domain") for row in ("y", "y2", "y3")),
+    ]
+    words = marked.layout.annotations[written:]
+    assert [(note.x, note.text) for note in words] == [(12.5, "airbag"), (25.0, "the &lt;b&gt;third&lt;/b&gt; hump")]
+    assert len({note.yshift for note in words}) == 2  # near each other, they stand at different heights
+
+
+def test_a_long_text_is_shortened_on_the_figure(campaign: Campaign) -> None:
+    """All of it is in the list of notes."""
+    test = campaign.test("T2")
+    marked = add_marks(motion(test.pulse, {}, 11.0), [Note("T2", "word " * 90, 10.0)])
+    assert len(marked.layout.annotations[-1].text) <= 36

@@ -1,0 +1,127 @@
+"""What a figure shows comes out as numbers: exactly the visible curves and bands, in the figure's units."""
+
+import io
+
+import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
+import pytest
+
+from crashfuse.approaches.base import Prediction
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.files.csv_output import csv_bytes
+from crashfuse.reporting.figure_data import figure_table
+from crashfuse.reporting.figure_files import figures_of
+from crashfuse.reporting.plots.displacement import over_displacement
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.plots.pulses import add_corridors, motion, overlay
+from crashfuse.reporting.plots.ratings import rating_heatmap, rating_spread
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, kinematics
+from crashfuse.units import MPH, MS, G
+
+
+@pytest.fixture
+def test(campaign: Campaign) -> CrashTest:
+    """A test at 25 mph."""
+    return campaign.test("T2")
+
+
+@pytest.fixture
+def predictions(campaign: Campaign, test: CrashTest) -> dict[str, Prediction]:
+    """The paired CAE run, and the same with 101 draws that lie -50 to +50 m/s² off it."""
+    run = campaign.cae.paired_run(test.condition)
+    assert run is not None
+    accel = campaign.cae.accel_mps2[run].astype(float)
+    draws = accel + np.arange(-50.0, 51.0)[:, None]
+    return {"cae": Prediction(test.condition, accel), "fused": Prediction(test.condition, accel, draws)}
+
+
+def table(figure: go.Figure, hidden: tuple[int, ...] = ()) -> pd.DataFrame:
+    """The numbers of a figure, written as CSV and read by pandas."""
+    return pd.read_csv(io.BytesIO(csv_bytes(figure_table(figure.to_plotly_json(), hidden))))
+
+
+def test_curves_over_time_stand_side_by_side_in_the_units_of_the_figure(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """One row a sample; test, approaches and the ends of the band are what the library holds, scaled by hand."""
+    shown = table(motion(test.pulse, predictions, test.condition.speed_mps, Display(unit="m/s²", deceleration=True)))
+    assert len(shown) == N_SAMPLES
+    np.testing.assert_allclose(shown["Time (ms)"], GRID_S / MS, rtol=1e-5)
+    np.testing.assert_allclose(shown["Test: Deceleration (m/s²)"], -test.pulse.accel_mps2, rtol=1e-5, atol=1e-4)
+    np.testing.assert_allclose(shown["CAE: Deceleration (m/s²)"], -predictions["cae"].accel_mps2, rtol=1e-5, atol=1e-4)
+    moved = test.pulse.kinematics(test.condition.speed_mps)
+    np.testing.assert_allclose(shown["Test: Velocity (mph)"], moved.velocity_mps / MPH, rtol=1e-5, atol=1e-4)
+    np.testing.assert_allclose(shown["Test: Displacement (mm)"], moved.displacement_m / MS, rtol=1e-5, atol=1e-3)
+
+
+def test_a_band_has_two_columns_with_numbers_where_it_is_drawn(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """Central 95 % of draws from -50 to +50 m/s²: 47.5 below and above; between drawn points the cells are empty."""
+    shown = table(overlay(test.pulse, predictions))
+    lower, upper = (shown[f"Fused: Acceleration, {end} (g)"] for end in ("lower", "upper"))
+    drawn = lower.notna()
+    assert 300 < drawn.sum() < N_SAMPLES
+    np.testing.assert_array_equal(drawn, upper.notna())
+    middle = shown["Fused: Acceleration (g)"][drawn]
+    np.testing.assert_allclose(middle - lower[drawn], 47.5 / G, rtol=1e-4)
+    np.testing.assert_allclose(upper[drawn] - middle, 47.5 / G, rtol=1e-4)
+
+
+def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """By the reader, with a click in the legend, or by whoever drew it; corridors count once they are added."""
+    figure = overlay(test.pulse, predictions)
+    places = [place for place, trace in enumerate(figure.data) if trace.legendgroup == "cae"]
+    assert any(name.startswith("CAE") for name in table(figure))
+    assert not any(name.startswith("CAE") for name in table(figure, tuple(places)))
+    figure.update_traces(visible="legendonly", selector={"legendgroup": "fused"})
+    assert set(table(figure)) == {"Time (ms)", "CAE: Acceleration (g)", "Test: Acceleration (g)"}
+    corridors = table(add_corridors(overlay(test.pulse, {}), test.pulse))
+    half = 0.05 * np.abs(test.pulse.accel_mps2[GRID_S < 60 * MS]).max() / G
+    inner = [name for name in corridors if "inner" in name]
+    known = corridors[inner[0]].notna()
+    np.testing.assert_allclose(corridors[inner[1]][known] - corridors[inner[0]][known], 2 * half, rtol=1e-4)
+
+
+def test_curves_with_positions_of_their_own_stand_below_each_other(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """Over displacement: the curve's name, its displacement, its acceleration; the maximum crush with its interval."""
+    shown = table(over_displacement(test.pulse, predictions, test.condition.speed_mps))
+    assert set(shown["Curve"]) > {"Test", "CAE", "Fused"}
+    own = shown[shown["Curve"] == "CAE"]
+    travelled = predictions["cae"]
+    motion_of = kinematics(travelled.accel_mps2, test.condition.speed_mps, DT_S)
+    loading = motion_of.velocity_mps > 0
+    at_mm, accel_g = motion_of.displacement_m[loading] / MS, travelled.accel_mps2[loading] / G
+    expected = np.interp(own["Displacement (mm)"], at_mm, accel_g)
+    np.testing.assert_allclose(own["Acceleration (g)"], expected, atol=0.05)
+    (crush,) = shown[shown["Curve"].str.startswith("Fused: Maximum crush")].to_dict("records")
+    assert crush["Displacement, lower (mm)"] < crush["Displacement (mm)"] < crush["Displacement, upper (mm)"]
+
+
+def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
+    """Tests by name, ratings as numbers."""
+    spread = table(rating_spread({"T1": {"cae": (0.7, 0.6, 0.75)}, "T2": {"cae": (0.8, 0.75, 0.9)}}))
+    assert spread.iloc[:, :2].to_numpy().tolist() == [["CAE", "T1"], ["CAE", "T2"]]
+    np.testing.assert_allclose(spread.iloc[1, 2:].to_numpy(float), [0.8, 0.75, 0.9], rtol=1e-6)
+    cells = table(rating_heatmap({"T1": {"cae": 0.7, "fused": 0.9}, "T2": {"cae": 0.5, "fused": 0.8}}))
+    assert list(cells)[1:] == ["CAE", "Fused"]
+    assert cells.iloc[:, 0].tolist() == ["Test T1", "Test T2", "Mean"]
+    np.testing.assert_allclose(cells["Fused"], [0.9, 0.8, 0.85], rtol=1e-6)
+
+
+def test_a_figure_in_a_report_gives_the_same_numbers(test: CrashTest, predictions: dict[str, Prediction]) -> None:
+    """As the page's, although it was written to a file and read back."""
+    figure = overlay(test.pulse, predictions)
+    html = figure.to_html(full_html=False, include_plotlyjs=False, div_id="figure-1")
+    (again,) = figures_of(f"<h1>Tiny</h1>{html}").figures
+    pd.testing.assert_frame_equal(figure_table(again.drawn), figure_table(figure.to_plotly_json()))
+
+
+def test_a_name_is_no_formula() -> None:
+    """A test may be called anything."""
+    figure = go.Figure(go.Scatter(x=[0.0, 1.0], y=[2.0, 3.0], name="=cmd|x"))
+    figure.update_layout(xaxis_title="Time (ms)", yaxis_title="Acceleration (g)")
+    assert csv_bytes(figure_table(figure.to_plotly_json())).startswith(b"Time (ms),'=cmd|x: Acceleration (g)\n")
