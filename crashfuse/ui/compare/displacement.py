@@ -62,7 +62,7 @@ def show(comparison: Comparison) -> None:
             "from acceleration over displacement (Eq. 29). Where they agree, the conversion is lossless."
         )
     shown = "acceleration over displacement" if choice == _CURVES else choice.lower()
-    name = file_name(test.id, shown, *view.display.in_names[1:])
+    name = file_name(test.id, shown, *display.in_names[1:])
     show_cached_figure(lambda: without_clicks(draw()), alt, choice, comparison.key, curves.key, name=name)
     st.caption(caption)
 
@@ -75,6 +75,7 @@ def _show_bias(comparison: Comparison) -> None:
         "What the CAE model got wrong in each test, over displacement, coloured by speed",
         _BIAS,
         comparison.key,
+        name=file_name(test.id, "bias by speed", *display.in_names[1:]),
     )
     st.caption(
         "What has to be added to the CAE model to get each test. The displacement domain is fitted to these; "
