@@ -68,9 +68,10 @@ def show_problems(
     """
     count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
     st.error(f"**{what}: {count}.** {result}", icon=":material/error:")
+    key = f"problems {place} {hash((what, *problems))}"
     table = short_table(problems)
     with st.container(border=True, height=420 if len(table) > 8 else "content"):
-        show_table(table.head(_MOST_ROWS), f"problems {place}")
+        show_table(table.head(_MOST_ROWS), f"table of {key}")
     if len(table) > _MOST_ROWS:
         st.caption(f"The first {_MOST_ROWS}; problems.csv has all.")
     st.download_button(
@@ -80,5 +81,5 @@ def show_problems(
         mime="text/csv",
         icon=":material/download:",
         on_click="ignore",
-        key=f"problems {place} {hash((what, *problems))}",
+        key=key,
     )
