@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 import streamlit as st
+from streamlit.navigation.page import Page
 
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import DataError, Problem
@@ -15,7 +16,8 @@ from crashfuse.study.config import WINDOWS_MS, StudyConfig
 from crashfuse.ui import address, campaigns, login
 from crashfuse.ui.computation import chosen_config, jobs
 from crashfuse.ui.folding import fold_when_narrow
-from crashfuse.ui.navigation import navigate, show_link, show_links
+from crashfuse.ui.look import STYLE
+from crashfuse.ui.navigation import show_link, show_links
 from crashfuse.ui.panel import title_of
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.settings import choose_left_out
@@ -43,12 +45,12 @@ class _Choice:
     problems: tuple[Problem, ...] = ()
 
 
-_choice: ContextVar[_Choice | None] = ContextVar("choice", default=None)
+_choice: ContextVar[_Choice] = ContextVar("choice")
 
 
-def route() -> None:
+def route(page: Page) -> None:
     """Set up the frame and run the page given in the address; this is all that app.py does."""
-    page = navigate()
+    st.html(STYLE)
     login.require(page.url_path)
     if not page.url_path:  # the address without a page
         page.run()
@@ -62,15 +64,8 @@ def route() -> None:
 
 
 def enter() -> View | None:
-    """Start a page and return its view, or None while no campaign is open.
-
-    On a server that nobody has used yet, Streamlit runs a linked page without app.py; the page is then routed through
-    app.py.
-    """
+    """Start a page and return its view, or None while no campaign is open."""
     choice = _choice.get()
-    if choice is None:
-        navigate()
-        st.rerun()
     if missing := st.session_state.get(_NOT_FOUND):
         st.warning(plain(missing), icon=":material/link_off:")
     if choice.problems:

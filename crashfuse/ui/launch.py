@@ -70,6 +70,7 @@ def launch(
         ("server.enableCORS", "true"),
         ("browser.gatherUsageStats", "false"),
         ("client.showErrorDetails", "none"),
+        ("client.showSidebarNavigation", "false"),
         *(("server.allowedHosts", host) for host in (*_HOSTS, *hosts)),
     ]
     if secrets is not None:

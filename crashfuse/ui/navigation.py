@@ -1,10 +1,10 @@
-"""The pages, navigation between them, and the look of the window."""
+"""The pages, navigation between them, and the look of the window.
+
+Importing this takes no time: it paints the window while all else is imported (:mod:`crashfuse.ui.starting`).
+"""
 
 import streamlit as st
 from streamlit.navigation.page import Page
-
-from crashfuse.ui import address
-from crashfuse.ui.look import STYLE
 
 _PAGES = {
     "data": ("Data", ":material/folder_open:"),
@@ -43,7 +43,6 @@ def navigate() -> Page:
     page = st.navigation([home, *pages().values()], position="hidden")
     st.set_page_config(page_title=f"{page.title} · crashfuse")
     st.logo(_LOGO, size="large")
-    st.html(STYLE)
     return page
 
 
@@ -55,13 +54,19 @@ def show_links() -> None:
 
 def show_link(name: str, label: str, icon: str = ":material/arrow_forward:") -> None:
     """A link to a page that shows what this session has chosen."""
+    from crashfuse.ui import address
+
     st.page_link(pages()[name], label=label, icon=icon, query_params=address.parameters(name))
 
 
 def open_page(name: str) -> None:
     """Switch to a page that shows what this session has chosen."""
+    from crashfuse.ui import address
+
     st.switch_page(pages()[name], query_params=address.parameters(name))
 
 
 def _open_first_page() -> None:
+    from crashfuse.ui import address
+
     st.switch_page(pages()["data"], query_params=address.given())

@@ -13,9 +13,11 @@ from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from streamlit import net_util
+from streamlit.runtime.pages_manager import PagesManager
 
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
 from crashfuse.ui import journal, login
+from crashfuse.ui.starting import start_importing
 from crashfuse.ui.visitors import BROWSER
 
 _NO_FRAMING = {"X-Frame-Options": "DENY", "Content-Security-Policy": "frame-ancestors 'none'"}
@@ -23,6 +25,8 @@ _A_YEAR_S = 365 * 24 * 3600
 
 # on refusing a page of another origin, Streamlit would ask a server on the network for this machine's address
 net_util._external_ip = ""
+# else the first session would run a linked page without app.py
+PagesManager.uses_pages_directory = False
 
 
 class Guard:
@@ -53,7 +57,8 @@ class Guard:
 
 @asynccontextmanager
 async def lifespan(_: object) -> AsyncIterator[None]:
-    """Open the browser as the server starts, as ``streamlit run`` does for scripts, unless there is none."""
+    """As the server starts, import what pages need, and open the browser as ``streamlit run`` does for scripts."""
+    start_importing()
     if not st.get_option("server.headless"):
         address = st.get_option("browser.serverAddress") or "localhost"
         webbrowser.open(f"http://{address}:{st.get_option('server.port')}")
