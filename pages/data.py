@@ -9,11 +9,12 @@ from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, editing, frame, page_tables
 from crashfuse.ui.beside import choose_tests, without_clicks
+from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import show_cached_figure, show_figure
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import running
-from crashfuse.ui.navigation import show_link
+from crashfuse.ui.navigation import open_page, show_link
 from crashfuse.ui.opening import show_open_forms
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
@@ -21,6 +22,7 @@ from crashfuse.wording import speed
 
 CLASSES = (60, 180, 600)
 AS_READ = "As read"
+ASKED = "asked for the next prediction"  # session key
 
 
 def show_summary(view: frame.View) -> None:
@@ -39,10 +41,22 @@ def show_summary(view: frame.View) -> None:
     for warning in campaign.warnings:
         st.warning(plain(warning), icon=":material/warning:")
     editing.show_last_change(view)
-    page, label = "compare", f"Next: predict test {plain(view.held_out.id)} from the others, and compare"
     if len(campaign.tests) == 1:
-        page, label = "predict", "Next: predict another condition"
-    show_link(page, label)
+        show_link("predict", "Next: predict another condition")
+        return
+    request = StudyRequest(campaign, (view.held_out.id,), chosen_config())
+    st.button(
+        f"Next: predict test {plain(view.held_out.id)} from the others, and compare", type="primary",
+        icon=":material/arrow_forward:", on_click=predict_next, args=(request,),
+    )  # fmt: skip
+    if st.session_state.pop(ASKED, False):
+        open_page("compare")
+
+
+def predict_next(request: StudyRequest) -> None:
+    """Start the prediction; a callback, so that a click while the page is still drawn counts."""
+    request.ask("compare")
+    st.session_state[ASKED] = True
 
 
 def show_tests(view: frame.View) -> None:

@@ -1,5 +1,7 @@
 """Predict: the pulse at a condition that was never tested, over speed, and which test to run next."""
 
+import streamlit as st
+
 from crashfuse.ui import explanations, frame
 from crashfuse.ui.computation import FitRequest, chosen_config
 from crashfuse.ui.panel import result_of
@@ -32,6 +34,8 @@ fitted = result_of(
 )
 answer = Answer.of(view, request, fitted, condition)
 warnings = campaign.cae.extrapolation(condition)
-explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
+said = st.container()
 show_pins(view, condition, answer.remember)
 show_tabs(TABS, answer, key="predict_tab")
+with said:  # after the figure, which is waited for
+    explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])

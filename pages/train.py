@@ -1,5 +1,7 @@
 """Train: fit to all tests, to predict new conditions; or leave tests out, to see how good such predictions are."""
 
+import math
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import TypeVar
@@ -39,20 +41,20 @@ def choose_held_out() -> tuple[str, ...]:
 
 
 def compute(
-    request: Request[T], show_result: Callable[[T], None], show_first: Callable[[T], None] | None = None, *, ready: bool
+    request: Request[T], show_result: Callable[[T], None], show_part: Callable[[T], None] | None = None, *, ready: bool
 ) -> None:
-    """Offer to start a computation, show progress, a part of the result that comes first, and finally all."""
+    """Offer to start a computation, show progress, what is known of the result so far, and finally all."""
     job = request.find() if ready else None
     if job is None or not job.active:
         st.button(
             "Start", type="primary", icon=":material/play_arrow:", on_click=request.start,
             disabled=not ready or (job is not None and job.state == "done"),
         )  # fmt: skip
-    if job is not None and job.active and (first := job.first) is not None and show_first is not None:
-        show_first(first)
-        show_job(job)
-    elif job is not None and job.active:
-        show_job(job, until_first=show_first is not None)
+    if job is not None and job.active:
+        part = job.part if show_part is not None else None
+        if part is not None and show_part is not None:
+            show_part(part)
+        show_job(job, part, time.monotonic() if show_part is not None else math.inf)
     elif job is not None and job.result is not None:
         show_result(job.result)
     elif job is not None:
@@ -78,7 +80,7 @@ def show_models(fitted: Fitted) -> None:
     st.caption("The files that `crashfuse train` writes, zipped; `crashfuse predict --models` reads their folder.")
 
 
-def show_first_predicted(study: Study) -> None:
+def show_predicted_so_far(study: Study) -> None:
     """Say which approaches have predicted already; if there is one test, it can be compared by them."""
     explanations.show_missing(config, study.config.approaches)
     window_ms = view.display.window_ms
@@ -125,4 +127,4 @@ else:
     if not (ready and held_out):
         st.info("Choose at least one test and one approach.")
     request = StudyRequest(campaign, held_out, config)
-    compute(request, show_predicted, show_first_predicted, ready=ready and bool(held_out))
+    compute(request, show_predicted, show_predicted_so_far, ready=ready and bool(held_out))

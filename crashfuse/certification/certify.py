@@ -18,12 +18,14 @@ from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.duration import PREDICTION_S, shared_steps
 from crashfuse.study.plan import check_window
 from crashfuse.study.study import workers_at
 from crashfuse.wording import joined
 
 APPROACH = Fused.name
 """The approach whose predictions are judged if no other is asked for."""
+_LEARN, _JUDGE = "Left-out tests", "Conditions of the matrix"  # steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,9 +108,11 @@ def certify_matrix(
     known = Forecasts(campaign, criteria.windows_ms, config, cache or Cache(), watch)
     with workers_at(scheduler, workers) as place:
         start = time.perf_counter()
-        forecasts = known.all(trials, place, "Left-out tests", learn_for=cells)
+        steps = {_LEARN: PREDICTION_S * len(trials), _JUDGE: PREDICTION_S * len(cells)}
+        watch.expect(shared_steps({config.approaches[0]}, config) | steps)
+        forecasts = known.all(trials, place, _LEARN, learn_for=cells)
         learned = time.perf_counter()
-        forecasts |= known.all(cells, place, "Conditions of the matrix")
+        forecasts |= known.all(cells, place, _JUDGE)
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
     record = _record(campaign, criteria, left_out, approach, forecasts)
     domain = Domain.of(campaign)

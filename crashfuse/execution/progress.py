@@ -27,19 +27,21 @@ class Watch:
     """Passed to every long computation, which reports its progress to it and is cancelled through it.
 
     ``on_progress`` is called at each report, in the computing thread; once ``cancel`` is set, the next report raises
-    :class:`crashfuse.errors.Cancelled`. ``on_first`` is called with a part of the result that is known long before the
-    rest.
+    :class:`crashfuse.errors.Cancelled`. ``on_part`` is called with a part of the result each time that more of it is
+    known, and ``on_expected`` with the steps to come.
     """
 
     def __init__(
         self,
         on_progress: Callable[[Progress], None] | None = None,
         cancel: threading.Event | None = None,
-        on_first: Callable[[Any], None] | None = None,
+        on_part: Callable[[Any], None] | None = None,
+        on_expected: Callable[[Mapping[str, float]], None] | None = None,
     ) -> None:
         self._on_progress = on_progress
         self._cancel = () if cancel is None else (cancel,)
-        self._on_first = on_first
+        self._on_part = on_part
+        self._on_expected = on_expected
 
     def also_cancelled_by(self, cancel: threading.Event) -> "Watch":
         """The same watch for a part of the computation that can be cancelled on its own."""
@@ -54,15 +56,20 @@ class Watch:
         if self._on_progress is not None:
             self._on_progress(Progress(step, done, total, values))
 
-    @property
-    def wants_first(self) -> bool:
-        """Whether anyone waits for :meth:`show_first`."""
-        return self._on_first is not None
+    def expect(self, seconds: Mapping[str, float]) -> None:
+        """Say which steps come, in order, and how many seconds each takes on a usual computer."""
+        if self._on_expected is not None:
+            self._on_expected(seconds)
 
-    def show_first(self, part: object) -> None:
-        """Show a part of the result, of the result's own type, while the rest is computed."""
-        if self._on_first is not None:
-            self._on_first(part)
+    @property
+    def wants_parts(self) -> bool:
+        """Whether anyone waits for :meth:`show_part`."""
+        return self._on_part is not None
+
+    def show_part(self, part: object) -> None:
+        """Show what is known of the result, of the result's own type, while the rest is computed."""
+        if self._on_part is not None:
+            self._on_part(part)
 
 
 SILENT = Watch()

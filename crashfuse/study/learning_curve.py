@@ -29,6 +29,7 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.duration import shared_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.plan import StudyPlan
 from crashfuse.study.study import workers_at
@@ -45,7 +46,7 @@ REPEATS = 3
 CURVE_CONFIG = StudyConfig(approaches=("cae", "fused"))
 """Default settings: the raw CAE model, which needs no test, beside the fused prediction."""
 
-_STEP = "Predictions from fewer tests"
+_STEP, _SUBSET_S = "Predictions from fewer tests", 2.0
 _KIND = "learning curve"  # kind of cache entry
 _FORECAST = "forecast"  # column of what is kept, but not of the table
 _Row = dict[str, Any]
@@ -150,6 +151,7 @@ def learning_curve(
     known = {chosen: rows for chosen in distinct if (rows := cache.find(_KIND, _key(campaign, chosen, config), _rows))}
     # the largest first: at the end, no worker is left alone with a long task
     unknown = sorted((chosen for chosen in distinct if chosen not in known), key=len, reverse=True)
+    watch.expect(shared_steps(set(config.approaches), config) | {_STEP: _SUBSET_S * len(distinct)})
     shared = prepare(campaign, set(config.approaches) if unknown else set(), config, cache, watch)
     work = partial(_predicted, config=config.on_this_device)
     watch.report(_STEP, len(known), len(distinct))

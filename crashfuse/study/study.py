@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 
 from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
-from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
@@ -116,8 +115,9 @@ def run_study(
     cache : Cache, optional
         Finished predictions are read from it and stored in it, so an interrupted study continues where it stopped.
     watch : Watch, optional
-        It is first shown the study by those approaches alone that need no network, long before the networks are
-        trained; repeatability is not known then.
+        It is shown a study of what is known each time that more is: of the tests predicted so far, by the approaches
+        that are known for all of them, or for some (see ``Fold.ratings``). What needs no network comes first.
+        Repeatability is not known then.
     workers : int, optional
         Number of processes for the folds; default one per core. The results do not depend on it.
     scheduler : str, optional
@@ -160,20 +160,25 @@ def run_plan(
     wanted = [each for key, own in by_fold.items() if key not in finished for each in own]
     known = found_in(cache, campaign, wanted, config)
 
-    def rated(key: Hashable, approaches: Sequence[str]) -> Fold:
-        estimates = [known[each] for each in by_fold[key] if each.approach in approaches]
-        return Fold.of(campaign.test(by_fold[key][0].test), estimates, config.windows_ms)
+    rated: dict[tuple[Wanted, ...], Fold] = {}
 
-    def show_first() -> None:
-        names = tuple(name for name in config.approaches if not CLASSES[name].trains_networks)
-        if watch.wants_first and names:
-            some = {key: finished.get(key) or rated(key, names) for key in by_fold}
-            watch.show_first(_joined(plan, replace(config, approaches=names), some, {}, {}))
+    def known_of(key: Hashable) -> Fold | None:
+        """What is known of a fold, rated; None if nothing is."""
+        own = tuple(each for each in by_fold[key] if each in known)
+        if key not in finished and own and own not in rated:
+            rated[own] = Fold.of(campaign.test(own[0].test), [known[each] for each in own], config.windows_ms)
+        return finished.get(key) or rated.get(own)
+
+    def show_part() -> None:
+        some = {key: own for key in by_fold if (own := known_of(key)) is not None} if watch.wants_parts else {}
+        names = tuple(name for name in config.approaches if all(name in own.ratings for own in some.values()))
+        if names and any(fold_key(campaign, plan.configs[0], test) in some for test in plan.held_out):
+            watch.show_part(_joined(plan, replace(config, approaches=names), some, {}, {}))
 
     with workers_at(scheduler, workers) as place:
-        computation = Computation(campaign, config, cache, watch, place, known, show_first)
+        computation = Computation(campaign, config, cache, watch, place, known, show_part)
         computation.run(wanted, plan.held_out)
-    finished |= {key: rated(key, config.approaches) for key in by_fold if key not in finished}
+    finished |= {key: own for key in by_fold if key not in finished and (own := known_of(key)) is not None}
     if folds is not None:
         folds.update(finished)
     repeats = repeatability(campaign, config.windows_ms, plan.held_out, seed=config.seed, cache=cache, watch=watch)
@@ -187,18 +192,16 @@ def _joined(
     seconds: dict[str, float],
     repeats: Mapping[str, Mapping[float, Repeatability]],
 ) -> Study:
-    """The study with these approaches, that of speed groups within it if there is one."""
-    first, *others = [
-        Study(
-            plan.campaign,
-            replace(way, approaches=config.approaches),
-            tuple(folds[fold_key(plan.campaign, way, test)] for test in plan.held_out),
-            seconds,
-            repeatability=repeats,
-        )
-        for way in plan.configs
-    ]
-    return replace(first, config=config, speed_groups=others[0] if others else None)
+    """The study of these folds with these approaches, that of speed groups within it if there is one."""
+
+    def study(way: StudyConfig) -> Study:
+        keys = [fold_key(plan.campaign, way, test) for test in plan.held_out]
+        known = tuple(folds[key] for key in keys if key in folds)
+        config_of_way = replace(way, approaches=config.approaches)
+        return Study(plan.campaign, config_of_way, known, seconds, repeatability=repeats)
+
+    first, *others = [study(way) for way in plan.configs]
+    return replace(first, config=config, speed_groups=others[0] if others and others[0].folds else None)
 
 
 def fold_key(campaign: Campaign, config: StudyConfig, test_id: str) -> Hashable:

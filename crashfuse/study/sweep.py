@@ -18,6 +18,7 @@ from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed, weight
 
 _SLOWEST_MPS = 5 * MPH  # below, a vehicle hardly crushes, and 100 ms are too short for its occupant metrics
+_STEP, _SPEED_S = "Sweep over speed", 0.3
 _GAP_MPS = 3 * MPH  # widest gap between speeds of CAE runs that counts as covered
 
 
@@ -67,13 +68,14 @@ def sweep_speed(
     """
     speeds = np.unique(speeds_mps)
     rows = []
+    watch.expect({_STEP: _SPEED_S * len(speeds)})
     for number, speed_mps in enumerate(speeds.tolist()):
-        watch.report("Sweep over speed", number, len(speeds))
+        watch.report(_STEP, number, len(speeds))
         estimates = estimates_at(fits, replace(condition, speed_mps=speed_mps))
         rows.append([estimate.metrics for estimate in estimates])
         if each is not None:
             each(estimates)
-    watch.report("Sweep over speed", len(speeds), len(speeds))
+    watch.report(_STEP, len(speeds), len(speeds))
     return tuple(
         Sweep(fit.approach.name, condition, speeds, tuple(row[i] for row in rows)) for i, fit in enumerate(fits)
     )

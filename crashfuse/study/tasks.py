@@ -21,6 +21,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.duration import PREDICTION_S, REPEATABILITY, REPEATABILITY_S, fit_steps, shared_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.repeatability import repeatability
 
@@ -80,8 +81,8 @@ class Computation:
     ----------
     known : dict of Wanted to Estimate
         What is known already; new estimates are added.
-    on_first : callable
-        Called once what needs no network is known, if networks are needed, too.
+    on_more : callable
+        Called each time that more is known.
 
     Attributes
     ----------
@@ -95,7 +96,7 @@ class Computation:
     watch: Watch
     workers: Workers
     known: Estimates
-    on_first: Callable[[], None]
+    on_more: Callable[[], None]
     seconds: dict[str, float] = field(default_factory=dict)
 
     def run(self, wanted: Sequence[Wanted], repeated: tuple[str, ...]) -> None:
@@ -105,6 +106,7 @@ class Computation:
         late = [each for each in missing if CLASSES[each.approach].trains_networks]
         early = _tasks([each for each in missing if not CLASSES[each.approach].trains_networks])
         repeats = [Task(repeated=repeated)]
+        self._expect(early, late, len(wanted))
         self.watch.report(_STEP, len(self.known), len(wanted))
         shared = self._prepared(missing, trained=False)
         if not late:
@@ -114,7 +116,6 @@ class Computation:
             self._compute(_tasks(late), trained, len(wanted))
         else:  # here, one after the other: what can be shown first is not delayed by training
             self._compute(early, shared, len(wanted))
-            self.on_first()
             self._compute(_tasks(late), self._prepared(late), len(wanted))
         self.seconds["held_out_tests"] = time.perf_counter() - start
 
@@ -125,7 +126,6 @@ class Computation:
             try:
                 training = thread.submit(self._prepared, late, watch=self.watch.also_cancelled_by(stop))
                 self._compute(tasks, shared, total)
-                self.on_first()
                 trained = training.result()
             finally:
                 stop.set()
@@ -145,6 +145,17 @@ class Computation:
             for estimates in completed:
                 self.known.update(estimates)
                 self.watch.report(_STEP, len(self.known), total)
+                if estimates:
+                    self.on_more()
+
+    def _expect(self, early: Sequence[Task], late: Sequence[Wanted], total: int) -> None:
+        """Tell the watch which steps come."""
+        names = {each.approach for task in early for each in task.wanted} | {each.approach for each in late}
+        repeats = {REPEATABILITY: REPEATABILITY_S}
+        if len({each.left_out for task in early for each in task.wanted} | {each.left_out for each in late}) > 1:
+            self.watch.expect(shared_steps(names, self.config) | {_STEP: PREDICTION_S * total} | repeats)
+        else:
+            self.watch.expect(fit_steps(names, self.campaign, self.config) | repeats)
 
 
 def _tasks(wanted: Sequence[Wanted]) -> list[Task]:

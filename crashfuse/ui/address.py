@@ -5,7 +5,7 @@ written to the address, which the browser remembers one by one; they are read ba
 Forward.
 """
 
-from collections.abc import MutableMapping, Sequence
+from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -128,11 +128,32 @@ def follow(page: str) -> None:
     began = _PAGE not in state
     state[_PAGE] = page
     if began or (context is not None and context.is_history_navigation and asked):
-        for key, choice in _of(None if began else page).items():
-            value = choice.parse(asked[key]) if key in asked else choice.default
-            state[key] = list(value) if isinstance(value, tuple) else value
+        _take(None if began else page, asked)
     for key, choice in CHOICES.items():
         state.setdefault(key, list(choice.default) if isinstance(choice.default, tuple) else choice.default)
+
+
+@dataclass(frozen=True)
+class Place:
+    """A page with what is chosen there."""
+
+    page: str
+    parameters: Mapping[str, list[str]]
+
+    @property
+    def is_here(self) -> bool:
+        """True if this session shows it now."""
+        return self == here()
+
+    def take(self) -> None:
+        """Choose what is chosen there; call it from a callback, before widgets are drawn, and then open the page."""
+        _take(self.page, self.parameters)
+
+
+def here(page: str | None = None) -> Place:
+    """What this session shows now, or would show on another page."""
+    page = page or str(_state().get(_PAGE) or "")
+    return Place(page, parameters(page))
 
 
 def default(key: str, value: Value, known: Sequence[Value] = ()) -> None:
@@ -187,6 +208,13 @@ def _of(page: str | None) -> dict[str, Choice]:
         choice, stem = here.pop(family), family.removesuffix(_ANY)
         here |= {key: choice for key in {*map(str, _state()), *st.query_params} if key.startswith(stem)}
     return here
+
+
+def _take(page: str | None, asked: Mapping[str, Sequence[str]]) -> None:
+    state = _state()
+    for key, choice in _of(page).items():
+        value = choice.parse(asked[key]) if key in asked else choice.default
+        state[key] = list(value) if isinstance(value, tuple) else value
 
 
 def _state() -> MutableMapping[str, Any]:

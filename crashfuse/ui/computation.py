@@ -11,19 +11,21 @@ from weakref import WeakValueDictionary
 import streamlit as st
 
 from crashfuse.approaches.fit_cache import is_cached
-from crashfuse.approaches.registry import APPROACHES
+from crashfuse.approaches.registry import APPROACHES, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.duration import fit_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
 from crashfuse.study.fold import Fold
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Study, fold_key, run_study
 from crashfuse.study.sweep import Sweep, sweep_speed, usual_speeds
+from crashfuse.ui import address
 from crashfuse.ui.downloads import zipped
 from crashfuse.ui.jobs import Job, Jobs
 from crashfuse.ui.visitors import visitor
@@ -92,9 +94,20 @@ class Request(ABC, Generic[T]):
         """True if the slow part of the result is in the disk cache."""
         return False
 
-    def start(self) -> None:
-        """Queue the job for the visitor, or join them to it if it is already queued."""
-        jobs().start(self.key, self.title, self.work, visitor())
+    def start(self, page: str | None = None) -> None:
+        """Queue the job for the visitor, or join them to it if it is already queued.
+
+        They will look for the result on the page that they have open, or on another one.
+        """
+        job = jobs().start(self.key, self.title, self.work, visitor())
+        job.places[visitor()] = address.here(page)
+
+    def ask(self, page: str) -> None:
+        """Start the job for the visitor, who then opens this page; what is known from earlier is read there at once."""
+        with suppress(CrashfuseError):  # starting the job shows it
+            if self.in_cache():
+                return
+        self.start(page)
 
     def find(self) -> Job[T] | None:
         """The job, if any; it is started at once if the slow part of its result is in the disk cache."""
@@ -178,7 +191,10 @@ class FitRequest(Request[Fitted]):
 
     def work(self, watch: Watch) -> Fitted:  # noqa: D102
         names = self.config.approaches
-        fitted = Fitted(tuple(Fit.of(self.campaign, name, self.config, watch=watch) for name in names))
+        watch.expect(fit_steps(set(names), self.campaign, self.config))
+        early_first = sorted(names, key=lambda name: CLASSES[name].trains_networks)
+        fits = {name: Fit.of(self.campaign, name, self.config, watch=watch) for name in early_first}
+        fitted = Fitted(tuple(fits[name] for name in names))
         fitted.estimates(self.campaign.tests[0].condition)  # computes what all later answers share
         return fitted
 

@@ -13,13 +13,14 @@ from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.errors import DataError, Problem
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig
+from crashfuse.study.telling_test import telling_test
 from crashfuse.ui import address, campaigns, login
-from crashfuse.ui.computation import chosen_config, jobs
+from crashfuse.ui.computation import chosen_config
 from crashfuse.ui.folding import fold_when_narrow
 from crashfuse.ui.look import STYLE
-from crashfuse.ui.navigation import show_link, show_links
-from crashfuse.ui.panel import title_of
+from crashfuse.ui.navigation import navigate, show_link, show_links
 from crashfuse.ui.problems import show_problems
+from crashfuse.ui.running import show_running
 from crashfuse.ui.settings import choose_left_out
 from crashfuse.ui.text import chosen_units, plain
 from crashfuse.wording import SYSTEMS, said, speed
@@ -45,7 +46,7 @@ class _Choice:
     problems: tuple[Problem, ...] = ()
 
 
-_choice: ContextVar[_Choice] = ContextVar("choice")
+_choice: ContextVar[_Choice | None] = ContextVar("choice", default=None)
 
 
 def route(page: Page) -> None:
@@ -66,6 +67,9 @@ def route(page: Page) -> None:
 def enter() -> View | None:
     """Start a page and return its view, or None while no campaign is open."""
     choice = _choice.get()
+    if choice is None:  # run without app.py, as Streamlit does before the first call of navigate on other servers
+        navigate()
+        st.rerun()
     if missing := st.session_state.get(_NOT_FOUND):
         st.warning(plain(missing), icon=":material/link_off:")
     if choice.problems:
@@ -166,7 +170,7 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
         _note("This link holds out {}, but no test here has that name.", state["test"])
         state["test"] = None
     if state["test"] is None:
-        state["test"] = campaign.tests[0].id
+        state["test"] = telling_test(campaign).id
     if campaign.unused:
         names = ", ".join(plain(test_id) for test_id, _ in campaign.unused)
         st.caption(f":material/block: Left out of use: {names}")
@@ -226,11 +230,10 @@ def _forget() -> None:
 
 @st.fragment(run_every=2.0)
 def _keep_up(theme: str | None) -> None:
-    """Update what changes without a click: computations on the server, whoever started them, and the theme.
+    """Update what changes without a click: computations on the server, and the theme.
 
     Figures are drawn on the server, in the colours of the theme that the browser had at the time.
     """
     if st.context.theme.type != theme:
         st.rerun()
-    for job in jobs().active:
-        st.caption(f":material/hourglass_top: {title_of(job)}" + (" (waiting)" if job.state == "waiting" else ""))
+    show_running()

@@ -8,13 +8,15 @@ import logging
 import queue
 import threading
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
+from crashfuse.execution.time_left import TimeLeft
 from crashfuse.ui import journal
+from crashfuse.ui.address import Place
 from crashfuse.ui.visitors import Visitor
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
@@ -32,7 +34,6 @@ class Step:
 
     progress: Progress
     started: float
-    first_done: int
     updated: float
     curves: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
     """By the value's name: ``done`` and the value, thinned to at most 1000 points."""
@@ -41,15 +42,6 @@ class Step:
     def finished(self) -> bool:
         """True if the whole step is done."""
         return self.progress.done >= self.progress.total
-
-    @property
-    def remaining_s(self) -> float | None:
-        """Seconds to go at the current pace, or None while unknown."""
-        done = self.progress.done - self.first_done
-        if done <= 0:
-            return None
-        pace = (self.updated - self.started) / done
-        return max(pace * (self.progress.total - self.progress.done) - (time.monotonic() - self.updated), 0.0)
 
     def _take(self, progress: Progress) -> None:
         self.progress, self.updated = progress, time.monotonic()
@@ -66,11 +58,13 @@ class Job(Generic[T]):
     def __init__(self, title: str, work: Callable[[Watch], T]) -> None:
         self.title = title
         self.wanted_by: set[Visitor] = set()
+        self.places: dict[Visitor, Place] = {}  # where each of them asked for it, and will look for the result
         self.state: State = "waiting"
         self.steps: dict[str, Step] = {}  # every step so far, in order of start
-        self.first: T | None = None  # while it runs: a part of the result that is known long before the rest
+        self.part: T | None = None  # while it runs: what is known of the result, replaced as more is known
         self.result: T | None = None  # what the work returned, once done
         self.message = ""  # one sentence on why it failed
+        self._time: TimeLeft | None = None
         self._work: Callable[[Watch], T] | None = work
         self._joining = threading.Lock()
         self._cancel = threading.Event()
@@ -85,6 +79,16 @@ class Job(Generic[T]):
     def cancelling(self) -> bool:
         """True if it was told to stop but has not stopped yet."""
         return self.active and self._cancel.is_set()
+
+    @property
+    def left_s(self) -> float | None:
+        """Seconds until the result, or None while unknown."""
+        return self._time.left_s(time.monotonic()) if self._time is not None else None
+
+    @property
+    def share(self) -> float:
+        """Share of the whole time that is over, 0 to 1."""
+        return self._time.share(time.monotonic()) if self._time is not None else 0.0
 
     def join(self, visitor: Visitor) -> None:
         """Note that someone wants it, unless it is being stopped already."""
@@ -114,7 +118,7 @@ class Job(Generic[T]):
             if self._cancel.is_set():
                 raise Cancelled("Stopped before it began.")
             if work is not None:
-                self.result = work(Watch(self._report, self._cancel, self._show_first))
+                self.result = work(Watch(self._report, self._cancel, self._show_part, self._expect))
             self.state = "done"
         except Cancelled:
             self.state = "cancelled"
@@ -128,21 +132,26 @@ class Job(Generic[T]):
             self.message = f"This should not have happened ({type(error).__name__}: {error}); the log has the details."
             self.state = "failed"
         finally:
-            self.first = None
+            self.part = None
             told = f" ({self.message})" if self.message else ""
             journal.note(wanted_by | self.wanted_by, f"{self.state}: {self.title}{told}")
             self._ended.set()
 
-    def _show_first(self, part: T) -> None:
-        self.first = part
+    def _show_part(self, part: T) -> None:
+        self.part = part
+
+    def _expect(self, seconds: Mapping[str, float]) -> None:
+        self._time = TimeLeft(seconds, time.monotonic())
 
     def _report(self, progress: Progress) -> None:
         step = self.steps.get(progress.step)
         if step is None or progress.done < step.progress.done:  # a new step, or the same step for the next test
             self.steps.pop(progress.step, None)
             now = time.monotonic()
-            step = self.steps[progress.step] = Step(progress, now, progress.done, now)
+            step = self.steps[progress.step] = Step(progress, now, now)
         step._take(progress)
+        if self._time is not None:
+            self._time.take(progress, time.monotonic())
 
 
 class Jobs:

@@ -1,10 +1,14 @@
 """Progress of a running job, and what a page shows until there is a result."""
 
+import math
+import time
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import streamlit as st
 
 from crashfuse.campaign import Campaign
+from crashfuse.execution.time_left import rounded
 from crashfuse.reporting.plots.learning import learning_curves
 from crashfuse.ui.computation import Request, jobs
 from crashfuse.ui.figures import show_figure
@@ -15,11 +19,13 @@ from crashfuse.ui.visitors import visitor
 
 T = TypeVar("T")
 
+_PART_S = 3.0  # between two parts of a result: each redraws the page
+
 
 def result_of(request: Request[T], *, invitation: str, button: str) -> T:
     """The result of a request; until there is one, the page shows how to get it and stops.
 
-    While the job runs it is a part of the result, if that is known before the rest: progress is then shown above it.
+    While the job runs it is what is known of the result so far, if anything: progress is then shown above it.
     """
     result = result_or_none(request, invitation=invitation, button=button)
     if result is None:
@@ -32,11 +38,11 @@ def result_or_none(request: Request[T], *, invitation: str, button: str) -> T | 
     job = request.find()
     if job is not None and job.result is not None:
         return job.result
-    if job is not None and job.active and (first := job.first) is not None:
-        show_job(job, in_full=False)
-        return first
     if job is not None and job.active:
-        show_job(job, until_first=True)
+        part = job.part
+        show_job(job, part, time.monotonic(), in_full=part is None)
+        if part is not None:
+            return part
     else:
         if job is not None:
             show_end(job)
@@ -69,9 +75,14 @@ def show_end(job: Job[Any]) -> None:
 
 
 @st.fragment(run_every=1.0)
-def show_job(job: Job[Any], *, in_full: bool = True, until_first: bool = False) -> None:
-    """Show the progress of a job; once it has ended, or on request has a first part to show, the page is redrawn."""
-    if not job.active or (until_first and job.first is not None):
+def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in_full: bool = True) -> None:
+    """Show the progress of a job; once it has ended, the page is redrawn.
+
+    A page that shows parts of the result says which part it has ``shown``, and ``since`` when: it is redrawn when more
+    is known, a first part at once.
+    """
+    more = job.part is not shown and (shown is None or time.monotonic() - since > _PART_S)
+    if not job.active or (more and since < math.inf):
         st.rerun()
     with st.container(border=True):
         with st.container(horizontal=True, horizontal_alignment="distribute", vertical_alignment="center"):
@@ -87,8 +98,11 @@ def show_job(job: Job[Any], *, in_full: bool = True, until_first: bool = False) 
             ahead = next((other for other in jobs().active if other is not job), None)
             st.caption("Waiting for its turn" + (f" behind: {title_of(ahead)}" if ahead else "") + ".")
         steps = list(job.steps.items())
-        for name, step in steps:
-            _show_step(name, step)
+        _show_bar(job, steps)
+        if steps:
+            with st.expander("Steps", icon=":material/checklist:"):
+                for name, step in steps:
+                    _show_step(name, step)
         told = [
             (name, step) for name, step in steps if in_full and any(len(points) > 1 for points in step.curves.values())
         ]
@@ -123,15 +137,21 @@ def _show_wanting(job: Job[Any]) -> None:
         )  # fmt: skip
 
 
+def _show_bar(job: Job[Any], steps: Sequence[tuple[str, Step]]) -> None:
+    """One bar for the whole job, its time left, and what it is doing."""
+    if not steps:
+        return
+    doing = next((name for name, step in reversed(steps) if not step.finished), steps[-1][0])
+    left_s = job.left_s
+    st.progress(job.share, text=doing if left_s is None else f"About {duration(rounded(left_s))} left · {doing}")
+
+
 def _show_step(name: str, step: Step) -> None:
     progress = step.progress
     if step.finished:
         st.caption(f":material/check: {name}, {duration(step.updated - step.started)}")
-        return
-    text = f"{name}: {progress.done:,} of {progress.total:,}"
-    if (remaining := step.remaining_s) is not None:
-        text += f", about {duration(remaining)} left"
-    st.progress(min(max(progress.fraction, 0.0), 1.0), text=text)
+    else:
+        st.caption(f":material/hourglass_top: {name}: {progress.done:,} of {progress.total:,}")
 
 
 def duration(seconds: float) -> str:

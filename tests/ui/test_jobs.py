@@ -163,25 +163,26 @@ def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None
     train = job.steps["Train"]
     assert train.progress.fraction == pytest.approx(0.3)
     assert train.curves["loss"] == [(0, 1), (1, 1 / 2), (2, 1 / 3), (3, 1 / 4)]
-    assert train.remaining_s is not None
     gate.set()
     assert ended(job)
 
 
-def test_remaining_time_is_that_of_a_steady_pace(monkeypatch: pytest.MonkeyPatch) -> None:
-    """2 s a unit and 7 units to go are 14 s, of which one has gone by when somebody looks."""
-    now = [100.0]
+def test_time_left_is_that_of_the_whole_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After 20 s of a first step that was expected to take 10 s, the 30 s of the second will take about 60 s."""
+    now, left = [100.0], []
     monkeypatch.setattr("crashfuse.ui.jobs.time.monotonic", lambda: now[0])
 
     def work(watch: Watch) -> None:
-        for i in range(4):
-            watch.report("Train", i, 10)
+        watch.expect({"Read": 10.0, "Train": 30.0})
+        for i in range(11):
+            watch.report("Read", i, 10)
             now[0] += 2.0
+        left.append(job.left_s)
 
     job = Job("A", work)
+    assert job.left_s is None
     job.run()
-    now[0] -= 1.0  # 1 s after the last report
-    assert job.steps["Train"].remaining_s == pytest.approx(13.0)
+    assert left == [pytest.approx(60.0, rel=0.1)]
 
 
 def test_a_step_that_starts_over_starts_a_new_curve() -> None:

@@ -110,9 +110,10 @@ def gate(nothing_cached: pytest.MonkeyPatch) -> Iterator[threading.Event]:
 
 
 def start(page: str = "data") -> AppTest:
-    """A new session on a page."""
-    app = AppTest.from_file(APP, default_timeout=SOON).run()
-    return go(app, page)
+    """A new session on a page, with the first test held out."""
+    app = AppTest.from_file(APP, default_timeout=SOON)
+    app.query_params["test"] = "T1"
+    return go(app.run(), page)
 
 
 def go(app: AppTest, page: str) -> AppTest:
@@ -358,7 +359,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     def in_two_parts(
         campaign: Campaign, config: StudyConfig, *, held_out: tuple[str, ...], watch: Watch, **_: object
     ) -> Study:
-        watch.show_first(
+        watch.show_part(
             quick_study(campaign, replace(config, approaches=("cae", "displacement_domain")), held_out=held_out)
         )
         while not trained.wait(0.01):
@@ -368,7 +369,7 @@ def test_what_needs_no_network_is_shown_while_the_networks_train(nothing_cached:
     nothing_cached.setattr(computation, "run_study", in_two_parts)
     app = press(start("compare"), "Predict test T1")
     (job,) = computation.jobs().active
-    while job.first is None:
+    while job.part is None:
         assert job.active
     app.run()
     assert not app.exception

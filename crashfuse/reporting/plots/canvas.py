@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.colors import hex_to_rgb
 
@@ -96,7 +97,7 @@ def add_band(
 
     The edges are smooth: few points suffice.
     """
-    some = np.append(np.arange(0, x.size - 1, -(-x.size // _BAND_POINTS)), x.size - 1)
+    some = band_points(x.size)
     x, lower, upper = x[some], lower[some], upper[some]
     known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
     if not known.size:
@@ -119,6 +120,11 @@ def add_band(
         **look,
         **style,
     )
+
+
+def band_points(size: int) -> npt.NDArray[np.intp]:
+    """The points of a grid of this size at which a band is drawn, its ends included."""
+    return np.append(np.arange(0, size - 1, -(-size // _BAND_POINTS)), size - 1)
 
 
 def shade_window(figure: go.Figure, window_ms: float, *, rows: int = 1) -> None:

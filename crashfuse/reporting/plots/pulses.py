@@ -11,6 +11,7 @@ from crashfuse.reporting.plots.canvas import (
     BAND,
     add_band,
     add_line,
+    band_points,
     height_under_names,
     new_figure,
     room_for_names,
@@ -205,8 +206,9 @@ def _integrals(
 
 
 def _central(draws: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    lower, upper = np.quantile(draws, [0.025, 0.975], axis=0)
-    return _GRID_MS, lower, upper
+    some = band_points(draws.shape[1])
+    lower, upper = np.quantile(draws[:, some], [0.025, 0.975], axis=0)
+    return _GRID_MS[some], lower, upper
 
 
 def _join_hover(figure: go.Figure, display: Display) -> None:

@@ -18,18 +18,19 @@ def rating_heatmap(
 ) -> go.Figure:
     """Draw overall ratings by test id and approach as a table coloured by grade, with the mean over the tests below.
 
-    What a repeat of each test would rate is the last column, if it is known for all.
+    Ratings that are not known yet, and their mean, are left empty. What a repeat of each test would rate is the last
+    column, if it is known for all.
     """
     tests = list(scores)
-    approaches = list(scores[tests[0]])
+    approaches = max((list(own) for own in scores.values()), key=len)
     names = [LABELS[name].replace(" domain", "<br>domain") for name in approaches]
-    z = np.array([[scores[test][name] for name in approaches] for test in tests])
+    z = np.array([[scores[test].get(name, np.nan) for name in approaches] for test in tests])
     if repeats and set(repeats) == set(tests):
         names.append("<i>A repeat</i>")
         z = np.column_stack([z, [repeats[test].value for test in tests]])
     z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
-    text = [[f"{value:.3f}  {grade(value)}" for value in row] for row in z]
+    text = [["" if np.isnan(value) else f"{value:.3f}  {grade(value)}" for value in row] for row in z]
     figure = new_figure(height=64 + 34 * len(rows))
     figure.add_heatmap(
         z=z.astype(np.float32),

@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
@@ -31,8 +32,6 @@ class Answer:
         What is predicted.
     estimates : list of Estimate
         One for each approach.
-    advice : Recommendation
-        Which of them to use.
     """
 
     view: View
@@ -40,14 +39,16 @@ class Answer:
     fitted: Fitted
     condition: Condition
     estimates: list[Estimate]
-    advice: Recommendation
 
     @classmethod
     def of(cls, view: View, request: FitRequest, fitted: Fitted, condition: Condition) -> "Answer":
         """The answer of fitted approaches at a condition."""
-        estimates = answers(request.key, condition, fitted)
-        advice = recommend_for(estimates, view.campaign, condition, view.display.window_ms)
-        return cls(view, request, fitted, condition, estimates, advice)
+        return cls(view, request, fitted, condition, answers(request.key, condition, fitted))
+
+    @cached_property
+    def advice(self) -> Recommendation:
+        """Which of them to use; found after the figure is drawn."""
+        return recommend_for(self.estimates, self.campaign, self.condition, self.view.display.window_ms)
 
     @property
     def campaign(self) -> Campaign:

@@ -1,0 +1,151 @@
+"""How long the dashboard lets one wait: ``python benchmarks/responsiveness.py [--beside CHECKOUT]`` (needs Chromium).
+
+Four times on the sample, whose studies have been run before, each the median: from a link into a cold server to the
+first paint of the page's frame (Streamlit's own list of files does not count); a switch of page with five browsers at
+once; on Predict, from the stop of a slider to the figure that answers, and to the whole page. With another checkout the
+two take turns, so that what else the machine does slows both; browsers and server share its cores.
+"""
+
+import argparse
+import statistics
+import threading
+import time
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+from dashboard import ROOT, browser, served, settled
+from selenium.webdriver.chrome.webdriver import WebDriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+from crashfuse import Fit, StudyConfig, load_campaign, run_study
+
+_PAGES = ("Data", "Train", "Compare", "Study", "Predict")
+_LINKS = ("compare", "predict", "study", "data")
+_BROWSERS, _SWITCHES, _MOVES = 5, 8, 8
+_LONGEST_S = 120.0
+_FIRST_PAINT = """
+const look = () => {
+  const logos = ['stSidebarLogo', 'stHeaderLogo', 'stLogo'].map(name => `[data-testid="${name}"]`);
+  const frame = document.querySelector(logos.join(', '));
+  const title = document.querySelector('[data-testid="stMain"] h1');
+  if (!window.painted && (frame || title)) window.painted = performance.now() / 1000;
+};
+new MutationObserver(look).observe(document, {childList: true, subtree: true});
+"""
+_WATCH_MOVE = """
+const plot = () => document.querySelector('.js-plotly-plot');
+const drawn = () => JSON.stringify((plot()?.data || []).map(trace => trace.y && [...trace.y].slice(40, 44)));
+const app = document.querySelector('[data-testid="stApp"]');
+const before = drawn();
+window.move = {};
+document.addEventListener('keyup', () => {
+  const start = performance.now();
+  const look = () => {
+    const now = (performance.now() - start) / 1000;
+    if (!window.move.figure && drawn() !== before) window.move.figure = now;
+    const still = app.dataset.testScriptState === 'notRunning' && !document.querySelector('[data-stale="true"]');
+    if (window.move.figure && still) window.move.page = now;
+    else requestAnimationFrame(look);
+  };
+  look();
+}, {once: true});
+"""
+WAITS = ("first paint of a link, cold server", "switch of page, five browsers", "answer on Predict", "whole page")
+
+
+def main() -> None:
+    """Measure, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--beside", type=Path, help="another checkout to measure in turns with this one")
+    parser.add_argument("--rounds", type=int, default=2)
+    arguments = parser.parse_args()
+    _prepare()
+    roots = [ROOT, *([arguments.beside.resolve()] if arguments.beside else [])]
+    waits: dict[Path, dict[str, list[float]]] = {root: defaultdict(list) for root in roots}
+    for number in range(arguments.rounds):
+        for root in roots if number % 2 else roots[::-1]:
+            for link in _LINKS:
+                waits[root][WAITS[0]].append(_first_paint(root, link))
+            with served(root, CRASHFUSE_CAMPAIGN=str(ROOT / "sample_data")) as dashboard:
+                for figure_s, page_s in _moves(dashboard.address):
+                    waits[root][WAITS[2]].append(figure_s)
+                    waits[root][WAITS[3]].append(page_s)
+                waits[root][WAITS[1]] += _switches(dashboard.address)
+    print(f"| | {' | '.join(root.name for root in roots)} |\n|---|{'---:|' * len(roots)}")
+    for wait in WAITS:
+        print(f"| {wait} | {' | '.join(f'{statistics.median(waits[root][wait]):.2f} s' for root in roots)} |")
+
+
+def _prepare() -> None:
+    """Fill the cache with everything that the pages show."""
+    campaign, config = load_campaign(ROOT / "sample_data"), StudyConfig(leave_out="both")
+    run_study(campaign, config)
+    for name in config.approaches:
+        Fit.of(campaign, name, config)
+
+
+def _first_paint(root: Path, link: str) -> float:
+    with browser() as user:
+        user.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": _FIRST_PAINT})
+        with served(root, CRASHFUSE_CAMPAIGN=str(ROOT / "sample_data")) as dashboard:
+            user.get(f"{dashboard.address}/{link}")
+            return _found(user, "return window.painted")
+
+
+def _moves(address: str) -> list[tuple[float, float]]:
+    """Times to the figure and to the whole page after single steps of the speed's slider."""
+    took = []
+    with browser() as user:
+        user.get(f"{address}/predict")
+        _found(user, "return document.querySelector('.js-plotly-plot .main-svg') !== null")
+        settled(user, "Predict")
+        for _ in range(_MOVES + 1):
+            slider = user.find_element(By.CSS_SELECTOR, '[data-testid="stSlider"] input')
+            user.execute_script(_WATCH_MOVE)
+            slider.send_keys(Keys.ARROW_LEFT)
+            _found(user, "return window.move.page")
+            took.append(user.execute_script("return [window.move.figure, window.move.page]"))
+            time.sleep(0.5)
+    return [(figure_s, page_s) for figure_s, page_s in took[1:]]
+
+
+def _switches(address: str) -> list[float]:
+    """Times of page switches of all browsers."""
+    took: list[float] = []
+
+    def browse(number: int) -> None:
+        rng = np.random.default_rng(number)
+        with browser() as user:
+            user.get(f"{address}/data")
+            settled(user, "Sample")
+            page = "Data"
+            for _ in range(_SWITCHES):
+                time.sleep(rng.uniform(1.0, 3.0))  # reading
+                page = str(rng.choice([other for other in _PAGES if other != page]))
+                link = user.find_element(By.PARTIAL_LINK_TEXT, page)
+                start = time.perf_counter()
+                link.click()
+                took.append(settled(user, "Sample" if page == "Data" else page) - start)
+
+    threads = [threading.Thread(target=browse, args=(number,)) for number in range(_BROWSERS)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return took
+
+
+def _found(user: WebDriver, script: str) -> float:
+    """Wait until a script returns something."""
+    deadline = time.monotonic() + _LONGEST_S
+    while time.monotonic() < deadline:
+        if found := user.execute_script(script):
+            return float(found)
+        time.sleep(0.05)
+    raise SystemExit(f"The page never came to {script!r}.")
+
+
+if __name__ == "__main__":
+    main()
