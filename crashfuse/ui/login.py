@@ -10,7 +10,7 @@ from typing import Any
 import streamlit as st
 
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.ui import address, journal
+from crashfuse.ui import journal
 from crashfuse.ui.navigation import pages
 from crashfuse.ui.text import plain
 from crashfuse.ui.visitors import browser, logged_in, visitor
@@ -61,6 +61,8 @@ def require(page: str) -> None:
                 st.switch_page(pages()[link[0]], query_params=link[1])
         return
     if page:
+        from crashfuse.ui import address  # takes seconds, and the server starts with this module
+
         while len(_links()) >= _MOST_LINKS:
             _links().pop(next(iter(_links())))
         _links()[browser()] = page, address.given()
