@@ -3,10 +3,12 @@ from .campaign_folder.folder import load_campaign as load_campaign
 from .campaign_folder.notes import Note as Note
 from .campaign_folder.notes import read_notes as read_notes
 from .campaign_folder.notes import write_notes as write_notes
+from .campaign_folder.writer import write_campaign as write_campaign
 from .condition import Condition as Condition
 from .errors import CrashfuseError as CrashfuseError
 from .errors import DataError as DataError
 from .errors import UsageError as UsageError
+from .importing.campaign_import import import_source as import_source
 from .importing.rated_channels import rate_channels as rate_channels
 from .importing.rated_files import RatingChoices as RatingChoices
 from .importing.rated_files import explain_files as explain_files
@@ -14,6 +16,8 @@ from .importing.rated_files import rate_files as rate_files
 from .importing.rated_files import rate_pairs as rate_pairs
 from .reporting.figure_data import figure_table as figure_table
 from .reporting.outgoing_pulses import PulseExport as PulseExport
+from .reporting.predicted import PredictedPulse as PredictedPulse
+from .reporting.predicted import predict as predict
 from .reporting.report import ReportOptions as ReportOptions
 from .reporting.report import prediction_report as prediction_report
 from .reporting.report import study_report as study_report

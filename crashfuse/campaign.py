@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,10 @@ from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import filter_class_text, rating_basis
 from crashfuse.units import MPH
 from crashfuse.wording import MPH_LB, Sentence, UnitSystem, speed, weight
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
 
 _SAME_CONDITION = 1e-4  # relative: rounding in a table, far below weighing accuracy
 SPEED_STEP_MPS = 2 * MPH
@@ -147,6 +152,80 @@ class Campaign:
     tests_filtered_with: float | None = None
     units: UnitSystem = MPH_LB
     unused: tuple[tuple[str, Condition], ...] = ()
+
+    @staticmethod
+    def from_frames(
+        tests: "pd.DataFrame",
+        test_pulses: "pd.DataFrame",
+        cae: "pd.DataFrame",
+        cae_pulses: "pd.DataFrame",
+        *,
+        name: str,
+        notice: str = "",
+    ) -> "Campaign":
+        """A campaign from tables in memory, with the checks of a campaign folder.
+
+        Parameters
+        ----------
+        tests, cae : DataFrame
+            The columns of ``tests.csv`` and ``cae.csv``: id, speed, weights, factors; names end in their units.
+        test_pulses, cae_pulses : DataFrame
+            Tidy: ``id``, a time (``time_ms`` or ``time_s``), an acceleration (``acceleration_g`` or
+            ``acceleration_mps2``).
+        notice : str
+            A sentence shown wherever the campaign is shown; empty for none.
+
+        Raises
+        ------
+        DataError
+            With every problem, each with its table, column and row (counted from 0).
+        """
+        from crashfuse.campaign_folder.frames import campaign_of_frames
+
+        return campaign_of_frames(tests, test_pulses, cae, cae_pulses, name=name, notice=notice)
+
+    @property
+    def tests_frame(self) -> "pd.DataFrame":
+        """The tests' conditions, as ``tests.csv`` has them, in mph and lb."""
+        from crashfuse.campaign_folder.frames import conditions_frame
+
+        return conditions_frame(self, "tests")
+
+    @property
+    def cae_frame(self) -> "pd.DataFrame":
+        """The CAE runs' conditions, as ``cae.csv`` has them, in mph and lb, with what the solver says of them."""
+        from crashfuse.campaign_folder.frames import conditions_frame
+
+        return conditions_frame(self, "cae")
+
+    @property
+    def test_pulses_frame(self) -> "pd.DataFrame":
+        """All pulses of the tests, tidy: ``id``, ``time_s``, ``acceleration_mps2``, at full precision."""
+        from crashfuse.campaign_folder.frames import pulses_frame
+
+        return pulses_frame(self, "tests")
+
+    @property
+    def cae_pulses_frame(self) -> "pd.DataFrame":
+        """All pulses of the CAE runs, tidy: ``id``, ``time_s``, ``acceleration_mps2``, at full precision."""
+        from crashfuse.campaign_folder.frames import pulses_frame
+
+        return pulses_frame(self, "cae")
+
+    def plot(self, **display: Any) -> "go.Figure":  # noqa: ANN401 - fields of Display
+        """The pulses of all tests, as the page Data shows them; ``display`` takes the fields of :class:`Display`."""
+        from crashfuse.reporting.plots.display import Display
+        from crashfuse.reporting.plots.pulses import measured_pulses
+
+        return measured_pulses(self.tests, display=Display(**display))
+
+    def __repr__(self) -> str:
+        return f"<Campaign {self.name!r}: {len(self.tests)} tests, {len(self.cae):,} CAE runs>"
+
+    def _repr_html_(self) -> str:
+        from crashfuse.reporting.notebook import campaign_html
+
+        return campaign_html(self)
 
     @cached_property
     def fingerprint(self) -> str:

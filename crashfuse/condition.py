@@ -1,5 +1,6 @@
 """The condition of a crash: impact speed, axle weights, and any further factors."""
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,8 +11,10 @@ import numpy as np
 
 from crashfuse.errors import UsageError, printable
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import KPH, LB, MPH
+from crashfuse.units import KPH, LB, MASS, MPH, SPEED
 from crashfuse.wording import UnitSystem, speed, weight
+
+_QUANTITIES: Mapping[str, Mapping[str, float]] = {"speed": SPEED, "front_weight": MASS, "rear_weight": MASS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +35,31 @@ class Condition:
     front_weight_kg: float
     rear_weight_kg: float
     factors: tuple[tuple[str, str], ...] = ()
+
+    @classmethod
+    def of(cls, **given: float | str) -> Self:
+        """A condition from quantities whose names end in their units, as the columns of ``tests.csv`` do.
+
+        Parameters
+        ----------
+        **given
+            One of ``speed_mph``, ``speed_kph``, ``speed_mps``; one of ``front_weight_lb``, ``front_weight_kg``; one of
+            ``rear_weight_lb``, ``rear_weight_kg``. Any further name is a factor, such as ``drive="FWD"``.
+
+        Raises
+        ------
+        UsageError
+            If a quantity is missing, given in two units or none, or is not a number above 0.
+
+        Examples
+        --------
+        >>> Condition.of(speed_mph=35, front_weight_lb=2100, rear_weight_lb=1550, drive="FWD").mass_kg
+        1655.612...
+        """
+        speed, front, rear = (_quantity(name, units, given) for name, units in _QUANTITIES.items())
+        used = {f"{name}_{unit}" for name, units in _QUANTITIES.items() for unit in units}
+        factors = tuple((name, str(value)) for name, value in given.items() if name not in used)
+        return cls(speed, front, rear, factors)
 
     @property
     def mass_kg(self) -> float:
@@ -60,7 +88,7 @@ class Condition:
 
         Each quantity is in the unit that takes fewest characters; factors follow as ``name=value``.
         """
-        parts = [_shortest(self.speed_mps, _SPEEDS), *(_shortest(kg, _WEIGHTS) for kg in self.vector.tolist()[1:])]
+        parts = [_shortest(self.speed_mps, SPEED), *(_shortest(kg, MASS) for kg in self.vector.tolist()[1:])]
         return " ".join([*parts, *(f"{quote(name, safe='')}={quote(value, safe='')}" for name, value in self.factors)])
 
     @classmethod
@@ -74,8 +102,7 @@ class Condition:
         """
         parts = text.split()
         speed_mps, front_kg, rear_kg = (
-            _quantity(part, units)
-            for part, units in zip([*parts, "", "", ""], (_SPEEDS, _WEIGHTS, _WEIGHTS), strict=False)
+            _read(part, units) for part, units in zip([*parts, "", "", ""], (SPEED, MASS, MASS), strict=False)
         )
         pairs = [part.partition("=") for part in parts[3:]]
         if not (speed_mps and front_kg and rear_kg) or not all(name and found for name, found, _ in pairs):
@@ -84,8 +111,6 @@ class Condition:
         return cls(speed_mps, front_kg, rear_kg, tuple((unquote(name), unquote(value)) for name, _, value in pairs))
 
 
-_SPEEDS = {"mph": MPH, "kph": KPH, "mps": 1.0}
-_WEIGHTS = {"lb": LB, "kg": 1.0}
 _QUANTITY = re.compile(r"(?P<number>\d{1,12}(\.\d{1,12})?)(?P<unit>[a-z]+)")
 
 
@@ -93,7 +118,26 @@ def _shortest(value: float, units: Mapping[str, float]) -> str:
     return min((f"{value / size:.9g}{unit}" for unit, size in units.items()), key=len)
 
 
-def _quantity(text: str, units: Mapping[str, float]) -> float:
+def _read(text: str, units: Mapping[str, float]) -> float:
     """A value in SI; 0 if it is none."""
     found = _QUANTITY.fullmatch(text)
     return float(found["number"]) * units.get(found["unit"], 0.0) if found else 0.0
+
+
+def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float | str]) -> float:
+    """The one quantity of this name in SI, whatever unit its name ends in."""
+    words, names = name.replace("_", " "), [f"{name}_{unit}" for unit in units]
+    found = [key for key in given if key in names]
+    if len(found) > 1:
+        raise UsageError(f"A condition has one {words}; given are {' and '.join(found)}.")
+    if not found:
+        alike = [key for key in given if key.startswith(name)]
+        ending = f"; {printable(alike[0], 40)} does not end in one of these units" if alike else ""
+        raise UsageError(f"A condition needs a {words}: {' or '.join(names)}{ending}.")
+    try:
+        value = float(given[found[0]])
+    except (TypeError, ValueError):
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise UsageError(f"{found[0]} is a number above 0, not {printable(repr(given[found[0]]), 60)}.")
+    return value * units[found[0].rpartition("_")[2]]

@@ -22,6 +22,10 @@ def printable(text: str, most: int = _LONGEST) -> str:
 class CrashfuseError(Exception):
     """Base of every error that crashfuse raises on purpose; its text is a sentence for the user."""
 
+    def _render_traceback_(self) -> list[str]:
+        """What a notebook shows: the sentence, for the frames above it say nothing to the user."""
+        return [f"{type(self).__name__}: {self}"]
+
 
 @dataclass(frozen=True, slots=True)
 class Problem:

@@ -36,6 +36,9 @@ ROOMS = (
 )
 """Rooms and modules of the package from the top down: each may use what stands below it."""
 
+DOORS = ("campaign.py", "study/study.py")
+"""Modules whose objects show themselves: their methods, and nothing else, may reach into the rooms above."""
+
 MODULES = sorted(path for path in PACKAGE.rglob("*.py") if path.name not in ("__init__.py", "__main__.py"))
 
 
@@ -44,9 +47,11 @@ def _name(path: Path) -> str:
 
 
 def _imports(path: Path) -> Iterator[str]:
-    """Modules of the package that a file imports, at its top or within a function."""
+    """Modules of the package that a file imports, at its top or, but for the doors, within a function."""
     names = {_name(module) for module in PACKAGE.rglob("*.py")}
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    door = path.relative_to(PACKAGE).as_posix() in DOORS
+    for node in tree.body if door else ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module:
             candidates = [f"{node.module}.{alias.name}" for alias in node.names]
             yield from (c if c in names else node.module for c in candidates if node.module.startswith("crashfuse"))

@@ -1,4 +1,4 @@
-"""A condition as text says what it says, to nine digits, and no other text is taken for one."""
+"""A condition as text and by quantities whose names end in their units says what it says, to nine digits."""
 
 import pytest
 
@@ -34,3 +34,35 @@ def test_what_is_no_condition_is_refused_in_a_sentence(text: str) -> None:
     """A link may hold anything."""
     with pytest.raises(UsageError, match="such as 35mph 2100lb 1500lb"):
         Condition.parse(text)
+
+
+def test_units_are_those_of_the_names() -> None:
+    """35 mph are 15.6464 m/s and 56.32704 km/h; 2100 lb are 952.543977 kg, both exactly."""
+    one = Condition.of(speed_mph=35, front_weight_lb=2100, rear_weight_kg=700, drive="FWD")
+    assert one.vector.tolist() == pytest.approx([15.6464, 952.543977, 700.0], rel=1e-15)
+    assert one.factors == (("drive", "FWD"),)
+    other = Condition.of(speed_kph=56.32704, front_weight_kg=952.543977, rear_weight_kg=700)
+    assert other.vector.tolist() == pytest.approx(one.vector.tolist(), rel=1e-15)
+    assert Condition.of(speed_mps=15.6464, front_weight_kg=1, rear_weight_kg=1).speed_mps == 15.6464
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"speed_mph": 35, "front_weight_lb": 1}, "A condition needs a rear weight: rear_weight_lb or rear_weight_kg."),
+        ({"speed_mph": 35, "speed_kph": 56}, "A condition has one speed; given are speed_mph and speed_kph."),
+        (
+            {"speed_knots": 30},
+            "A condition needs a speed: speed_mph or speed_kph or speed_mps; speed_knots does not end in one of these "
+            "units.",
+        ),
+        ({"speed_mph": "fast"}, "speed_mph is a number above 0, not 'fast'."),
+        ({"speed_mph": -3}, "speed_mph is a number above 0, not -3."),
+        ({"speed_mph": float("nan")}, "speed_mph is a number above 0, not nan."),
+    ],
+)
+def test_quantities_that_are_no_condition_are_a_sentence(given: dict[str, float | str], said: str) -> None:
+    """Missing, in two units, in none, not a number."""
+    with pytest.raises(UsageError) as caught:
+        Condition.of(**given)
+    assert str(caught.value) == said

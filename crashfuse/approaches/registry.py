@@ -1,5 +1,7 @@
 """All approaches by name. A new one needs its own module and an entry here; its class defines the rest."""
 
+from difflib import get_close_matches
+
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
@@ -43,5 +45,7 @@ def create(name: str, settings: Settings) -> Approach:
         If there is no approach with that name.
     """
     if name not in CLASSES:
-        raise UsageError(f"There is no approach {name!r}; choose from {', '.join(APPROACHES)}.")
+        near = get_close_matches(str(name).lower(), APPROACHES, 1)
+        meant = f"did you mean {near[0]}? All are" if near else "choose from"
+        raise UsageError(f"There is no approach {name!r}; {meant} {', '.join(APPROACHES)}.")
     return CLASSES[name].create(settings)

@@ -10,7 +10,8 @@ from pathlib import Path
 from crashfuse.execution.cache import Cache
 
 _PACKAGE = Path(__file__).parents[1]
-_NOT_COMPUTING = {"execution", "files", "errors", "wording", "version"}  # they determine no numbers
+_NOT_COMPUTING = {"execution", "files", "errors", "wording", "version", "reporting", "campaign_folder"}
+"""Rooms that run, store, report and read, but determine no number: data are known by their fingerprint."""
 
 
 @cache

@@ -58,6 +58,11 @@ def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
     )
 
 
+def study_pulses(study: Study) -> pd.DataFrame:
+    """Every prediction of every held-out test, see :func:`pulses_table`."""
+    return pulses_table((fold.held_out, estimate) for fold in study.folds for estimate in fold.estimates)
+
+
 def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]], campaign: Campaign) -> pd.DataFrame:
     """Pulse metrics, one per row, from (held-out test, approach or ``test``, metrics)."""
     bases = campaign.metric_bases

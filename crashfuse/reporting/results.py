@@ -28,7 +28,7 @@ from crashfuse.reporting.report import (
     sweep_report,
 )
 from crashfuse.reporting.report.options import ReportOptions
-from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, study_metrics
+from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, study_metrics, study_pulses
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
@@ -197,7 +197,7 @@ _STUDY: Mapping[str, Callable[[Study, Display, ReportOptions], Content]] = {
     "speed_groups.csv": lambda study, *_: (
         None if study.speed_groups is None else csv_bytes(scores_table(study.speed_groups))
     ),
-    "pulses.csv": lambda study, *_: csv_bytes(pulses_table((f.held_out, e) for f in study.folds for e in f.estimates)),
+    "pulses.csv": lambda study, *_: csv_bytes(study_pulses(study)),
     "metrics.csv": lambda study, *_: csv_bytes(study_metrics(study)),
     "report.html": lambda *result: study_report(*result).encode(),
     "study.json": lambda study, *_: _json(study_record(study)),

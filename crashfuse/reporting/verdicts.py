@@ -15,13 +15,14 @@ from crashfuse.certification.criteria_file import criteria_of, read_criteria
 from crashfuse.certification.matrix import Matrix
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.reporting.certification_tables import certification_table, track_record_table
+from crashfuse.reporting.certification_tables import certification_table, track_record_table, verdict_counts
+from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.certification import verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.config import StudyConfig
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Verdicts:
     """Verdicts of a certification as tables; ``certification`` has them as objects."""
 
@@ -40,6 +41,15 @@ class Verdicts:
     def plot(self, display: Display = DEFAULT) -> go.Figure:
         """The verdicts as a table in colours, conditions by criteria."""
         return verdict_matrix(self.certification, display)
+
+    def __repr__(self) -> str:
+        judged = self.certification
+        counts = ", ".join(f"{n} {word}" for word, n in verdict_counts(judged).items() if n)
+        return f"<Verdicts on {len(judged.matrix.ids)} conditions of {judged.campaign.name!r}: {counts}>"
+
+    def _repr_html_(self) -> str:
+        columns = ["id", "criterion", "value", "lower", "upper", "unit", "probability", "verdict"]
+        return card(repr(self)[1:-1], self.table[columns])
 
 
 def certify(

@@ -10,11 +10,13 @@ from collections.abc import Hashable, Mapping, MutableMapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
 from crashfuse.campaign import Campaign
+from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.workers import Local, Workers
@@ -24,6 +26,10 @@ from crashfuse.study.fold import Fold
 from crashfuse.study.plan import StudyPlan
 from crashfuse.study.repeatability import Repeatability, repeatability
 from crashfuse.study.tasks import Computation, Wanted, found_in
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +52,71 @@ class Study:
     repeatability: Mapping[str, Mapping[float, Repeatability]] = field(default_factory=dict)
 
     def fold(self, held_out: str) -> Fold:
-        """The fold with this test held out."""
-        return next(fold for fold in self.folds if fold.held_out == held_out)
+        """The fold with this test held out.
+
+        Raises
+        ------
+        UsageError
+            If there is none.
+        """
+        for fold in self.folds:
+            if fold.held_out == held_out:
+                return fold
+        known = ", ".join(fold.held_out for fold in self.folds)
+        raise UsageError(f"Test {held_out!r} was not left out in this study; left out were {known}.")
+
+    @property
+    def scores(self) -> "pd.DataFrame":
+        """Ratings, one row a held-out test, approach and window, as ``scores.csv``."""
+        from crashfuse.reporting.result_tables import scores_table
+
+        return scores_table(self)
+
+    @property
+    def pulses(self) -> "pd.DataFrame":
+        """Predicted pulses with their bands, as ``pulses.csv``."""
+        from crashfuse.reporting.result_tables import study_pulses
+
+        return study_pulses(self)
+
+    @property
+    def metrics(self) -> "pd.DataFrame":
+        """Pulse metrics of the tests and their predictions, as ``metrics.csv``."""
+        from crashfuse.reporting.result_tables import study_metrics
+
+        return study_metrics(self)
+
+    def plot(self, held_out: str, approaches: Sequence[str] = (), **display: Any) -> "go.Figure":  # noqa: ANN401
+        """A held-out test with its predictions, as the page Compare shows them.
+
+        Parameters
+        ----------
+        held_out : str
+            Id of the test.
+        approaches : sequence of str, optional
+            The approaches to show; empty for all.
+        **display
+            Fields of :class:`crashfuse.reporting.plots.display.Display`: ``window_ms``, ``unit``, ``deceleration``.
+
+        Raises
+        ------
+        UsageError
+            If the test was not held out, or an approach is not in the study.
+        """
+        from crashfuse.reporting.notebook import plot_fold
+
+        return plot_fold(self, held_out, approaches, **display)
+
+    def __repr__(self) -> str:
+        window = self.config.windows_ms[-1]
+        means = ", ".join(f"{name} {self.mean_rating(name, window):.3f}" for name in self.config.approaches)
+        tests = self.folds[0].held_out if len(self.folds) == 1 else f"{len(self.folds)} tests"
+        return f"<Study of {self.campaign.name!r}, {tests} left out: {means} (0–{window:g} ms)>"
+
+    def _repr_html_(self) -> str:
+        from crashfuse.reporting.notebook import study_html
+
+        return study_html(self)
 
     def mean_rating(self, approach: str, window_ms: float) -> float:
         """Overall rating of an approach over one window, averaged over the held-out tests."""
@@ -100,6 +169,7 @@ def run_study(
     config: StudyConfig = StudyConfig(),
     *,
     held_out: Sequence[str] = (),
+    approaches: Sequence[str] = (),
     cache: Cache | None = None,
     watch: Watch = SILENT,
     workers: int | None = None,
@@ -112,6 +182,8 @@ def run_study(
     ----------
     held_out : sequence of str
         Ids of the tests to leave out in turn; empty for all.
+    approaches : sequence of str
+        Names of the approaches; empty for those of the config.
     cache : Cache, optional
         Finished predictions are read from it and stored in it, so an interrupted study continues where it stopped.
     watch : Watch, optional
@@ -136,6 +208,8 @@ def run_study(
     CrashfuseError
         If workers die repeatedly, or the cluster cannot be reached or has other versions.
     """
+    if approaches:
+        config = replace(config, approaches=tuple(approaches))
     plan = StudyPlan(campaign, config, tuple(held_out))
     return run_plan(plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds)
 

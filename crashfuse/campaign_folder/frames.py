@@ -1,0 +1,79 @@
+"""A campaign as tables in memory: the tables of its folder, taken and given as data frames."""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.writer import quality_columns, table_row, toml_text
+from crashfuse.condition import Condition
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.csv_output import csv_bytes
+from crashfuse.run_quality import RunQuality
+from crashfuse.signals.pulse import GRID_S, N_SAMPLES
+
+_IN_MEMORY = {"tests.csv": "tests", "cae.csv": "cae", "tests_pulses": "test_pulses", "cae_pulses": "cae_pulses"}
+
+
+def campaign_of_frames(
+    tests: pd.DataFrame,
+    test_pulses: pd.DataFrame,
+    cae: pd.DataFrame,
+    cae_pulses: pd.DataFrame,
+    *,
+    name: str,
+    notice: str = "",
+) -> Campaign:
+    """The campaign of these tables, checked as its folder would be, see :meth:`Campaign.from_frames`."""
+    given = {"tests": tests, "test_pulses": test_pulses, "cae": cae, "cae_pulses": cae_pulses}
+    for argument, table in given.items():
+        if not isinstance(table, pd.DataFrame):
+            found, advice = type(table).__name__, "give a pandas DataFrame"
+            raise DataError(Problem(argument, "a DataFrame", found, advice))
+    with tempfile.TemporaryDirectory(prefix="crashfuse-") as scratch:
+        folder = Path(scratch)
+        settings = f"name = {toml_text(name)}\n" + (f"notice = {toml_text(notice)}\n" if notice else "")
+        (folder / "campaign.toml").write_text(settings, encoding="utf-8")
+        for role, table, pulses in (("tests", tests, test_pulses), ("cae", cae, cae_pulses)):
+            (folder / f"{role}.csv").write_bytes(csv_bytes(table, float_format=None))
+            pulses.to_parquet(folder / f"{role}_pulses.parquet", index=False)
+        try:
+            return load_campaign(folder)
+        except DataError as error:
+            raise DataError([_named(problem) for problem in error.problems]) from None
+
+
+def conditions_frame(campaign: Campaign, role: str) -> pd.DataFrame:
+    """``tests.csv`` or ``cae.csv`` of a campaign, in mph and lb, see :attr:`Campaign.tests_frame`."""
+    rows: list[tuple[str, Condition]] = [(test.id, test.condition) for test in campaign.tests]
+    quality: tuple[RunQuality, ...] = ()
+    if role == "cae":
+        rows, quality = list(zip(campaign.cae.ids, campaign.cae.conditions, strict=True)), campaign.cae.quality
+    factors = list(dict.fromkeys(name for _, condition in rows for name, _ in condition.factors))
+    header = ["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *factors, *quality_columns(quality)]
+    told = quality or (RunQuality(),) * len(rows)
+    return pd.DataFrame([table_row(header, *row, own) for row, own in zip(rows, told, strict=True)], columns=header)
+
+
+def pulses_frame(campaign: Campaign, role: str) -> pd.DataFrame:
+    """All pulses of one kind, tidy, at full precision, see :attr:`Campaign.test_pulses_frame`."""
+    ids = campaign.test_ids if role == "tests" else campaign.cae.ids
+    accel = campaign.cae.accel_mps2 if role == "cae" else np.array([test.pulse.accel_mps2 for test in campaign.tests])
+    return pd.DataFrame(
+        {
+            "id": pd.Categorical.from_codes(np.repeat(np.arange(len(ids)), N_SAMPLES), list(ids)),
+            "time_s": np.tile(GRID_S, len(ids)),
+            "acceleration_mps2": accel.ravel(),
+        }
+    )
+
+
+def _named(problem: Problem) -> Problem:
+    """A problem of a table in memory: its file is that of the argument, its rows count from 0 as in the table."""
+    file, _, rest = problem.where.partition(".parquet")
+    where = _IN_MEMORY.get(file, file)
+    return replace(problem, where=f"{where}{rest}", row=None if problem.row is None else problem.row - 2)

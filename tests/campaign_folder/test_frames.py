@@ -1,0 +1,113 @@
+"""A campaign as tables in memory: the same checks and sentences as its folder, and back without a loss."""
+
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from crashfuse import Campaign, DataError, load_campaign, write_campaign
+
+Frames = dict[str, pd.DataFrame]
+
+
+@pytest.fixture
+def read(campaign_on_disk: Path) -> Campaign:
+    """The small campaign as it is read: pulses have single precision."""
+    return load_campaign(campaign_on_disk)
+
+
+@pytest.fixture
+def frames(read: Campaign) -> Frames:
+    """The tables of that campaign."""
+    return {
+        "tests": read.tests_frame,
+        "test_pulses": read.test_pulses_frame,
+        "cae": read.cae_frame,
+        "cae_pulses": read.cae_pulses_frame,
+    }
+
+
+def refusal(frames: Frames, **changed: pd.DataFrame) -> str:
+    """What is said against these tables."""
+    with pytest.raises(DataError) as caught:
+        Campaign.from_frames(**{**frames, **changed}, name="Tiny")
+    return str(caught.value)
+
+
+def test_tables_give_the_campaign_that_they_came_from(read: Campaign, frames: Frames) -> None:
+    """Every pulse to the bit, every condition as accurately as tables are written, factors and ids."""
+    again = Campaign.from_frames(**frames, name="Tiny")
+    assert again.name == "Tiny"
+    assert again.test_ids == read.test_ids
+    assert again.cae.ids == read.cae.ids
+    assert again.cae.accel_mps2.tobytes() == read.cae.accel_mps2.tobytes()
+    for one, other in zip(again.tests, read.tests, strict=True):
+        assert one.pulse.accel_mps2.tobytes() == other.pulse.accel_mps2.tobytes()
+        np.testing.assert_allclose(one.condition.vector, other.condition.vector, rtol=1e-11)
+        assert one.condition.factors == other.condition.factors
+
+
+def test_a_folder_taken_through_memory_is_the_same_folder(read: Campaign, tmp_path: Path) -> None:
+    """Its pulses to the byte."""
+    write_campaign(read, tmp_path / "one")
+    tables = read.tests_frame, read.test_pulses_frame, read.cae_frame, read.cae_pulses_frame
+    write_campaign(Campaign.from_frames(*tables, name=read.name), tmp_path / "other")
+    for path in ["cae_pulses.parquet", *(f"tests/{test}.csv" for test in read.test_ids)]:
+        assert (tmp_path / "one" / path).read_bytes() == (tmp_path / "other" / path).read_bytes()
+
+
+def test_tables_may_come_in_any_of_the_units(read: Campaign, frames: Frames) -> None:
+    """G and ms, km/h and kg: told by the names of the columns."""
+    tests = frames["tests"].rename(columns={"speed_mph": "speed_kph"})
+    tests["speed_kph"] *= 1.609344
+    pulses = frames["test_pulses"]
+    in_g = pd.DataFrame(
+        {"id": pulses["id"], "time_ms": pulses["time_s"] * 1e3, "acceleration_g": pulses["acceleration_mps2"] / 9.80665}
+    )
+    again = Campaign.from_frames(**{**frames, "tests": tests, "test_pulses": in_g}, name="Tiny")
+    for one, other in zip(again.tests, read.tests, strict=True):
+        np.testing.assert_allclose(one.pulse.accel_mps2, other.pulse.accel_mps2, atol=1e-4)
+        np.testing.assert_allclose(one.condition.vector, other.condition.vector, rtol=1e-11)
+
+
+def test_what_is_wrong_is_told_with_table_column_and_row(frames: Frames) -> None:
+    """Rows count from 0, as the tables do."""
+    tests, pulses = frames["tests"], frames["test_pulses"]
+    assert refusal(frames, tests=tests.drop(columns="rear_weight_lb")).startswith(
+        "tests: expected one column rear_weight_lb or rear_weight_kg, found the columns id, speed_mph"
+    )
+    assert "found speed_mph, speed_kph; keep one of them" in refusal(frames, tests=tests.assign(speed_kph=50.0))
+    spoilt = tests.astype({"speed_mph": object})
+    spoilt.loc[2, "speed_mph"] = "fast"
+    assert (
+        refusal(frames, tests=spoilt)
+        == "tests, column speed_mph, row 2: expected a number, found 'fast'; correct the cell."
+    )
+    gap = pulses.copy()
+    gap.loc[1300, "acceleration_mps2"] = np.nan
+    assert "test_pulses, column acceleration_mps2, row 1300: expected a number" in refusal(frames, test_pulses=gap)
+    lacking = refusal(frames, test_pulses=pulses[pulses["id"] != "T2"])
+    assert lacking.startswith("tests, column id: expected a pulse for T2")
+    assert refusal(frames, cae=[1]) == "cae: expected a DataFrame, found list; give a pandas DataFrame."  # type: ignore[arg-type]
+
+
+def test_a_zip_is_read_as_its_folder(campaign_on_disk: Path, tmp_path: Path) -> None:
+    """The campaign is the same."""
+    path = tmp_path / "read.zip"
+    with ZipFile(path, "w") as archive:
+        for file in sorted(campaign_on_disk.rglob("*")):
+            if file.is_file():
+                archive.write(file, file.relative_to(campaign_on_disk))
+    assert load_campaign(path).fingerprint == load_campaign(campaign_on_disk).fingerprint
+
+
+def test_a_campaign_says_in_a_line_what_it_holds(read: Campaign) -> None:
+    """No wall of numbers, in a notebook a table in which everything is text."""
+    assert repr(read) == "<Campaign 'Tiny': 4 tests, 24 CAE runs>"
+    hostile = Campaign("<b>T</b>", read.cae, read.tests, notice="<script>alert(1)</script>")
+    shown = hostile._repr_html_()
+    assert "<script>" not in shown
+    assert "&lt;b&gt;T&lt;/b&gt;: 4 tests" in shown
+    assert all(f"<td>{test}</td>" in shown for test in read.test_ids)

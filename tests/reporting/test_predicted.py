@@ -1,0 +1,65 @@
+"""A prediction as the library offers it: tables in known units, the pages' figure, one sentence for what is wrong."""
+
+import numpy as np
+import pytest
+
+import crashfuse
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError
+from crashfuse.reporting.predicted import PredictedPulse, predict
+from crashfuse.reporting.result_tables import pulses_table
+
+AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="FWD")
+
+
+@pytest.fixture(scope="module")
+def predicted(campaign: crashfuse.Campaign) -> PredictedPulse:
+    """What the displacement domain predicts at 30 mph."""
+    return predict(campaign, AT, "displacement_domain")
+
+
+def test_the_table_holds_the_pulse_and_its_motion(predicted: PredictedPulse) -> None:
+    """Equal to pulses.csv; velocity falls by the integral of the acceleration, displacement is that of the velocity."""
+    frame = predicted.to_frame()
+    assert list(frame) == ["time_ms", "acceleration_g", "lower_g", "upper_g", "velocity_kph", "displacement_mm"]
+    same = pulses_table([("", predicted.estimate)])
+    assert frame[list(frame)[:4]].equals(same[list(frame)[:4]].reset_index(drop=True))
+    assert frame["velocity_kph"].iloc[0] == pytest.approx(30 * 1.609344)
+    change = np.trapezoid(frame["acceleration_g"] * 9.80665, frame["time_ms"] / 1e3) * 3.6
+    assert frame["velocity_kph"].iloc[-1] - frame["velocity_kph"].iloc[0] == pytest.approx(change, rel=1e-6)
+    covered = np.trapezoid(frame["velocity_kph"] / 3.6, frame["time_ms"])
+    assert frame["displacement_mm"].iloc[-1] == pytest.approx(covered, rel=1e-6)
+
+
+def test_metrics_are_those_of_the_files(predicted: PredictedPulse) -> None:
+    """One row a metric, with its interval and unit."""
+    crush = predicted.metrics.set_index("metric").loc["max_crush"]
+    assert crush["unit"] == "mm"
+    assert crush["lower"] < crush["value"] < crush["upper"]
+
+
+def test_it_shows_itself(predicted: PredictedPulse) -> None:
+    """In a line, as a table, as the pages' figure in the unit asked for."""
+    assert repr(predicted).startswith("<PredictedPulse, displacement domain, at 30.0 mph")
+    assert "<td>" in predicted._repr_html_()
+    assert "m/s²" in predicted.plot(unit="m/s²").layout.yaxis.title.text
+
+
+def test_what_the_campaign_does_not_have_is_a_sentence(campaign: crashfuse.Campaign) -> None:
+    """An approach with the nearest name, a factor, a value of one."""
+
+    def refusal(condition: Condition, approach: str = "cae") -> str:
+        with pytest.raises(UsageError) as caught:
+            predict(campaign, condition, approach)
+        return str(caught.value)
+
+    assert refusal(AT, "fusd").startswith("There is no approach 'fusd'; did you mean fused?")
+    wheels = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, wheels="4")
+    assert refusal(wheels) == "Tiny has no factor 'wheels'; its factors are: drive."
+    rear = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="RWD")
+    assert refusal(rear) == "No test has drive 'RWD'; known are FWD."
+
+
+def test_an_error_in_a_notebook_is_its_sentence() -> None:
+    """IPython shows what this returns, in place of all frames."""
+    assert UsageError("No.")._render_traceback_() == ["UsageError: No."]
