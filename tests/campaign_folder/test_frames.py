@@ -105,7 +105,7 @@ def test_a_zip_is_read_as_its_folder(campaign_on_disk: Path, tmp_path: Path) -> 
 
 def test_a_campaign_says_in_a_line_what_it_holds(read: Campaign) -> None:
     """No wall of numbers, in a notebook a table in which everything is text."""
-    assert repr(read) == "<Campaign 'Tiny': 4 tests, 24 CAE runs>"
+    assert repr(read) == "<Campaign 'campaign': 4 tests, 24 CAE runs>"
     hostile = Campaign("<b>T</b>", read.cae, read.tests, notice="<script>alert(1)</script>")
     shown = hostile._repr_html_()
     assert "<script>" not in shown
