@@ -4,15 +4,14 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 import torch
 
 from crashfuse.approaches.time_domain.config import TcnConfig
-from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
-from crashfuse.condition import Condition
-from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.campaign import Campaign
+from crashfuse.signals.pulse import GRID_S, FloatArray
+from crashfuse.testing import small_campaign
 from crashfuse.units import LB, MPH, MS, G
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -32,9 +31,6 @@ needs_other_readers = pytest.mark.skipif(
     not OTHER_READERS.is_dir(), reason=f"needs the programs of tests/other_readers.txt in {OTHER_READERS}"
 )
 """Skips a test that uses them, and says so."""
-
-N_RUNS = 24
-TEST_SPEEDS_MPH = (15.0, 25.0, 26.0, 35.0)
 
 
 def pytest_configure() -> None:
@@ -102,49 +98,10 @@ def fitting_is_an_error(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     return forbid
 
 
-def half_sine(condition: Condition, duration_s: float) -> FloatArray:
-    """A half-sine pulse that stops the vehicle and throws it back at a tenth of its speed."""
-    peak = 1.1 * condition.speed_mps * np.pi / (2 * duration_s)
-    return np.where(duration_s > GRID_S, -peak * np.sin(np.pi * GRID_S / duration_s), 0.0)
-
-
-def cae_pulse(condition: Condition) -> FloatArray:
-    """The CAE model: a half sine that lasts longer the heavier the vehicle is."""
-    return half_sine(condition, 80 * MS * condition.mass_kg / 1700)
-
-
-def test_pulse(condition: Condition) -> FloatArray:
-    """The real car: stiffer, so a shorter half sine."""
-    return half_sine(condition, 70 * MS * condition.mass_kg / 1700)
-
-
-test_pulse.__test__ = False  # type: ignore[attr-defined] # a name that pytest would collect
-
-
-def make_campaign() -> Campaign:
-    """A campaign of 24 CAE runs, four of them paired, and 4 tests."""
-    tests = tuple(
-        CrashTest(f"T{i + 1}", condition, Pulse(GRID_S, test_pulse(condition)))
-        for i, condition in enumerate(
-            Condition(v * MPH, (2000 + 40 * i) * LB, (1450 + 50 * i) * LB, (("drive", "FWD"),))
-            for i, v in enumerate(TEST_SPEEDS_MPH)
-        )
-    )
-    rng = np.random.default_rng(1)
-    # a mass of its own for each run: at one mass half sines are scaled copies, which are told of
-    mass = rng.permutation(np.linspace(3363, 3876, N_RUNS - len(tests)))
-    speed, share = rng.uniform([[5.0], [0.0]], [[34.5], [1.0]], (2, mass.size))
-    front = (1 - share) * np.maximum(mass - 1700, 1950) + share * np.minimum(mass - 1400, 2180)
-    conditions = [Condition(v * MPH, f * LB, m * LB - f * LB) for v, f, m in zip(speed, front, mass, strict=True)]
-    conditions += [Condition(*test.condition.vector.tolist()) for test in tests]
-    accel = np.array([cae_pulse(condition) for condition in conditions], dtype=np.float32)
-    return Campaign("Tiny", CaeLibrary(tuple(f"C{i:02d}" for i in range(N_RUNS)), tuple(conditions), accel), tests)
-
-
 @pytest.fixture(scope="session")
 def campaign() -> Campaign:
     """The small campaign."""
-    return make_campaign()
+    return small_campaign()
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from tests.conftest import ROOT
 
 PACKAGE = ROOT / "crashfuse"
 ROOMS = (
+    "testing",
     "cli",
     "ui",
     "reporting",
@@ -29,6 +30,7 @@ ROOMS = (
     "condition",
     "signals",
     "files",
+    "extensions",
     "errors",
     "wording",
     "units",

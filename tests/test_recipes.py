@@ -114,8 +114,8 @@ def test_a_new_figure_draws_what_it_is_given(program: Path) -> None:
     """A curve for each test, over ms."""
     code = """if True:
         from crashfuse.reporting.plots.jerk import jerk
-        from tests.conftest import make_campaign
-        figure = jerk(make_campaign().tests)
+        from crashfuse.testing import small_campaign
+        figure = jerk(small_campaign().tests)
         print(len(figure.data), round(float(figure.data[0].x.max())), figure.layout.yaxis.title.text)"""
     assert run(program, "-c", code) == "4 100 Jerk (g/ms)\n"
 

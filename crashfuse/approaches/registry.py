@@ -1,5 +1,10 @@
-"""All approaches by name. A new one needs its own module and an entry here; its class defines the rest."""
+"""All approaches by name. A new one needs its own module and an entry here, or an entry point of another package.
 
+Its class defines the rest.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 from crashfuse.approaches.base import Approach
@@ -9,7 +14,8 @@ from crashfuse.approaches.fused.approach import Fused
 from crashfuse.approaches.settings import Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-from crashfuse.errors import UsageError
+from crashfuse.errors import CrashfuseError, UsageError
+from crashfuse.extensions import Broken, load, said
 
 _ALL: tuple[type[Approach], ...] = (
     Cae,
@@ -19,7 +25,32 @@ _ALL: tuple[type[Approach], ...] = (
     Fused,
 )
 
-CLASSES: dict[str, type[Approach]] = {approach.name: approach for approach in _ALL}
+
+def _checked(name: str, found: object) -> type[Approach]:
+    """An approach of another package, if it says all that is shown of it and takes no name of ours."""
+    if not (isinstance(found, type) and issubclass(found, Approach)):
+        raise ValueError("expected a subclass of crashfuse.approaches.base.Approach")
+    if getattr(found, "name", None) != name:
+        raise ValueError(f"its name is {getattr(found, 'name', None)!r}, its entry point's {name!r}")
+    if name in (approach.name for approach in _ALL):
+        raise ValueError("crashfuse has an approach of this name")
+    if missing := [
+        said for said in ("label", "in_words", "description", "colour", "preference") if not hasattr(found, said)
+    ]:
+        raise ValueError(f"it does not say its {', '.join(missing)}")
+    return found
+
+
+_FOUND = tuple(load("crashfuse.approaches", "approach", _checked))
+_BROKEN = {each.name: each.sentence for each in _FOUND if isinstance(each, Broken)}
+
+CLASSES: dict[str, type[Approach]] = {approach.name: approach for approach in _ALL} | {
+    name: approach for name, approach, _ in (each for each in _FOUND if not isinstance(each, Broken))
+}
+"""All approaches by name; those that other packages add (entry points ``crashfuse.approaches``) come last."""
+
+PACKAGES: dict[str, str] = {name: package for name, _, package in (e for e in _FOUND if not isinstance(e, Broken))}
+"""The package of each approach that is not ours."""
 
 APPROACHES: tuple[str, ...] = tuple(CLASSES)
 """Names of all approaches in the order of tables and figures: uncorrected CAE first, mixtures last."""
@@ -42,10 +73,24 @@ def create(name: str, settings: Settings) -> Approach:
     Raises
     ------
     UsageError
-        If there is no approach with that name.
+        If there is no approach with that name, or another package's cannot be used.
     """
+    if name in _BROKEN:
+        raise UsageError(_BROKEN[name])
     if name not in CLASSES:
         near = get_close_matches(str(name).lower(), APPROACHES, 1)
         meant = f"did you mean {near[0]}? All are" if near else "choose from"
         raise UsageError(f"There is no approach {name!r}; {meant} {', '.join(APPROACHES)}.")
     return CLASSES[name].create(settings)
+
+
+@contextmanager
+def blamed_on(name: str) -> Iterator[None]:
+    """Tell an unexpected error of another package's approach as that package's own; ours is passed on."""
+    try:
+        yield
+    except Exception as error:
+        if name not in PACKAGES or isinstance(error, CrashfuseError):
+            raise
+        text = f"The approach {name!r} of the package {PACKAGES[name]} failed: {said(error)}"
+        raise CrashfuseError(text) from error

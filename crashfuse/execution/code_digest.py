@@ -5,12 +5,13 @@ import hashlib
 import platform
 from collections.abc import Iterator
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from crashfuse.execution.cache import Cache
 
 _PACKAGE = Path(__file__).parents[1]
-_NOT_COMPUTING = {"execution", "files", "errors", "wording", "version", "reporting", "campaign_folder"}
+_NOT_COMPUTING = {"execution", "files", "errors", "wording", "version", "extensions", "reporting", "campaign_folder"}
 """Rooms that run, store, report and read, but determine no number: data are known by their fingerprint."""
 
 
@@ -18,9 +19,12 @@ _NOT_COMPUTING = {"execution", "files", "errors", "wording", "version", "reporti
 def code_digest(module: str, package: Path = _PACKAGE) -> str:
     """Digest of a module, given by its full name, and of every module of this package that it imports, even indirectly.
 
-    Comments, docstrings and layout are ignored, and so is code that only runs or stores computations. A module outside
-    the package is represented by its name only.
+    Comments, docstrings and layout are ignored, and so is code that only runs or stores computations. For a module of
+    another package, an approach that it adds, every file of that package counts, byte for byte; what is imported from
+    elsewhere is represented by its name only.
     """
+    if module.partition(".")[0] != package.name:
+        return hashlib.sha256(_foreign_sources(module) + _sources_digest(package).encode()).hexdigest()
     key = {"module": module, "sources": _sources_digest(package), "python": platform.python_version()}
 
     def compute() -> tuple[str, dict[str, str]]:
@@ -34,6 +38,16 @@ def code_digest(module: str, package: Path = _PACKAGE) -> str:
 def _sources_digest(package: Path) -> str:
     """Digest of all files of the package, byte for byte."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(package.rglob("*.py")))).hexdigest()
+
+
+def _foreign_sources(module: str) -> bytes:
+    """The sources of the package that a module is from, one after another."""
+    spec = find_spec(module.partition(".")[0])
+    if spec is None or spec.origin is None:
+        return module.encode()
+    home = Path(spec.origin)
+    files = sorted(home.parent.rglob("*.py")) if spec.submodule_search_locations else [home]
+    return b"".join(path.read_bytes() for path in files)
 
 
 def _parsed_digest(module: str, package: Path) -> str:

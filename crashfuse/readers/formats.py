@@ -7,9 +7,12 @@ A new format needs a module with a function that reads a path into records, and 
 import importlib
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
+
+from crashfuse.errors import CrashfuseError, DataError, Problem
+from crashfuse.extensions import Broken, load, said
 
 if TYPE_CHECKING:
     from crashfuse.campaign_folder.condition_tables import Role
@@ -38,6 +41,8 @@ class Format:
         Whether each of these files is one test and the reader takes only one.
     role : {"tests", "cae"}
         The most likely role of its records.
+    package : str
+        The package that adds it; empty for ours.
     axes : bool
         Whether its files may hold motion along any axis. The reader, if there is one, then takes the direction of
         travel (:data:`~crashfuse.readers.axes.Travel`) as a second argument; None: to be found.
@@ -50,6 +55,7 @@ class Format:
     one_a_file: bool = False
     role: "Role" = "tests"
     axes: bool = False
+    package: str = ""
 
     def has(self, path: PurePath) -> bool:
         """Whether the name of a file is of this format."""
@@ -58,9 +64,14 @@ class Format:
     def read(self, path: Path, travel: "Travel | None" = None) -> "tuple[Record, ...]":
         """Read the records in a file, folder or zip; raise a DataError if it is unusable."""
         module, _, function = self.reader.partition(":")
-        records: tuple[Record, ...] = getattr(importlib.import_module(module), function)(
-            path, *([travel] if self.axes else [])
-        )
+        try:
+            read = getattr(importlib.import_module(module), function)
+            records: tuple[Record, ...] = read(path, *([travel] if self.axes else []))
+        except Exception as error:
+            if not self.package or isinstance(error, CrashfuseError | OSError):
+                raise
+            found = f"the reader of the package {self.package} failed: {said(error)}"
+            raise DataError(Problem(path.name, self.label, found.rstrip("."), "use another format")) from error
         return records
 
 
@@ -91,7 +102,22 @@ FORMATS = {
     "tdms": Format("TDMS", ".tdms", r".*\.tdms", f"{_HERE}.tdms:read_tdms"),
     TABLES: Format("tables", ".csv, .txt, .xlsx …", r".*\.(csv|tsv|txt|asc|dat|rpt|xls[xm]?)", axes=True),
 }
-"""The formats by their command-line names."""
+"""The formats by their command-line names; those that other packages add (``crashfuse.readers``) come last."""
+
+
+def _checked(name: str, found: object) -> Format:
+    """A format of another package, if its name is not ours."""
+    if not isinstance(found, Format):
+        raise ValueError("expected a crashfuse.readers.formats.Format")
+    if name in FORMATS:
+        raise ValueError("crashfuse has a format of this name")
+    re.compile(found.names)
+    return found
+
+
+for _each in load("crashfuse.readers", "reader", _checked):
+    if not isinstance(_each, Broken):
+        FORMATS[_each[0]] = replace(_each[1], package=_each[2])
 
 
 def formats_of(paths: Iterable[PurePath]) -> list[str]:

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.fit_cache import fitted, settings
 from crashfuse.approaches.metric_calibration import Errors, calibrated_metrics, metric_errors
+from crashfuse.approaches.registry import blamed_on
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
@@ -97,8 +98,9 @@ class Fit:
             If the watch was told to stop.
         """
         cache = cache or Cache()
-        learned, seconds = fitted(config.create(approach, cache), campaign, cache, watch)
-        left_out = learned.left_out(campaign)
+        with blamed_on(approach):
+            learned, seconds = fitted(config.create(approach, cache), campaign, cache, watch)
+            left_out = learned.left_out(campaign)
 
         def judge() -> tuple[Errors, Errors]:
             errors = metric_errors(left_out, campaign)
@@ -145,7 +147,9 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     def predict(approach: Approach) -> Prediction:
         key = tuple(settings(approach).values())
         if key not in known:
-            known[key] = approach.predict_from(condition, [predict(part) for part in approach.parts])
+            parts = [predict(part) for part in approach.parts]
+            with blamed_on(approach.name):
+                known[key] = approach.predict_from(condition, parts)
         return known[key]
 
     estimates = []

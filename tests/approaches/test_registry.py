@@ -54,9 +54,9 @@ from crashfuse.reporting.result_tables import scores_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import run_study
-from tests.conftest import make_campaign
+from crashfuse.testing import small_campaign
 
-study = run_study(make_campaign(), StudyConfig(approaches=("cae", "constant")), held_out=["T2"], workers=1)
+study = run_study(small_campaign(), StudyConfig(approaches=("cae", "constant")), held_out=["T2"], workers=1)
 print(json.dumps({
     "default": StudyConfig().approaches,
     "label": LABELS["constant"],

@@ -7,8 +7,8 @@ import pytest
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.certification.domain import Domain
 from crashfuse.condition import Condition
+from crashfuse.testing import small_campaign
 from crashfuse.units import LB, MPH
-from tests.conftest import make_campaign
 
 
 def at(speed_mph: float, mass_lb: float = 3600.0, drive: str = "FWD") -> Condition:
@@ -19,7 +19,7 @@ def at(speed_mph: float, mass_lb: float = 3600.0, drive: str = "FWD") -> Conditi
 @pytest.fixture(scope="module")
 def wide() -> Campaign:
     """Tests at 15, 25, 26 and 35 mph; CAE runs over a range that leaves the tests to decide."""
-    campaign = make_campaign()
+    campaign = small_campaign()
     vectors = [(4.0, 1500.0, 1100.0), (60.0, 3000.0, 2200.0)]
     ends = tuple(Condition(v * MPH, f * LB, r * LB) for v, f, r in vectors)
     cae = campaign.cae

@@ -23,9 +23,10 @@ from crashfuse.campaign_folder import folder as campaign_folder_module
 from crashfuse.reporting.results import RESULT_FILES
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.plan import StudyPlan
+from crashfuse.testing import small_campaign
 from crashfuse.units import MS
 from crashfuse.version import __version__
-from tests.conftest import make_campaign, write_campaign
+from tests.conftest import write_campaign
 
 METRICS = [
     *("peak", "peak_time", "delta_v", "t0", "max_crush", "mean", "sm25", "olc", "vpi"),
@@ -700,7 +701,7 @@ def test_a_series_goes_on_where_it_was_and_says_first_what_is_impossible(
     """What is wrong with the last campaign ends it before the first is computed; what was done is not done again."""
     options = ["--held-out", "T2", "--approach", "lf_tcn", "--workers", "1"]
     other, out = tmp_path / "other", tmp_path / "series"
-    write_campaign(replace(make_campaign(), tests=make_campaign().tests[:1]), other)
+    write_campaign(replace(small_campaign(), tests=small_campaign().tests[:1]), other)
     command = [
         "study",
         "--preset",

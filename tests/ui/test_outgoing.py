@@ -18,11 +18,11 @@ from crashfuse.ui.figure_tools import file_name
 
 def page() -> None:
     """The section alone, for two approaches of which one has draws."""
+    from crashfuse.testing import small_campaign
     from crashfuse.ui.occupant_model import offer_pulses
-    from tests.conftest import make_campaign
     from tests.ui.test_outgoing import estimates
 
-    offer_pulses(make_campaign(), estimates(make_campaign()), "fused", 0, ["Test T1 was left out."])
+    offer_pulses(small_campaign(), estimates(small_campaign()), "fused", 0, ["Test T1 was left out."])
 
 
 def estimates(campaign: Campaign) -> list[Estimate]:

@@ -1,0 +1,53 @@
+"""Approaches and readers of other packages, found by their entry points."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """An entry point that cannot be used, and why: the fault of its package, told to whoever asks for it."""
+
+    name: str
+    sentence: str
+
+
+def load(group: str, kind: str, check: Callable[[str, object], T]) -> Iterator[tuple[str, T, str] | Broken]:
+    """Load the entry points of a group, sorted by name.
+
+    Parameters
+    ----------
+    group : str
+        ``crashfuse.approaches`` or ``crashfuse.readers``.
+    kind : str
+        What they are, for messages: approach, reader.
+    check : callable
+        Takes the name and the loaded object; returns it, or raises a ValueError that says what is wrong with it.
+
+    Yields
+    ------
+    tuple of (str, object, str), or Broken
+        Name, checked object and the name of its package.
+    """
+    for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
+        package = _package(entry)
+        try:
+            yield entry.name, check(entry.name, entry.load()), package
+        except Exception as error:
+            yield Broken(
+                entry.name, f"The {kind} {entry.name!r} of the package {package} cannot be used: {said(error)}"
+            )
+
+
+def said(error: BaseException) -> str:
+    """An error of another package in a sentence for its authors."""
+    text = " ".join(str(error).split())[:300]
+    return f"{type(error).__name__}{f': {text}' if text else ''}. Tell its authors."
+
+
+def _package(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist is not None else entry.value.partition(".")[0]
