@@ -90,7 +90,7 @@ def test_what_is_wrong_is_told_with_table_column_and_row(frames: Frames) -> None
     assert "test_pulses, column acceleration_mps2, row 1300: expected a number" in refusal(frames, test_pulses=gap)
     lacking = refusal(frames, test_pulses=pulses[pulses["id"] != "T2"])
     assert lacking.startswith("tests, column id: expected a pulse for T2")
-    assert refusal(frames, cae=[1]) == "cae: expected a DataFrame, found list; give a pandas DataFrame."  # type: ignore[arg-type]
+    assert refusal(frames, cae=[1]) == "cae: expected a DataFrame, found list; give a pandas DataFrame."
 
 
 def test_a_zip_is_read_as_its_folder(campaign_on_disk: Path, tmp_path: Path) -> None:
