@@ -8,6 +8,7 @@ from .condition import Condition as Condition
 from .errors import CrashfuseError as CrashfuseError
 from .errors import DataError as DataError
 from .errors import UsageError as UsageError
+from .execution.progress_bar import watching as watching
 from .importing.campaign_import import import_source as import_source
 from .importing.rated_channels import rate_channels as rate_channels
 from .importing.rated_files import RatingChoices as RatingChoices

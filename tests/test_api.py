@@ -56,6 +56,7 @@ def test_the_public_names_are_these() -> None:
         "save_model",
         "study_report",
         "sweep_speed",
+        "watching",
         "worst_test",
         "write_campaign",
         "write_certification",

@@ -18,7 +18,7 @@ def certify(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.folder import load_campaign
     from crashfuse.certification.certify import APPROACH, certify_matrix
     from crashfuse.certification.criteria_file import read_criteria
-    from crashfuse.cli.progress_bar import watching
+    from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.certification_sentences import summary
     from crashfuse.reporting.certification_tables import counts_table
     from crashfuse.reporting.plots.display import Display

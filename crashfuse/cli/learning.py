@@ -13,7 +13,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.folder import load_campaign
     from crashfuse.certification.criteria_file import read_criteria
     from crashfuse.certification.decided import with_decided
-    from crashfuse.cli.progress_bar import watching
+    from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.results import write_learning_curve

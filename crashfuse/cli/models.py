@@ -22,7 +22,7 @@ _BEST = 5
 def train(arguments: argparse.Namespace) -> None:
     """Fit to all tests and save the models."""
     from crashfuse.campaign_folder.folder import load_campaign
-    from crashfuse.cli.progress_bar import watching
+    from crashfuse.execution.progress_bar import watching
     from crashfuse.study.estimate import Fit
     from crashfuse.study.saved_models import model_file, save_model
 
@@ -71,7 +71,7 @@ def predict(arguments: argparse.Namespace) -> None:
 def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
     from crashfuse.campaign_folder.folder import load_campaign
-    from crashfuse.cli.progress_bar import watching
+    from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_pulses, write_sweep
     from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
@@ -105,7 +105,7 @@ def next_test(arguments: argparse.Namespace) -> None:
     from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
     from crashfuse.campaign_folder.condition_tables import read_candidates
     from crashfuse.campaign_folder.folder import load_campaign
-    from crashfuse.cli.progress_bar import watching
+    from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_next_tests
     from crashfuse.study.estimate import Fit
@@ -151,8 +151,8 @@ def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mps: f
 def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     """Fits of the requested approaches, loaded from a folder of saved models if given, else trained."""
     from crashfuse.approaches.registry import APPROACHES
-    from crashfuse.cli.progress_bar import watching
     from crashfuse.execution.cache import Cache
+    from crashfuse.execution.progress_bar import watching
     from crashfuse.study.estimate import Fit
     from crashfuse.study.saved_models import load_model, model_file
 

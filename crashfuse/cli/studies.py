@@ -125,7 +125,7 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     """Compute a study, write it and print its results; returns its means."""
-    from crashfuse.cli.progress_bar import watching
+    from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.result_tables import scores_table, studies_table
     from crashfuse.reporting.results import begin_study, write_study

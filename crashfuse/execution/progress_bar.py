@@ -1,10 +1,11 @@
-"""Progress on standard error: a bar per step on a terminal, otherwise a few plain lines suitable for a log."""
+"""Progress: a bar per step on a terminal or in a notebook, otherwise a few plain lines suitable for a log."""
 
 import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 
-from tqdm import tqdm
+from tqdm.auto import tqdm
+from tqdm.notebook import tqdm as in_notebook
 
 from crashfuse.execution.progress import Progress, Watch
 
@@ -13,7 +14,11 @@ _LINES = 4  # parts of a step written as lines: one at its start, and one after 
 
 @contextmanager
 def watching() -> Iterator[Watch]:
-    """Show the progress of computations in this context on standard error."""
+    """Show the progress of the computations that are given this watch.
+
+    >>> with watching() as watch:
+    ...     study = run_study(campaign, watch=watch)
+    """
     with ProgressBar() as bar:
         yield Watch(bar.show)
 
@@ -24,7 +29,7 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
     def __init__(self) -> None:
         self._bars: dict[str, tqdm[None]] = {}
         self._written: dict[str, int] = {}
-        self._draw = sys.stderr.isatty()
+        self._draw = sys.stderr.isatty() or issubclass(tqdm, in_notebook)
 
     def __exit__(self, *_: object) -> None:
         for bar in self._bars.values():
@@ -41,9 +46,8 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
         """Move the bar of this step; a step that starts again (for the next test) reuses its line."""
         bar = self._bars.get(progress.step)
         if bar is None:
-            bar = tqdm(
-                total=progress.total, desc=progress.step, file=sys.stderr, position=len(self._bars), dynamic_ncols=True
-            )
+            place = len(self._bars)
+            bar = tqdm(total=progress.total, desc=progress.step, file=sys.stderr, position=place, dynamic_ncols=True)
             self._bars[progress.step] = bar
         elif progress.done < bar.n:
             bar.reset(progress.total)
@@ -56,4 +60,5 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
         part = int(_LINES * progress.fraction)
         if part > self._written.get(progress.step, -1):
             self._written[progress.step] = part
-            print(f"{progress.step}: {progress.done} of {progress.total}", file=sys.stderr, flush=True)
+            sys.stderr.write(f"{progress.step}: {progress.done} of {progress.total}\n")
+            sys.stderr.flush()

@@ -2,8 +2,8 @@
 
 import pytest
 
-from crashfuse.cli.progress_bar import ProgressBar
 from crashfuse.execution.progress import Progress
+from crashfuse.execution.progress_bar import ProgressBar
 
 
 def show(steps: int, *, again: bool) -> None:
