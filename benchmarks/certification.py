@@ -18,7 +18,7 @@ from vehicles import World
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.metric_calibration import Distribution, metric_errors
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import certify_matrix
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix

@@ -23,7 +23,7 @@ from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.cae.emulator import Emulator
 from crashfuse.campaign import CaeLibrary, Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.loading import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics

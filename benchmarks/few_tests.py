@@ -19,7 +19,7 @@ from vehicles import World
 from crashfuse.approaches.calibration import Coverage
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at

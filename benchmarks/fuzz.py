@@ -27,7 +27,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_tables import read_pulse
 from crashfuse.certification.criteria_file import read_criteria
 from crashfuse.errors import CrashfuseError, DataError, UsageError

@@ -25,7 +25,7 @@ from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.training import Checkpoint, TrainingObjective, minimise
 from crashfuse.approaches.time_domain.training_data import predict
 from crashfuse.campaign import CaeLibrary, Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse

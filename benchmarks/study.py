@@ -31,7 +31,7 @@ from crashfuse.approaches.displacement_domain.hierarchical_bias import Hierarchi
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 

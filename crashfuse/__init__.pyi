@@ -1,5 +1,5 @@
 from .campaign import Campaign as Campaign
-from .campaign_folder.folder import load_campaign as load_campaign
+from .campaign_folder.load import load_campaign as load_campaign
 from .campaign_folder.notes import Note as Note
 from .campaign_folder.notes import read_notes as read_notes
 from .campaign_folder.notes import write_notes as write_notes

@@ -1,7 +1,6 @@
 """The campaign folder: settings, both condition tables and both sets of pulses, checked as a whole."""
 
 import math
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from crashfuse.campaign_folder.plausibility import check_band, check_ends, check
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.quality_columns import failing
 from crashfuse.campaign_folder.settings import read_settings
-from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, printable, shortened
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
@@ -22,8 +20,8 @@ from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 _FEWEST_RUNS = 10
 
 
-def load_campaign(folder: str | Path) -> Campaign:
-    """Read and check a campaign folder, or a zip of one.
+def read_folder(folder: str | Path) -> Campaign:
+    """Read and check a campaign folder.
 
     Parameters
     ----------
@@ -42,9 +40,6 @@ def load_campaign(folder: str | Path) -> Campaign:
         With every problem of the folder, not only the first.
     """
     folder = Path(folder)
-    if folder.is_file() and folder.suffix.lower() == ".zip":
-        with tempfile.TemporaryDirectory(prefix="crashfuse-") as scratch:
-            return load_campaign(lay_out([(folder.name, folder.read_bytes())], Path(scratch)))
     if not folder.is_dir():
         found, advice = "no such folder", "check the path"
         if folder.exists():

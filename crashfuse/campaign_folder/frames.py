@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.folder import read_folder
 from crashfuse.campaign_folder.writer import quality_columns, table_row, toml_text
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
@@ -42,7 +42,7 @@ def campaign_of_frames(
             (folder / f"{role}.csv").write_bytes(csv_bytes(table, float_format=None))
             pulses.to_parquet(folder / f"{role}_pulses.parquet", index=False)
         try:
-            return load_campaign(folder)
+            return read_folder(folder)
         except DataError as error:
             raise DataError([_named(problem) for problem in error.problems]) from None
 

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from crashfuse.campaign_folder.condition_tables import read_what_can_be
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.folder import read_folder
 from crashfuse.campaign_folder.ids import folded
 from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.archive import (
@@ -37,7 +37,7 @@ _ENTRY = b"PK\x01\x02"  # starts every entry of a zip's directory
 
 
 def lay_out(uploads: Sequence[tuple[str, bytes]], into: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
-    """Lay uploads out as a campaign folder that :func:`crashfuse.campaign_folder.folder.load_campaign` reads.
+    """Lay uploads out as a campaign folder that :func:`crashfuse.campaign_folder.folder.read_folder` reads.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def _refuse_with_the_rest(problems: list[Problem], name: str, folder: Path) -> N
     with collecting(told):
         refuse(problems, name)
     with collecting(told):
-        load_campaign(folder)
+        read_folder(folder)
     raise DataError(told)
 
 
@@ -204,6 +204,6 @@ def _check_rows(folder: Path, limits: Limits) -> None:
             with pq.ParquetFile(path) as file:
                 rows = file.metadata.num_rows
         except (pa.ArrowException, OSError):
-            continue  # load_campaign reports what is wrong with it
+            continue  # read_folder reports what is wrong with it
         if rows > limits.rows:
             raise DataError(Problem(path.name, f"at most {limits.rows} rows", f"{rows}", "upload fewer runs"))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def certify(arguments: argparse.Namespace) -> None:
     """Give a verdict on every criterion at every condition of a matrix."""
-    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.certification.certify import APPROACH, certify_matrix
     from crashfuse.certification.criteria_file import read_criteria
     from crashfuse.execution.progress_bar import watching

@@ -33,7 +33,7 @@ def sample(arguments: argparse.Namespace) -> None:
 def check(arguments: argparse.Namespace) -> None:
     """Print what a campaign contains."""
     from crashfuse.cae.quality import judge_quality
-    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.campaign_folder.load import load_campaign
 
     campaign = load_campaign(arguments.campaign)
     print(f"{campaign.name}: {len(campaign.tests)} tests, {len(campaign.cae)} CAE runs.")

@@ -10,7 +10,7 @@ from crashfuse.wording import SYSTEMS
 
 def learning_curve(arguments: argparse.Namespace) -> None:
     """Predict tests from 1, 2, 3 … of the others, and say what one more test would buy."""
-    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.certification.criteria_file import read_criteria
     from crashfuse.certification.decided import with_decided
     from crashfuse.execution.progress_bar import watching

@@ -21,7 +21,7 @@ _BEST = 5
 
 def train(arguments: argparse.Namespace) -> None:
     """Fit to all tests and save the models."""
-    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.execution.progress_bar import watching
     from crashfuse.study.estimate import Fit
     from crashfuse.study.saved_models import model_file, save_model
@@ -39,7 +39,7 @@ def train(arguments: argparse.Namespace) -> None:
 
 def predict(arguments: argparse.Namespace) -> None:
     """Predict the pulse at a new condition."""
-    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_prediction
     from crashfuse.signals.metrics import MAIN_METRICS
@@ -70,7 +70,7 @@ def predict(arguments: argparse.Namespace) -> None:
 
 def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
-    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_pulses, write_sweep
@@ -104,7 +104,7 @@ def next_test(arguments: argparse.Namespace) -> None:
     """Rank tests to run next."""
     from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
     from crashfuse.campaign_folder.condition_tables import read_candidates
-    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_next_tests

@@ -69,7 +69,7 @@ def _runs(arguments: argparse.Namespace) -> list[_Run]:
     alone = len(folders) == len(ways) == 1
     for folder in folders.values():
         require_output(arguments.out, folder, "study" if alone else "series of studies")
-    from crashfuse.campaign_folder.folder import load_campaign
+    from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.campaign_folder.notes import read_notes
     from crashfuse.reporting.report import ReportOptions
 

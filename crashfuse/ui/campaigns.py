@@ -9,7 +9,7 @@ from pathlib import Path
 import streamlit as st
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.folder import read_folder
 from crashfuse.campaign_folder.sample_folder import sample_folder
 from crashfuse.errors import DataError, Problem
 from crashfuse.ui import journal
@@ -148,7 +148,7 @@ def _unreadable(folder: Path, error: Exception) -> DataError:
 
 @st.cache_resource(max_entries=4, show_spinner="Reading the campaign …")
 def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001  (part of the key)
-    return load_campaign(folder)
+    return read_folder(folder)
 
 
 def _stamp(folder: Path) -> tuple[object, ...]:

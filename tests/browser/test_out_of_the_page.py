@@ -11,7 +11,7 @@ import pytest
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import APPROACHES
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.reporting.report import ReportForm, ReportOptions, study_report
 from crashfuse.study.config import StudyConfig

@@ -7,7 +7,7 @@ import pytest
 
 from crashfuse.cae.emulator import Emulator
 from crashfuse.campaign import CaeLibrary
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray

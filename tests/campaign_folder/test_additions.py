@@ -9,7 +9,7 @@ import pytest
 
 from crashfuse.campaign_folder import additions
 from crashfuse.campaign_folder.additions import Addition, add_to_campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError
 from crashfuse.files.atomic import write_atomically

@@ -10,7 +10,7 @@ import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.copies import copied_runs, copied_tests
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray

@@ -14,8 +14,8 @@ from crashfuse import cli
 from crashfuse.campaign_folder import editing, history
 from crashfuse.campaign_folder.additions import add_to_campaign
 from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_tests, use_again
-from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.campaign_folder.history import changes, undo
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_folder import sample_folder
 from crashfuse.errors import DataError, UsageError
 from tests.campaign_folder.test_additions import _reshape as reshape

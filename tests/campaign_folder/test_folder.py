@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.units import KPH, LB, MPH, MS, G

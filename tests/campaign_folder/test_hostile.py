@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 
 from crashfuse import cli
 from crashfuse.campaign_folder.condition_tables import read_candidates
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_tables import read_pulse
 from crashfuse.errors import DataError
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crashfuse.campaign_folder.additions import Addition, add_to_campaign
-from crashfuse.campaign_folder.folder import load_campaign
 from crashfuse.campaign_folder.ids import folded, id_trouble, safe_id
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError
 from crashfuse.files.archive import name_trouble

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from crashfuse import cli
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.notes import FILE, LONGEST_TEXT, MOST, Note, read_notes, write_notes
 from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError, UsageError

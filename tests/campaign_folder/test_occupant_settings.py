@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.writer import write_campaign
 from crashfuse.errors import DataError
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError
 from crashfuse.files.archive import Limits

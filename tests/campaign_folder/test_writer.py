@@ -7,7 +7,7 @@ import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder import writer
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.writer import write_campaign
 from crashfuse.errors import DataError
 

@@ -11,7 +11,7 @@ import pytest
 
 from crashfuse import cli
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.criteria_file import criteria_of
 from crashfuse.certification.matrix import Matrix
 from tests.conftest import write_campaign

@@ -19,7 +19,7 @@ import pytest
 from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder import folder as campaign_folder_module
+from crashfuse.campaign_folder import load as campaign_folder_module
 from crashfuse.reporting.results import RESULT_FILES
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.plan import StudyPlan

@@ -11,7 +11,8 @@ import pytest
 from crashfuse import cli
 from crashfuse.reporting.study_folder import read_study
 from crashfuse.study.history import past_results
-from tests.conftest import make_campaign, write_campaign
+from crashfuse.testing import small_campaign
+from tests.conftest import write_campaign
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -30,7 +31,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 @pytest.mark.slow
 def test_two_studies_are_compared_by_folder_and_by_id(run: Run, tmp_path: Path) -> None:
     """The numbers are those of both scores.csv; every rating as CSV on request."""
-    write_campaign(make_campaign(), tmp_path / "campaign")
+    write_campaign(small_campaign(), tmp_path / "campaign")
     options = ("--approach", "cae", "displacement_domain", "--workers", "1", "--leave-out", "both")
     for seed in (0, 1):
         code, *_ = run("study", tmp_path / "campaign", "--out", tmp_path / f"{seed}", "--seed", seed, *options)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError
 from crashfuse.importing import Choices, Reading, add_settled, import_source, read_each, settle_each

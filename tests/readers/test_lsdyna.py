@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError
 from crashfuse.importing import Choices, import_source, settle
 from crashfuse.readers.lsdyna.runs import read_lsdyna

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError
 from crashfuse.importing import import_source, settle
 from crashfuse.readers.energies import Energies as Histories

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from crashfuse.campaign import Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.criteria_file import read_criteria
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.matrix import Matrix

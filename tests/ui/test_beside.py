@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.history import PastResult, keep
 from crashfuse.ui import computation

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import crashfuse
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.criteria_file import criteria_text, read_criteria
 from crashfuse.errors import UsageError
 from crashfuse.reporting.certification_sentences import to_test

@@ -16,7 +16,7 @@ import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder import sample_folder
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.signals.filters import cfc_filter

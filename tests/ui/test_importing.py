@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from openpyxl import Workbook
 
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_folder import sample_folder
 from crashfuse.ui import uploads, visitors
 from crashfuse.units import KPH, MPH

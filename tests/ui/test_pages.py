@@ -21,7 +21,7 @@ from streamlit.testing.v1 import AppTest
 from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import CaeLibrary, Campaign
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.progress import SILENT, Watch

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from crashfuse.campaign_folder.folder import load_campaign
+from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.ui.computation import jobs
 from crashfuse.units import KPH, LB, MPH
 from tests.ui.conftest import SOON, Session
