@@ -10,6 +10,7 @@ from crashfuse.study.study import run_study
 
 
 @pytest.mark.parametrize("held_out", [("T1",), ("T1", "T2")])
+@pytest.mark.usefixtures("quick_networks")
 @pytest.mark.slow
 def test_every_step_that_is_expected_is_reported_under_its_name(
     campaign: Campaign, tmp_path_factory: pytest.TempPathFactory, held_out: tuple[str, ...]
@@ -21,7 +22,8 @@ def test_every_step_that_is_expected_is_reported_under_its_name(
         lambda progress: reported.update({progress.step: progress.done == progress.total}),
         on_expected=expected.extend,
     )
-    run_study(campaign, StudyConfig(), held_out=held_out, cache=Cache(tmp_path_factory.mktemp("cache")), watch=watch)
+    cache = Cache(tmp_path_factory.mktemp("cache"))
+    run_study(campaign, StudyConfig(), held_out=held_out, cache=cache, watch=watch, workers=1)
     assert set(expected) - reported.keys() <= {"Repeatability"}  # with other processes one of them computes it
     assert "Training LF TCN" in expected
     assert all(
