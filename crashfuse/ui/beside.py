@@ -58,10 +58,14 @@ def choose_curves(
     without being asked for.
     """
     known = [*([TEST] if held_out else []), *predictions]
-    with st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
+    with st.popover("Curves", icon=":material/stacked_line_chart:"):
         chosen = kept_choice("curves", known, _pills(known))
         band = _choose_band(predictions, recommended)
         beside = _choose_beside(view, condition, band, held_out)
+    st.button(
+        "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(view.campaign, condition, held_out),
+        help=f"Also show {_NEAREST} tests: those at about this speed first, then the nearest by speed and weights.",
+    )  # fmt: skip
     shown = {name: predictions[name] for name in chosen if name in predictions} | beside
     if not shown and TEST not in chosen:
         st.info("No curve is chosen.", icon=":material/visibility_off:")
@@ -106,7 +110,7 @@ def _choose_band(predictions: Mapping[str, Prediction], recommended: str | None)
         if st.session_state["band"] not in labels:
             st.session_state["band"] = _RECOMMENDED
         st.selectbox(
-            "Filled band", list(labels), format_func=labels.__getitem__, key="band", persist_state="session", width=190,
+            "Filled band", list(labels), format_func=labels.__getitem__, key="band", persist_state="session",
             help="Of other bands the edges are drawn. Pinned predictions are by this approach.",
         )  # fmt: skip
     return leading(predictions, recommended)
@@ -127,11 +131,6 @@ def _choose_beside(view: View, condition: Condition | None, approach: str, held_
     also = kept_choice(
         "also", list(offered), _multiselect(offered, "Also show", "tests, CAE runs" if condition else "CAE runs")
     )
-    if condition is not None:
-        st.button(
-            "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(campaign, condition, held_out),
-            help=f"Also show {_NEAREST} tests: those at about this speed first, then the nearest by speed and weights.",
-        )  # fmt: skip
     if unasked:
         also += [name for name in at_pins if name != f"{_PIN}{unasked}"]
     found = {offered[name]: _measured_or_run(campaign, name) for name in also if name not in at_pins}

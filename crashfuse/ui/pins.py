@@ -8,6 +8,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.ui.frame import View
+from crashfuse.ui.text import plain
 
 _MOST = 6  # each takes ten megabytes, and a column of the table
 
@@ -29,7 +30,7 @@ def pin(condition: Condition) -> None:
 
 
 def show_pins(view: View, condition: Condition, remember: Callable[[], None]) -> None:
-    """Offer to pin the condition shown, and to unpin others; ``remember`` is called when it is pinned."""
+    """Name the condition shown, offer to pin it, and to unpin others; ``remember`` is called when it is pinned."""
     texts = pinned()
 
     def pin_this() -> None:
@@ -37,6 +38,7 @@ def show_pins(view: View, condition: Condition, remember: Callable[[], None]) ->
         remember()
 
     with st.container(horizontal=True, vertical_alignment="center", gap="small"):
+        st.caption(f"{plain(condition)}; {view.display.weight(condition.mass_kg)} in all", width="content")
         st.button(
             "Pin this prediction", icon=":material/keep:", on_click=pin_this,
             disabled=condition.text in texts or len(texts) >= _MOST,

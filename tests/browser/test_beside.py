@@ -39,6 +39,7 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
     user.open(small_server, "compare", **QUICK, test="T2")
     user.press("Predict test T2")
     shows(user, "Test", band)
+    user.press("Curves", f'{MAIN} [data-testid="stPopover"] button')
     user.press("Test", PILL)
     shows(user, band)
     user.press("Corridors of the rating", "label")

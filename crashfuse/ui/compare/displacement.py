@@ -30,14 +30,17 @@ _BEYOND = 1.1  # times the CAE model's crush; the held-out test, which may go fu
 def show(comparison: Comparison) -> None:
     """Show the held-out test, the CAE model and its correction over displacement, in the figure that the user picks."""
     display, test, condition = comparison.view.display, comparison.test, comparison.test.condition
-    choice = choose("Figure", [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK], key="over_displacement")
+    row = st.container(horizontal=True, vertical_alignment="center")
+    with row:
+        choice = choose("Figure", [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK], key="over_displacement")
     if choice == _PARTS:
         _show_parts(comparison)
         return
     if choice == _BIAS:
         _show_bias(comparison)
         return
-    curves = comparison.choose_curves()
+    with row:
+        curves = comparison.choose_curves()
     measured = test.pulse if curves.test else None
     pulses = measured, curves.predictions, condition.speed_mps
     if choice == _CURVES:

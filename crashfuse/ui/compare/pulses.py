@@ -26,8 +26,7 @@ def show(comparison: Comparison) -> None:
         corridors = shown == _MOTION and st.toggle(
             "Corridors of the rating", key="corridors", persist_state="session", help=_CORRIDORS_HELP
         )
-
-    curves = comparison.choose_curves()
+        curves = comparison.choose_curves()
     notes = notes_of(comparison.view)
     own = tuple(note for note in notes if note.test == test.id)
 

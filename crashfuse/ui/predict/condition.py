@@ -39,7 +39,6 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
         rear_weight_kg=_field(right, *rear, runs[2], step=1.0, digits=0),
         factors=tuple((name, choice) for name, choice in factors.items() if choice),
     )
-    st.caption(f"{plain(condition)}; {display.weight(condition.mass_kg)} in all")
     for note in campaign.cae.extrapolation(condition):
         st.warning(plain(note), icon=":material/warning:")
     return condition

@@ -1,6 +1,7 @@
 """The predicted pulses, and those pinned before: over time, over displacement, and as energy over crush."""
 
 import plotly.graph_objects as go
+import streamlit as st
 
 from crashfuse.reporting.plots.displacement import energy_over_crush, over_displacement
 from crashfuse.reporting.plots.pulses import motion
@@ -12,9 +13,10 @@ from crashfuse.ui.predict.answer import Answer
 
 def show(answer: Answer) -> None:
     """Show every approach's prediction, and what was put beside, in the figure that the user picks."""
-    shown = choose("Figure", ["Over time", "Over displacement", "Energy over crush"], key="predicted")
     condition, display = answer.condition, answer.view.display
-    curves = choose_curves(answer.view, answer.predictions, answer.advice.approach, condition)
+    with st.container(horizontal=True, vertical_alignment="center"):
+        shown = choose("Figure", ["Over time", "Over displacement", "Energy over crush"], key="predicted")
+        curves = choose_curves(answer.view, answer.predictions, answer.advice.approach, condition)
 
     def draw() -> go.Figure:
         pulses = None, curves.predictions, condition.speed_mps
