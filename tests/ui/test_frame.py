@@ -32,10 +32,9 @@ def test_without_a_campaign_a_page_says_what_to_do(visit: Visit, page: str) -> N
 def test_choices_hold_on_every_page(visit: Visit) -> None:
     """Chosen once, seen everywhere."""
     session = visit()
-    sidebar = session.app.sidebar
-    sidebar.selectbox(key="test").select("T3").run()
-    sidebar.button_group(key="window").set_value(20.0).run()
-    sidebar.button_group(key="sign").set_value("Deceleration").run()
+    session.app.sidebar.selectbox(key="test").select("T3").run()
+    session.app.sidebar.button_group(key="window").set_value(20.0).run()
+    session.app.sidebar.button_group(key="sign").set_value("Deceleration").run()
     for page in ("compare", "train", "study", "data"):
         session.go(page)
     sidebar = session.app.sidebar
