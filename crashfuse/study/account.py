@@ -154,10 +154,11 @@ def _worst_test(study: Study, window: float, cache: Cache | None) -> Account:
     chosen = recommend(study).approach
     fold = min(study.folds, key=lambda fold: fold.ratings[chosen][window].overall)
     found = account(study.campaign, study.config.split_configs[0], fold, window, approach=chosen, cache=cache)
-    if study.speed_groups is None or not found.neighbours:
+    groups = () if study.speed_groups is None else study.speed_groups.folds
+    group = next((each for each in groups if each.held_out == fold.held_out), None)  # none while a study is running
+    if group is None or not found.neighbours:
         return found
-    group = study.speed_groups.fold(fold.held_out).ratings[found.approach][window].overall
-    return replace(found, without_neighbours=group)
+    return replace(found, without_neighbours=group.ratings[found.approach][window].overall)
 
 
 def _without_neighbours(

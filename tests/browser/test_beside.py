@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
 
 FIGURE, MAIN = ".js-plotly-plot", '[data-testid="stMain"]'
-PILL = f'{MAIN} [data-testid="stButtonGroup"] button'
+PILL = '[data-testid="stPopoverBody"] [data-testid="stButtonGroup"] button'
 QUICK = {"campaign": "campaign", "approaches": "displacement_domain"}
 
 
@@ -100,6 +100,7 @@ def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server"
         user.open(small_server, "study", **QUICK, seed=seed)
         user.press("Leave out each of 4 tests")
         user.sees("Displacement domain", '[data-testid="stTable"]')
+        user.wait(lambda: not any("Cancel" in button.text for button in user.all("button")))
     user.go("History")
     user.sees("Compare two studies")
     user.sees("mean", f"{MAIN} li")

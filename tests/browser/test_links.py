@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SIDEBAR = '[data-testid="stSidebar"]'
 VIEW = {"campaign": "sample", "test": "T03", "window": "40", "unit": "m/s²", "sign": "Deceleration"}
 SHOWN = ["sample", "T03 · 16.7 mph", "0–40 ms", "m/s²", "Deceleration"]
-OWN = ("SVG", "PNG", "The test")  # how a reader saves figures is no part of what a link shows
+USUAL = ("The test", "mph, lb")  # what is left out and the units, where nobody chose: no part of the address
 LIGHT, DARK = "rgba(255, 255, 255, 1)", "rgba(20, 24, 31, 1)"
 
 
@@ -26,7 +26,7 @@ def asked(user: "User") -> dict[str, str]:
 
 def shown(user: "User") -> list[str]:
     """What is chosen in the sidebar."""
-    pressed = [element.text for element in user.all(f'{SIDEBAR} [aria-checked="true"]') if element.text not in OWN]
+    pressed = [element.text for element in user.all(f'{SIDEBAR} [aria-checked="true"]') if element.text not in USUAL]
     chosen = [str(element.get_attribute("value")) for element in user.all(f"{SIDEBAR} input")]
     return [*chosen[:2], *pressed]
 

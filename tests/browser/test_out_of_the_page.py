@@ -35,7 +35,7 @@ BANDED = ("time_domain", "displacement_domain", "fused")
 @pytest.fixture
 def engineer(small_server: "Server", user: "User") -> "User":
     """Someone who looks at a test of the small campaign, and at two quick predictions of it."""
-    user.open(small_server, "train")
+    user.open(small_server, "train", test="T1")
     user.choose_approaches("CAE", "Displacement domain")
     user.go("Compare")
 

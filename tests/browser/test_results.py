@@ -22,7 +22,7 @@ FIGURE = ".js-plotly-plot"
 @pytest.fixture
 def engineer(small_server: "Server", user: "User") -> "User":
     """Someone who has the small campaign open, and has chosen two quick approaches."""
-    user.open(small_server, "train")
+    user.open(small_server, "train", test="T1")
     user.choose_approaches("CAE", "Displacement domain")
     return user
 
@@ -36,7 +36,7 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User")
     """Corridors, residuals; scores and pulses as CSV; a report from its first to its last line."""
     engineer.go("Compare")
     engineer.press("Predict test T1")
-    engineer.sees("Velocity (km/h)", FIGURE)
+    engineer.sees("Velocity (mph)", FIGURE)
     assert "Corridor of the rating" not in engineer.find(FIGURE).text
     engineer.press("Corridors of the rating", "label")
     engineer.sees("Corridor of the rating, inner", FIGURE)

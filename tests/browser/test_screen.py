@@ -47,7 +47,7 @@ return found;
 def predicted(small_server: "Server", user: "User") -> "User":
     """Someone before the comparison of the small campaign's first test."""
     user.sits_at(1440, 1000)
-    user.open(small_server, "train")
+    user.open(small_server, "train", test="T1")
     user.choose_approaches("CAE", "Displacement domain")
     user.go("Compare")
     user.wait(lambda: user.all(".cf-ratings") or _press_if_there(user, "Predict test T1"))
