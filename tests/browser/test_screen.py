@@ -70,7 +70,7 @@ def top_of(user: "User", css: str) -> float:
 
 def test_compare_shows_its_figure_on_the_first_screen_and_one_tab_at_a_time(predicted: "User") -> None:
     """Ratings in one row, the recommended one marked; a sentence, its reasons on demand; the figure within 350 px."""
-    predicted.sees("Velocity (km/h)", FIGURE)
+    predicted.sees("Velocity (mph)", FIGURE)
     assert top_of(predicted, FIGURE) <= 350
     tops = {element.rect["y"] for element in predicted.all(".cf-ratings > div")}
     assert len(tops) == 1
@@ -154,7 +154,7 @@ def test_a_page_can_be_used_at_twice_its_size(predicted: "User") -> None:
     predicted.sits_at(1440, 1000, zoom=2.0)
     for tab in ("Over displacement", "Ratings and metrics", "Files and report", "Pulses"):
         predicted.open_tab(tab)
-    predicted.sees("Velocity (km/h)", FIGURE)
+    predicted.sees("Velocity (mph)", FIGURE)
     beyond = (
         "const main = document.querySelector('[data-testid=\"stMain\"]'); return main.scrollWidth - main.clientWidth"
     )
