@@ -11,6 +11,7 @@ from crashfuse.ui.predict.answer import Answer
 from crashfuse.ui.predict.condition import choose_condition
 from crashfuse.ui.predict.planning import show_next_test, show_over_speed
 from crashfuse.ui.tabs import show_tabs
+from crashfuse.ui.text import plain
 
 TABS = {
     "Pulses": pulses.show,
@@ -23,6 +24,8 @@ TABS = {
 view = frame.enter_with_campaign("Predict", lambda view: f"from all {len(view.campaign.tests)} tests and the CAE runs")
 campaign, config = view.campaign, chosen_config()
 condition = choose_condition(campaign, view.display)
+row = st.container(horizontal=True, vertical_alignment="center", gap="small")
+row.caption(f"{plain(condition)}; {view.display.weight(condition.mass_kg)} in all", width="content")
 request = FitRequest(campaign, config)
 fitted = result_of(
     request,
@@ -35,7 +38,8 @@ fitted = result_of(
 answer = Answer.of(view, request, fitted, condition)
 warnings = campaign.cae.extrapolation(condition)
 said = st.container()
-show_pins(view, condition, answer.remember)
+with row:
+    show_pins(view, condition, answer.remember)
 show_tabs(TABS, answer, key="predict_tab")
 with said:  # after the figure, which is waited for
     explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])

@@ -8,7 +8,6 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.ui.frame import View
-from crashfuse.ui.text import plain
 
 _MOST = 6  # each takes ten megabytes, and a column of the table
 
@@ -30,25 +29,23 @@ def pin(condition: Condition) -> None:
 
 
 def show_pins(view: View, condition: Condition, remember: Callable[[], None]) -> None:
-    """Name the condition shown, offer to pin it, and to unpin others; ``remember`` is called when it is pinned."""
+    """Offer to pin the condition shown, and to unpin others; ``remember`` is called when it is pinned."""
     texts = pinned()
 
     def pin_this() -> None:
         pin(condition)
         remember()
 
-    with st.container(horizontal=True, vertical_alignment="center", gap="small"):
-        st.caption(f"{plain(condition)}; {view.display.weight(condition.mass_kg)} in all", width="content")
+    st.button(
+        "Pin this prediction", icon=":material/keep:", on_click=pin_this,
+        disabled=condition.text in texts or len(texts) >= _MOST,
+        help=f"Keeps it in the figures, in a table of differences, in the link and in the report; up to {_MOST}.",
+    )  # fmt: skip
+    for text, other in texts.items():
         st.button(
-            "Pin this prediction", icon=":material/keep:", on_click=pin_this,
-            disabled=condition.text in texts or len(texts) >= _MOST,
-            help=f"Keeps it in the figures, in a table of differences, in the link and in the report; up to {_MOST}.",
+            short(view, other), icon=":material/close:", key=f"unpin {text}", on_click=_unpin,
+            args=(text,), help="Unpin", type="tertiary",
         )  # fmt: skip
-        for text, other in texts.items():
-            st.button(
-                short(view, other), icon=":material/close:", key=f"unpin {text}", on_click=_unpin,
-                args=(text,), help="Unpin", type="tertiary",
-            )  # fmt: skip
 
 
 def pin_label(view: View, approach: str, condition: Condition) -> str:
