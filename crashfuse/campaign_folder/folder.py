@@ -21,24 +21,7 @@ _FEWEST_RUNS = 10
 
 
 def read_folder(folder: str | Path) -> Campaign:
-    """Read and check a campaign folder.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Contains ``tests.csv`` and ``cae.csv``, the pulses of each as ``<role>/<id>.csv`` (or ``.parquet``) or
-        ``<role>_pulses.parquet`` (or ``.csv``), and optionally ``campaign.toml``.
-
-    Returns
-    -------
-    Campaign
-        All pulses on the study grid, m/s².
-
-    Raises
-    ------
-    DataError
-        With every problem of the folder, not only the first.
-    """
+    """Read and check a campaign folder, see :func:`crashfuse.campaign_folder.load.load_campaign`."""
     folder = Path(folder)
     if not folder.is_dir():
         found, advice = "no such folder", "check the path"

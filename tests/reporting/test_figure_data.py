@@ -18,22 +18,13 @@ from crashfuse.reporting.plots.pulses import add_corridors, motion, overlay
 from crashfuse.reporting.plots.ratings import rating_heatmap, rating_spread
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, kinematics
 from crashfuse.units import MPH, MS, G
-
-
-@pytest.fixture
-def test(campaign: Campaign) -> CrashTest:
-    """A test at 25 mph."""
-    return campaign.test("T2")
+from tests.reporting.conftest import with_and_without_band
 
 
 @pytest.fixture
 def predictions(campaign: Campaign, test: CrashTest) -> dict[str, Prediction]:
     """The paired CAE run, and the same with 101 draws that lie -50 to +50 m/s² off it."""
-    run = campaign.cae.paired_run(test.condition)
-    assert run is not None
-    accel = campaign.cae.accel_mps2[run].astype(float)
-    draws = accel + np.arange(-50.0, 51.0)[:, None]
-    return {"cae": Prediction(test.condition, accel), "fused": Prediction(test.condition, accel, draws)}
+    return with_and_without_band(campaign, test, "fused")
 
 
 def table(figure: go.Figure, hidden: tuple[int, ...] = ()) -> pd.DataFrame:

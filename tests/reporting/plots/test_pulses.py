@@ -12,25 +12,13 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES
 from crashfuse.units import MPH, G
-
-
-@pytest.fixture
-def test(campaign: Campaign) -> CrashTest:
-    """A test at 25 mph."""
-    return campaign.test("T2")
+from tests.reporting.conftest import with_and_without_band
 
 
 @pytest.fixture
 def predictions(campaign: Campaign, test: CrashTest) -> dict[str, Prediction]:
     """The paired CAE run, and the same with 101 draws that lie -50 to +50 m/s² off it."""
-    run = campaign.cae.paired_run(test.condition)
-    assert run is not None
-    accel = campaign.cae.accel_mps2[run].astype(float)
-    draws = accel + np.arange(-50.0, 51.0)[:, None]
-    return {
-        "cae": Prediction(test.condition, accel),
-        "displacement_domain": Prediction(test.condition, accel, draws),
-    }
+    return with_and_without_band(campaign, test, "displacement_domain")
 
 
 def trace(figure: go.Figure, name: str, row: int = 1) -> go.Scatter:
