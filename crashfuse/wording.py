@@ -32,6 +32,10 @@ class UnitSystem:
         """The reader's unit for quantities in this unit (``"km/h"``: ``"mph"``); one of no choice is unchanged."""
         return str(getattr(self, _DIMENSION_OF[unit])) if unit in IN_SI else unit
 
+    def in_si(self, unit: str) -> float:
+        """Factor to SI of the reader's unit for quantities in this unit."""
+        return IN_SI[self.unit(unit)]
+
     def factor(self, unit: str) -> float:
         """Factor from a unit to the reader's."""
         return IN_SI[unit] / IN_SI[self.unit(unit)] if unit in IN_SI else 1.0

@@ -9,7 +9,7 @@ import pandas as pd
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
 from crashfuse.study.estimate import Estimate
-from crashfuse.wording import IN_SI, MPH_LB, Quantity, Sentence, UnitSystem
+from crashfuse.wording import MPH_LB, Quantity, Sentence, UnitSystem
 
 _HEADINGS = {"accel": "a(t) up to TTZV", "velocity": "v(t) up to TTZV", "rebound": "a(t) after TTZV"}
 _COUNTS = {"crush": "Maximum crush", "peak": "Peak deceleration"}
@@ -36,7 +36,7 @@ def fit_table(state: Mapping[str, Any], units: UnitSystem = MPH_LB) -> pd.DataFr
     def shown(name: str, value: float) -> tuple[str, float]:
         for si, unit in ((" in m/s", "mph"), (" in kg", "lb")):
             if name.endswith(si):
-                return f"{name.removesuffix(si)} in {units.unit(unit)}", value / IN_SI[unit] * units.factor(unit)
+                return f"{name.removesuffix(si)} in {units.unit(unit)}", value / units.in_si(unit)
         return name, value
 
     spread, touched = state.get("spread_factors", {}), state.get("touched_bounds", [])

@@ -7,14 +7,13 @@ from typing import Any
 import pandas as pd
 import plotly.graph_objects as go
 
-from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
+from crashfuse.reporting.paper_tables import mean_ratings
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import motion
-from crashfuse.signals.rating import grade
 from crashfuse.study.study import Study
-from crashfuse.units import KPH, MPH
+from crashfuse.wording import KPH_KG, speed
 
 _MOST_ROWS = 30
 
@@ -30,28 +29,21 @@ def card(title: str, table: pd.DataFrame, notes: Sequence[str] = ()) -> str:
 
 def campaign_html(campaign: Campaign) -> str:
     """What a campaign holds: the tests' conditions, how many CAE runs, what is worth knowing."""
-    speeds = campaign.cae.vectors[:, 0]
-    library = (
-        f"{len(campaign.cae):,} CAE runs at {speeds.min() / MPH:.1f}–{speeds.max() / MPH:.1f} mph "
-        f"({speeds.min() / KPH:.1f}–{speeds.max() / KPH:.1f} km/h); fingerprint {campaign.fingerprint[:12]}."
-    )
+    speeds, *_ = zip(*campaign.cae.range, strict=True)
+    said = speed(*speeds)
+    runs = f"{len(campaign.cae):,} CAE runs at {said} ({said.in_units(KPH_KG)})"
     title = f"{campaign.name}: {len(campaign.tests)} tests"
-    return card(title, campaign.tests_frame, (library, campaign.notice, *campaign.warnings))
+    return card(
+        title,
+        campaign.tests_frame,
+        (f"{runs}; fingerprint {campaign.fingerprint[:12]}.", campaign.notice, *campaign.remarks),
+    )
 
 
 def study_html(study: Study) -> str:
     """The mean rating of each approach over each window with its grade, and what a repeat of the tests would rate."""
-    windows = study.config.windows_ms
-    rows = [
-        {"approach": LABELS[name], **{f"0–{w:g} ms": _graded(study.mean_rating(name, w)) for w in windows}}
-        for name in study.config.approaches
-    ]
-    repeats = {f"0–{w:g} ms": study.mean_repeat(w) for w in windows}
-    if any(mean is not None for mean in repeats.values()):
-        known = {window: "–" if mean is None else _graded(mean) for window, mean in repeats.items()}
-        rows.append({"approach": "A repeat of the test", **known})
     tests = ", ".join(fold.held_out for fold in study.folds)
-    return card(f"{study.campaign.name}: left out {tests}", pd.DataFrame(rows), (study.campaign.rating_basis + ".",))
+    return card(f"{study.campaign.name}: left out {tests}", mean_ratings(study), (f"{study.campaign.rating_basis}.",))
 
 
 def plot_fold(study: Study, held_out: str, approaches: Sequence[str], **display: Any) -> go.Figure:  # noqa: ANN401
@@ -63,7 +55,3 @@ def plot_fold(study: Study, held_out: str, approaches: Sequence[str], **display:
         each.approach: each.prediction for each in fold.estimates if not approaches or each.approach in approaches
     }
     return motion(fold.test.pulse, predictions, fold.test.condition.speed_mps, Display(**display))
-
-
-def _graded(overall: float) -> str:
-    return f"{overall:.3f} {grade(overall)}"

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.registry import LABELS
+from crashfuse.signals.rating import graded
 from crashfuse.study.study import Study
 
 TABLE_3 = {"lf_tcn": "LF_TCN", "time_domain": "MF_TCN"}
@@ -50,6 +51,22 @@ def rating_table(study: Study, rows: Mapping[str, str]) -> pd.DataFrame:
         means[MEAN, REPEAT] = [np.nan if (mean := study.mean_repeat(w)) is None else mean for w in columns]
     index = pd.MultiIndex.from_tuples([*found, *means], names=["Test", "Approach"])
     return pd.DataFrame([*found.values(), *means.values()], index=index, columns=list(columns.values()))
+
+
+def mean_ratings(study: Study) -> pd.DataFrame:
+    """Overall rating averaged over the held-out tests with its grade, as text, by approach and window.
+
+    The last row is what repeats of the tests would rate, where it is known.
+    """
+    windows = {window: f"0–{window:g} ms" for window in study.config.windows_ms}
+    rows = [
+        {"Approach": LABELS[name], **{label: graded(study.mean_rating(name, w)) for w, label in windows.items()}}
+        for name in study.config.approaches
+    ]
+    means = {label: study.mean_repeat(w) for w, label in windows.items()}
+    if known := {label: graded(mean) for label, mean in means.items() if mean is not None}:
+        rows.append({"Approach": REPEAT, **known})
+    return pd.DataFrame(rows).fillna("–")
 
 
 def best(table: pd.DataFrame) -> pd.DataFrame:

@@ -81,10 +81,9 @@ class PredictedPulse:
         return f"<PredictedPulse, {LABELS[self.estimate.approach].lower()}, at {self.condition}>"
 
     def _repr_html_(self) -> str:
+        headings = self.campaign.metric_headings
         rows = pd.DataFrame(
-            {"metric": label, "value, 95 % interval": metric.text}
-            for metric in self.estimate.metrics
-            if (label := self.campaign.metric_headings[metric.name])
+            {"metric": headings[metric.name], "value, 95 % interval": metric.text} for metric in self.estimate.metrics
         )
         return card(f"{LABELS[self.estimate.approach]} at {self.condition}", rows, self.notes)
 

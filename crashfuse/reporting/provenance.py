@@ -10,7 +10,6 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
-from crashfuse.units import LB, MPH
 from crashfuse.version import __version__
 from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem
 
@@ -91,9 +90,9 @@ def _axes(units: UnitSystem, *conditions: Condition, only: Sequence[str] = tuple
     """Options for speed and weights, each with its value at these conditions."""
     said = ""
     for axis in only:
-        unit, in_si = ("mph", MPH) if axis == "speed" else ("lb", LB)
-        factor, ending = units.factor(unit) / in_si, units.unit(unit).replace("km/h", "kph")
-        values = (f"{getattr(condition, _AXES[axis]) * factor:.10g}" for condition in conditions)
+        unit = "mph" if axis == "speed" else "lb"
+        in_si, ending = units.in_si(unit), units.unit(unit).replace("km/h", "kph")
+        values = (f"{getattr(condition, _AXES[axis]) / in_si:.10g}" for condition in conditions)
         said += f" --{axis}-{ending} {' '.join(values)}"
     return said
 

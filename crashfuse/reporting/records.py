@@ -5,8 +5,6 @@ from dataclasses import asdict
 
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.provenance import provenance
-from crashfuse.signals.pulse import GRID_S, Pulse
-from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.account import worst_test
 from crashfuse.study.config import StudyConfig
@@ -28,14 +26,13 @@ def study_record(study: Study) -> dict[str, object]:
         rest, condition = config.training_campaign(campaign, fold.held_out), campaign.test(fold.held_out).condition
         advice = recommend_for(fold.estimates, rest, condition, window)
         rating = fold.ratings[advice.approach][window].overall
-        predicted = Pulse(GRID_S, fold.estimate(advice.approach).prediction.accel_mps2)
         tests[fold.held_out] = {
             "approach": advice.approach,
             "sentences": list(advice.sentences),
             "expected_rating": None if advice.expected is None else asdict(advice.expected),
             "rating": rating,
             "outcome": None if advice.expected is None else advice.expected.outcome(rating),
-            "why": rating_sentences(explain_rating(fold.test.pulse, predicted, window))["overall"],
+            "why": rating_sentences(fold.explained(advice.approach, window))["overall"],
         }
     verdict, worst = recommend(study), worst_test(study)
     return {

@@ -39,14 +39,18 @@ class Metric:
     unit: str
 
     @property
+    def digits(self) -> int:
+        """Decimals as displayed: ratios have two."""
+        return 1 if self.unit else 2
+
+    @property
     def text(self) -> str:
-        """Value and interval as displayed: ``25.3 [24.1, 26.0]``; ratios have two digits.
+        """Value and interval as displayed: ``25.3 [24.1, 26.0]``.
 
         Of an interval that the record is too short for, the known end is told: ``≤ 15.3 (record ends too early)``.
         """
         value, lower, upper = (
-            None if number is None else f"{number:.{1 if self.unit else 2}f}"
-            for number in (self.value, self.lower, self.upper)
+            None if number is None else f"{number:.{self.digits}f}" for number in (self.value, self.lower, self.upper)
         )
         if lower is None and upper is None:
             return value or "–"

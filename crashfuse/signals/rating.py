@@ -73,6 +73,11 @@ def grade(overall: float) -> str:
     return next((name for limit, name in GRADES if overall > limit), "Poor")
 
 
+def graded(overall: float) -> str:
+    """An overall rating with its grade: ``0.871 Good``."""
+    return f"{overall:.3f} {grade(overall)}"
+
+
 def rate_iso18571(reference: FloatArray, comparison: FloatArray, *, dt_s: float) -> Rating:
     """Rate a comparison curve against a reference curve.
 

@@ -10,6 +10,7 @@ from crashfuse.campaign import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import Rating, rate_many, rate_windows
+from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.study.estimate import Estimate
 
 _RATED_DRAWS = 100
@@ -52,6 +53,11 @@ class Fold:
     def estimate(self, approach: str) -> Estimate:
         """The estimate of this approach."""
         return next(estimate for estimate in self.estimates if estimate.approach == approach)
+
+    def explained(self, approach: str, window_ms: float) -> RatingExplanation:
+        """What the rating of an approach's prediction over [0, window_ms) is made of."""
+        predicted = Pulse(GRID_S, self.estimate(approach).prediction.accel_mps2)
+        return explain_rating(self.test.pulse, predicted, window_ms)
 
     def rating_draws(self, approach: str, window_ms: float) -> FloatArray:
         """Overall ratings of single pulses drawn from the band of an approach, shape (n_draws,).

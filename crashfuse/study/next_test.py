@@ -23,7 +23,6 @@ from crashfuse.campaign import CrashTest
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import LB, MPH, G
 from crashfuse.wording import MPH_LB, Sentence, UnitSystem
 
 _N_TARGETS = 48
@@ -173,16 +172,16 @@ def rank_next_tests(
 
 def next_tests_table(ranked: Sequence[NextTest], units: UnitSystem = MPH_LB) -> pd.DataFrame:
     """Ranked tests as a readable table, one row each."""
-    speed, weight, band = units.factor("mph") / MPH, units.factor("lb") / LB, units.factor("g") / G
+    speed, weight, band = (units.in_si(unit) for unit in ("mph", "lb", "g"))
     return pd.DataFrame(
         {
             "rank": number,
-            f"speed ({units.speed})": round(test.condition.speed_mps * speed, 1),
-            f"front weight ({units.weight})": round(test.condition.front_weight_kg * weight),
-            f"rear weight ({units.weight})": round(test.condition.rear_weight_kg * weight),
+            f"speed ({units.speed})": round(test.condition.speed_mps / speed, 1),
+            f"front weight ({units.weight})": round(test.condition.front_weight_kg / weight),
+            f"rear weight ({units.weight})": round(test.condition.rear_weight_kg / weight),
             **dict(test.condition.factors),
-            f"band now (± {units.acceleration})": round(test.before_mps2 * band, 2),
-            f"band then (± {units.acceleration})": round(test.after_mps2 * band, 2),
+            f"band now (± {units.acceleration})": round(test.before_mps2 / band, 2),
+            f"band then (± {units.acceleration})": round(test.after_mps2 / band, 2),
             "gain (%)": round(100 * test.gain, 1),
             "extrapolation": "yes" if test.extrapolation else "no",
         }

@@ -8,12 +8,13 @@ from pandas.io.formats.style import Styler
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
+from crashfuse.reporting import paper_tables
 from crashfuse.reporting.paper_tables import REPEAT, best, rating_table
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
-from crashfuse.signals.rating import Rating, grade, rate_windows
+from crashfuse.signals.rating import Rating, graded, rate_windows
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.study.next_test import NextTest, next_tests_table
 from crashfuse.study.repeatability import Repeatability
@@ -47,7 +48,7 @@ def _conditions(fingerprint: str, system: UnitSystem, _campaign: Campaign) -> pd
         if run is not None:
             pulse = Pulse(GRID_S, campaign.cae.accel_mps2[run])
             by_window = rate_windows(test.pulse, pulse, WINDOWS_MS)
-        row |= {window_label(w): _graded(by_window[w].overall) if w in by_window else "–" for w in WINDOWS_MS}
+        row |= {window_label(w): graded(by_window[w].overall) if w in by_window else "–" for w in WINDOWS_MS}
         row["In CAE range"] = "no" if campaign.cae.extrapolation(condition) else "yes"
         row |= {
             **dict(weights),
@@ -72,7 +73,7 @@ def ratings(
     table = pd.DataFrame(
         {
             "Approach": LABELS[name],
-            **{f"Rating {window_label(w)}": _graded(rating.overall) for w, rating in by_window.items()},
+            **{f"Rating {window_label(w)}": graded(rating.overall) for w, rating in by_window.items()},
             **{
                 f"{part.capitalize()} {window_label(window_ms)}": f"{getattr(by_window[window_ms], part):.3f}"
                 for part in _PARTS
@@ -82,22 +83,14 @@ def ratings(
         for name, by_window in by_approach.items()
     )
     if repeats:
-        repeat = {f"Rating {window_label(w)}": _graded(own.value) for w, own in repeats.items()}
+        repeat = {f"Rating {window_label(w)}": graded(own.value) for w, own in repeats.items()}
         table = pd.concat([table, pd.DataFrame([{"Approach": REPEAT, **repeat}])], ignore_index=True).fillna("–")
     return _coloured(table)
 
 
 def mean_ratings(study: Study) -> Styler:
     """Overall rating averaged over the held-out tests, by approach and window; below, what repeats would rate."""
-    windows = study.config.windows_ms
-    rows = [
-        {"Approach": LABELS[name], **{window_label(w): _graded(study.mean_rating(name, w)) for w in windows}}
-        for name in study.config.approaches
-    ]
-    means = {window_label(w): study.mean_repeat(w) for w in windows}
-    if known := {label: _graded(mean) for label, mean in means.items() if mean is not None}:
-        rows.append({"Approach": REPEAT, **known})
-    return _coloured(pd.DataFrame(rows).fillna("–"))
+    return _coloured(paper_tables.mean_ratings(study))
 
 
 def paper_table(study: Study, rows: Mapping[str, str]) -> Styler:
@@ -140,10 +133,6 @@ def next_tests(ranked: Sequence[NextTest], display: Display) -> Styler:
         }
     )
     return _plain(texts.astype(str))
-
-
-def _graded(overall: float) -> str:
-    return f"{overall:.3f} {grade(overall)}"
 
 
 def _coloured(table: pd.DataFrame) -> Styler:

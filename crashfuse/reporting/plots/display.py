@@ -10,7 +10,7 @@ from crashfuse.condition import Condition
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import WINDOWS_MS
-from crashfuse.units import LB, MPH, G
+from crashfuse.units import G
 from crashfuse.wording import MPH_LB, AccelerationUnit, UnitSystem, said, speed, weight
 
 Number = TypeVar("Number", float, FloatArray)
@@ -61,11 +61,11 @@ class Display:
 
     def speeds(self, values_mps: Number) -> Number:
         """Speeds in the reader's unit, as numbers."""
-        return values_mps / MPH * self.system.factor("mph")
+        return values_mps / self.system.in_si("mph")
 
     def weights(self, values_kg: Number) -> Number:
         """Weights in the reader's unit, as numbers."""
-        return values_kg / LB * self.system.factor("lb")
+        return values_kg / self.system.in_si("lb")
 
     def vectors(self, vectors: FloatArray) -> FloatArray:
         """Conditions [v0, wf, wr], shape (..., 3), in the reader's units."""

@@ -10,7 +10,6 @@ from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
 from crashfuse.study.next_test import NextTest
-from crashfuse.units import G
 
 _BEST = 5
 
@@ -24,7 +23,7 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
     figure, colour = new_figure(height=420), COLOURS["displacement_domain"]
     by_speed = sorted(enumerate(ranked, start=1), key=lambda ranked_test: ranked_test[1].condition.speed_mps)
     weights = [display.vectors(c.condition.vector)[1:].tolist() for _, c in by_speed]
-    wide, units = display.units.factor("g") / G, display.units
+    wide, units = 1 / display.units.in_si("g"), display.units
     figure.add_scatter(
         x=np.array([display.speeds(c.condition.speed_mps) for _, c in by_speed], dtype=np.float32),
         y=np.array([100 * c.gain for _, c in by_speed], dtype=np.float32),

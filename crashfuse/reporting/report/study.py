@@ -46,23 +46,23 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
     """
     campaign, config, verdict = study.campaign, study.config, recommend(study)
     held_out = [fold.held_out for fold in study.folds]
+    if unknown := set(options.tests).difference(held_out):
+        raise UsageError(f"The report cannot show {', '.join(sorted(unknown))}: the study did not leave it out.")
     if display.window_ms not in config.windows_ms:
         display = replace(display, window_ms=max(config.windows_ms))
+    worst = worst_test(study, display.window_ms)
     common: dict[str, object] = {
         "verdict": verdict.sentences,
         "window": f"0–{display.window_ms:g} ms",
         "result": _result(study, display),
         "notes": [(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
         "weak_spots": _weak_spots(study, verdict.approach),
-        "worst_test": worst_test(study, display.window_ms).sentences,
+        "worst_test": worst.sentences,
     }
-    if unknown := set(options.tests).difference(held_out):
-        raise UsageError(f"The report cannot show {', '.join(sorted(unknown))}: the study did not leave it out.")
     whole = options.form == "whole"
     if whole:
         common |= _whole(study, display)
-    worst = min(study.folds, key=lambda fold: fold.ratings[verdict.approach][display.window_ms].overall)
-    shown = options.tests or tuple(held_out if whole else [worst.held_out])
+    shown = options.tests or tuple(held_out if whole else [worst.test.id])
     return render(
         "study" if whole else "short",
         f"study with each {config.split_configs[0].leave_out} left out",
@@ -135,19 +135,23 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
     rest = study.config.training_campaign(study.campaign, test.id)
     advice = recommend_for(fold.estimates, rest, test.condition, window)
     repeat = study.repeats(window).get(test.id)
-    return {
+    shown: dict[str, object] = {
         "test": test,
         "advice": advice.sentences,
         "outcome": fold.ratings[advice.approach][window],
         "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall, LABELS[advice.approach]),
-        "notes": [(note.when, note.text) for note in notes],
         "motion": add_marks(motion(test.pulse, predictions, v0, display), notes),
+        "details": details(study.campaign, fold.estimates, display, study.campaign.metrics_of(test)),
+    }
+    if options.form == "short":
+        return shown
+    return shown | {
+        "notes": [(note.when, note.text) for note in notes],
         "ratings": _by_approach(
             {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}
         ),
         "over_displacement": over_displacement(test.pulse, predictions, v0, display),
         "why": why(study, fold, advice, display),
-        "details": details(study.campaign, fold.estimates, display, study.campaign.metrics_of(test)),
     }
 
 

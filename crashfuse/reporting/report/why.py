@@ -2,8 +2,6 @@
 
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.rating_parts import rated_curves
-from crashfuse.signals.pulse import GRID_S, Pulse
-from crashfuse.signals.rating_explanation import explain_rating
 from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.account import worst_test
 from crashfuse.study.fold import Fold
@@ -18,8 +16,7 @@ def why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> d
     """
     window_ms = display.window_ms
     rating = fold.ratings[advice.approach][window_ms].overall
-    predicted = Pulse(GRID_S, fold.estimate(advice.approach).prediction.accel_mps2)
-    explanation = explain_rating(fold.test.pulse, predicted, window_ms)
+    explanation = fold.explained(advice.approach, window_ms)
     missed = advice.expected is not None and advice.expected.is_missed_by(rating)
     drawn = missed or fold.held_out == worst_test(study, window_ms).test.id
     sentences = rating_sentences(explanation)

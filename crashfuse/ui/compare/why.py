@@ -8,9 +8,8 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting import glossary
 from crashfuse.reporting.plots.rating_parts import rated_curves, rating_parts
 from crashfuse.reporting.rating_tables import excursions_table, humps_table
-from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS
-from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
+from crashfuse.signals.rating_explanation import RatingExplanation
 from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.account import Account, account
 from crashfuse.ui import address, explanations
@@ -61,8 +60,7 @@ def _choose_approach(comparison: Comparison) -> str:
 
 @st.cache_resource(max_entries=50, show_spinner=False)
 def _explained(key: Hashable, approach: str, _comparison: Comparison) -> RatingExplanation:  # noqa: ARG001
-    predicted = Pulse(GRID_S, _comparison.predictions[approach].accel_mps2)
-    return explain_rating(_comparison.test.pulse, predicted, _comparison.window_ms)
+    return _comparison.fold.explained(approach, _comparison.window_ms)
 
 
 @st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")

@@ -69,7 +69,7 @@ def show_next_test(answer: Answer) -> None:
     axes = (("Speeds", "mph", 0.5), ("Front weights", "lb", 10.0), ("Rear weights", "lb", 10.0))
     for place, (column, (label, unit, step)) in enumerate(zip(st.columns(3), axes, strict=True)):
         tests = [float(end.vector[place]) for end in (usual.low, usual.high)]
-        in_si = 1 / (display.speeds(1.0) if unit == "mph" else display.weights(1.0))
+        in_si = display.units.in_si(unit)
         key = f"range of {label} {campaign.fingerprint[:8]}"
         ends.append(_range(column, display.title(label, unit), key, campaign.cae.vectors[:, place], tests, in_si, step))
     kind = answer.condition.factors or usual.low.factors
