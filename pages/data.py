@@ -1,5 +1,6 @@
 """Data: open a campaign and see its content."""
 
+import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.cae.quality import judge_quality
@@ -11,7 +12,7 @@ from crashfuse.ui import address, editing, frame, page_tables
 from crashfuse.ui.beside import choose_tests, without_clicks
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.figure_tools import file_name
-from crashfuse.ui.figures import show_cached_figure, show_figure
+from crashfuse.ui.figures import show_cached_figure
 from crashfuse.ui.importing import step as importing
 from crashfuse.ui.importing.session import running
 from crashfuse.ui.navigation import open_page, show_link
@@ -73,10 +74,23 @@ def show_tests(view: frame.View) -> None:
     )  # fmt: skip
     cfc = None if choice == AS_READ else float(choice.removeprefix("CFC "))
     tests, further = choose_tests(view)
-    figure = plots.measured_pulses(tests, highlight=test.id, cfc=cfc, display=view.display, further=further)
-    show_figure(
-        without_clicks(figure),
-        alt="Pulses of all tests over time, coloured by speed",
+
+    def draw() -> go.Figure:
+        figure = plots.measured_pulses(tests, highlight=test.id, cfc=cfc, display=view.display, further=further)
+        return without_clicks(figure)
+
+    chosen = tuple(each.id for each in tests), tuple(further), chosen_config()  # by which pinned predictions are made
+    show_cached_figure(
+        draw,
+        "Pulses of all tests over time, coloured by speed",
+        "tests",
+        campaign.fingerprint,
+        test.id,
+        cfc,
+        view.display,
+        tuple(st.session_state["also"]),
+        tuple(st.session_state["pins"]),
+        *chosen,
         name=file_name("tests", choice, view.display.in_names[1]),
     )
     reading = "as they are in the files"

@@ -37,9 +37,7 @@ fitted = result_of(
 )
 answer = Answer.of(view, request, fitted, condition)
 warnings = campaign.cae.extrapolation(condition)
-said = st.container()
 with row:
     show_pins(view, condition, answer.remember)
+explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
 show_tabs(TABS, answer, key="predict_tab")
-with said:  # after the figure, which is waited for
-    explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])

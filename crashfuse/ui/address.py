@@ -13,6 +13,7 @@ import streamlit as st
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.approaches.registry import APPROACHES
+from crashfuse.approaches.settings import PRESETS
 from crashfuse.certification.verdict import WORDS
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.study.config import WINDOWS_MS
@@ -73,7 +74,7 @@ CHOICES: dict[str, Choice] = {
     # how it is predicted
     "leave_out": Choice(str, "test", ("test", "speed group"), ("train", "compare")),
     "approaches": Choice(tuple, APPROACHES, APPROACHES),
-    "preset": Choice(str, "fast", ("fast", "paper")),
+    "preset": Choice(str, "fast", PRESETS),
     "seed": Choice(int, 0),
     # how it is shown
     "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict", "history")),

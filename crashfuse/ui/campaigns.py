@@ -16,7 +16,6 @@ from crashfuse.ui import journal
 from crashfuse.ui.visitors import visitor
 
 SAMPLE = "sample"
-ROOTS = "CRASHFUSE_ROOT"  # environment variable: folders that pages may open and write to, separated as in PATH
 _opening = threading.Lock()
 
 
@@ -79,7 +78,7 @@ def allowed(path: Path) -> Path:
 
 def roots() -> list[Path]:
     """The folders that pages may open and write to, with all in them; none for no restriction."""
-    return [Path(root).resolve() for root in os.environ.get(ROOTS, "").split(os.pathsep) if root]
+    return [Path(root).resolve() for root in os.environ.get(journal.ROOTS, "").split(os.pathsep) if root]
 
 
 def may_open(path: Path) -> bool:
@@ -113,6 +112,15 @@ def label(name: str) -> str:
 def load(name: str) -> Campaign:
     """The open campaign of this name, read again only if its files have changed."""
     return read(folder_of(name))
+
+
+def fingerprint_of(name: str) -> str:
+    """Fingerprint of the open campaign of this name, known without reading it again, however many are open."""
+    folder = folder_of(name)
+    try:
+        return _fingerprint(folder, _stamp(folder))
+    except OSError as error:
+        raise _unreadable(folder, error) from error
 
 
 def folder_of(name: str) -> Path:
@@ -149,6 +157,11 @@ def _unreadable(folder: Path, error: Exception) -> DataError:
 @st.cache_resource(max_entries=4, show_spinner="Reading the campaign …")
 def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001  (part of the key)
     return read_folder(folder)
+
+
+@st.cache_data(max_entries=500, show_spinner=False)
+def _fingerprint(folder: Path, stamp: tuple[object, ...]) -> str:
+    return _read(folder, stamp).fingerprint
 
 
 def _stamp(folder: Path) -> tuple[object, ...]:

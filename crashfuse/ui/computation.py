@@ -2,7 +2,7 @@
 
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
@@ -22,6 +22,7 @@ from crashfuse.study.duration import fit_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
 from crashfuse.study.fold import Fold
 from crashfuse.study.history import PastResult, keep
+from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Study, fold_key, run_study
 from crashfuse.study.sweep import Sweep, sweep_speed, usual_speeds
@@ -207,6 +208,18 @@ class FitRequest(Request[Fitted]):
 def answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fit
     """Each approach's estimate at a condition, cached for a while because a page asks again at every click."""
     return _fitted.estimates(condition)
+
+
+@st.cache_resource(max_entries=50, show_spinner=False)
+def advised(
+    key: Hashable,  # noqa: ARG001 - of the fits, with the next two
+    condition: Condition,
+    window_ms: float,
+    _estimates: Sequence[Estimate],
+    _campaign: Campaign,
+) -> Recommendation:
+    """Which approach to use at a condition, cached as :func:`answers` are: it rates what was left out of every fit."""
+    return recommend_for(_estimates, _campaign, condition, window_ms)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from crashfuse.reporting.past_results import comparison_means, comparison_table,
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult, past_results
-from crashfuse.ui import address, campaigns, frame
+from crashfuse.ui import address, campaigns, frame, page_tables
 from crashfuse.ui.downloads import download_table
 from crashfuse.ui.figures import choose
 from crashfuse.ui.navigation import open_page
@@ -18,7 +18,6 @@ from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 _ROW_PX, _MOST_ROWS = 35, 9
-_WAYS = {"test": "Each test left out alone", "speed group": "With all tests at about its speed"}
 _TABLE, _REFUSED = "past results", "result that could not be opened"  # session keys
 
 
@@ -72,7 +71,7 @@ def compare_two(studies: list[PastResult], display: Display = DEFAULT) -> None:
         return
     way = compared.ways[0]
     if len(compared.ways) > 1:
-        way = choose("Left out", compared.ways, key="compared_way", label_of=_WAYS.__getitem__)
+        way = choose("Left out", compared.ways, key="compared_way", label_of=page_tables.WAYS.__getitem__)
     _show(compared, way, display.window_ms)
 
 
@@ -125,6 +124,6 @@ def _page(result: PastResult) -> str:
 
 def _fingerprint(name: str) -> str | None:
     try:
-        return campaigns.load(name).fingerprint
+        return campaigns.fingerprint_of(name)
     except DataError:
         return None

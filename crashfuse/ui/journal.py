@@ -5,8 +5,9 @@ import os
 import sys
 
 from crashfuse.errors import printable
-from crashfuse.ui.visitors import Visitor
+from crashfuse.ui.visitors import Visitor, names
 
+ROOTS = "CRASHFUSE_ROOT"  # environment variable: folders that pages may open and write to, separated as in PATH
 LOG = "CRASHFUSE_LOG"  # environment variable: file to append to, instead of standard error
 _LINE = "%(asctime)s %(message)s"
 _LONGEST = 1000
@@ -28,5 +29,4 @@ def begin() -> None:
 def note(who: Visitor | set[Visitor], what: str) -> None:
     """Add a line."""
     visitors = {who} if isinstance(who, Visitor) else who
-    names = " and ".join(sorted(visitor.name for visitor in visitors)) or "nobody"
-    log.info("%s", printable(f"{names}: {what}", _LONGEST))
+    log.info("%s", printable(f"{names(visitors) or 'nobody'}: {what}", _LONGEST))

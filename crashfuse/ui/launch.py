@@ -9,7 +9,6 @@ from click import Abort
 from streamlit.web.cli import main
 
 from crashfuse.ui import journal, login
-from crashfuse.ui.campaigns import ROOTS
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _PLACES = (_PACKAGE / "dashboard", _PACKAGE.parent)  # in an installed wheel, in a checkout
@@ -61,7 +60,7 @@ def launch(
     }
     os.environ |= {name: str(Path(path).resolve()) for name, path in given.items() if path is not None}
     if roots:
-        os.environ[ROOTS] = os.pathsep.join(str(root.resolve()) for root in roots)
+        os.environ[journal.ROOTS] = os.pathsep.join(str(root.resolve()) for root in roots)
     options = [  # includes the security settings of config.toml, which the user's own settings can't override here
         ("server.address", "127.0.0.1"),
         ("server.port", port),

@@ -22,6 +22,9 @@ from crashfuse.study.study import Study
 from crashfuse.ui.look import fill
 from crashfuse.wording import UnitSystem
 
+WAYS = {"test": "Each test left out alone", "speed group": "With all tests at about its speed"}
+"""What is left out with a test, as a reader chooses it."""
+
 _PARTS = ("corridor", "phase", "magnitude", "slope")
 
 

@@ -15,7 +15,7 @@ from crashfuse.ui.figures import show_figure
 from crashfuse.ui.jobs import Job, Step
 from crashfuse.ui.navigation import show_link
 from crashfuse.ui.text import plain
-from crashfuse.ui.visitors import visitor
+from crashfuse.ui.visitors import names, visitor
 
 T = TypeVar("T")
 
@@ -90,10 +90,9 @@ def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in
             _show_wanting(job)
         if job.cancelling:
             st.caption("Stopping at the next opportunity …")
-        elif others := sorted(other.name for other in job.wanted_by - {visitor()}):
-            names = plain(" and ".join(others))
+        elif others := plain(names(job.wanted_by - {visitor()})):
             mine = visitor() in job.wanted_by
-            st.caption(f"Also wanted by {names}: Cancel ends it only for you." if mine else f"Started by {names}.")
+            st.caption(f"Also wanted by {others}: Cancel ends it only for you." if mine else f"Started by {others}.")
         elif job.state == "waiting":
             ahead = next((other for other in jobs().active if other is not job), None)
             st.caption("Waiting for its turn" + (f" behind: {title_of(ahead)}" if ahead else "") + ".")
@@ -119,7 +118,7 @@ def title_of(job: Job[Any]) -> str:
     """The title of a job to those who want it; to others, whose it is."""
     if visitor() in job.wanted_by:
         return plain(job.title)
-    return f"A computation of {plain(' and '.join(sorted(other.name for other in job.wanted_by)) or 'nobody now')}"
+    return f"A computation of {plain(names(job.wanted_by) or 'nobody now')}"
 
 
 def _show_wanting(job: Job[Any]) -> None:
@@ -142,8 +141,14 @@ def _show_bar(job: Job[Any], steps: Sequence[tuple[str, Step]]) -> None:
     if not steps:
         return
     doing = next((name for name, step in reversed(steps) if not step.finished), steps[-1][0])
+    left = time_left(job)
+    st.progress(job.share, text=f"About {left} left · {doing}" if left else doing)
+
+
+def time_left(job: Job[Any]) -> str:
+    """Time until the result in everyday words; empty while unknown."""
     left_s = job.left_s
-    st.progress(job.share, text=doing if left_s is None else f"About {duration(rounded(left_s))} left · {doing}")
+    return "" if left_s is None else duration(rounded(left_s))
 
 
 def _show_step(name: str, step: Step) -> None:

@@ -4,10 +4,11 @@ import streamlit as st
 import torch
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
-from crashfuse.approaches.settings import DEVICES
+from crashfuse.approaches.settings import DEVICES, PRESETS
 from crashfuse.campaign import SPEED_STEP_MPS
 from crashfuse.reporting import glossary
 from crashfuse.study.config import StudyConfig
+from crashfuse.ui import address
 from crashfuse.ui.computation import chosen_config
 from crashfuse.ui.text import chosen_units
 from crashfuse.wording import said, speed
@@ -23,7 +24,7 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
     left, right = st.columns(2, gap="large")
     left.radio(
         "Settings",
-        ["fast", "paper"],
+        PRESETS,
         captions=["Ours: minutes on a laptop.", "As published (Zeng et al. 2023), for comparison."],
         format_func={"fast": "Fast", "paper": "Paper"}.__getitem__,
         key="preset",
@@ -56,7 +57,7 @@ def choose_left_out() -> None:
     """Ask what is left out with a test."""
     st.segmented_control(
         "Left out",
-        ["test", "speed group"],
+        address.CHOICES["leave_out"].options,
         required=True,
         format_func={"test": "The test", "speed group": "All at its speed"}.__getitem__,
         key="leave_out",

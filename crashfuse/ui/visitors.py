@@ -2,6 +2,7 @@
 
 import hashlib
 import uuid
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import streamlit as st
@@ -32,7 +33,13 @@ def visitor() -> Visitor:
         person = st.user.to_dict()
         key = f"{person.get('iss')} {person.get('sub')}"
         return Visitor(key, str(person.get("email") or person.get("name") or person.get("sub")))
-    return Visitor(browser(), f"browser {hashlib.sha256(browser().encode()).hexdigest()[:6]}")
+    key = browser()
+    return Visitor(key, f"browser {hashlib.sha256(key.encode()).hexdigest()[:6]}")
+
+
+def names(visitors: Iterable[Visitor]) -> str:
+    """What others may know of them, in a line."""
+    return " and ".join(sorted(visitor.name for visitor in visitors))
 
 
 def browser() -> str:

@@ -22,7 +22,7 @@ from crashfuse.execution.cache import default_folder
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
-from crashfuse.ui import campaigns, recent, uploads
+from crashfuse.ui import campaigns, journal, recent, uploads
 from crashfuse.ui.problems import problem_table, short_table
 from crashfuse.units import G
 
@@ -445,7 +445,7 @@ def test_pages_offer_and_copy_only_inside_the_roots(
     inside = shutil.copytree(campaign_folder, tmp_path / "root" / "inside")
     for folder in (campaign_folder, inside):
         recent.remember(folder)
-    monkeypatch.setenv(campaigns.ROOTS, str(tmp_path / "root"))
+    monkeypatch.setenv(journal.ROOTS, str(tmp_path / "root"))
     session = visit()
     assert "inside" in session.buttons
     assert campaign_folder.name not in session.buttons

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from crashfuse.errors import DataError
-from crashfuse.ui import campaigns
+from crashfuse.ui import campaigns, journal
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.visitors import Visitor
 
@@ -70,7 +70,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The one folder that pages may open and write to."""
     folder = tmp_path / "allowed"
     folder.mkdir()
-    monkeypatch.setenv(campaigns.ROOTS, os.pathsep.join([str(folder), ""]))
+    monkeypatch.setenv(journal.ROOTS, os.pathsep.join([str(folder), ""]))
     return folder
 
 
@@ -117,5 +117,5 @@ def test_the_page_says_what_may_be_opened(root: Path, visit: Visit, campaign_fol
 
 def test_without_a_root_every_folder_may_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As on the desk of one user."""
-    monkeypatch.delenv(campaigns.ROOTS, raising=False)
+    monkeypatch.delenv(journal.ROOTS, raising=False)
     assert campaigns.allowed(tmp_path) == tmp_path.resolve()

@@ -118,7 +118,5 @@ def _interval(verdict: Verdict, display: Display) -> str:
 
 
 def _coloured(table: pd.DataFrame) -> Styler:
-    def style(word: str) -> str:
-        return fill(VERDICT_COLOURS[word])
-
-    return table.style.map(style, subset=["Verdict"])
+    styles = {word: fill(colour) for word, colour in VERDICT_COLOURS.items()}
+    return table.style.map(styles.__getitem__, subset=["Verdict"])

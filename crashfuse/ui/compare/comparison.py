@@ -7,11 +7,11 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.fold import Fold
-from crashfuse.study.recommendation import Recommendation, recommend_for
+from crashfuse.study.recommendation import Recommendation
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
 from crashfuse.ui.beside import Shown, choose_curves
-from crashfuse.ui.computation import StudyRequest
+from crashfuse.ui.computation import StudyRequest, advised
 from crashfuse.ui.frame import View
 
 
@@ -51,7 +51,8 @@ class Comparison:
         test, config = view.held_out, request.config
         fold, others = study.fold(test.id), config.training_campaign(view.campaign, test.id)
         whole = study.config.approaches == config.approaches
-        advice = recommend_for(fold.estimates, others, test.condition, view.display.window_ms) if whole else None
+        given = request.key, test.condition, view.display.window_ms
+        advice = advised(*given, fold.estimates, others) if whole else None
         return cls(view, config, study, fold, others, advice, (request.key, study.config.approaches, view.display))
 
     @property

@@ -12,9 +12,9 @@ from crashfuse.signals.rating import WEIGHTS
 from crashfuse.signals.rating_explanation import RatingExplanation
 from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.account import Account, account
-from crashfuse.ui import address, explanations
+from crashfuse.ui import explanations
 from crashfuse.ui.compare.comparison import Comparison
-from crashfuse.ui.figures import show_cached_figure
+from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
@@ -23,7 +23,7 @@ def show(comparison: Comparison) -> None:
     """Show the parts of the ratings, and explain that of one approach, at first of the recommended one."""
     display, test = comparison.view.display, comparison.test
     if comparison.advice is not None:
-        found = _account(comparison.key, comparison)
+        found = _account(comparison.key, comparison.advice.approach, comparison)
         if found.disappoints or (found.departure is not None and found.departure.apart):
             explanations.show_account(found.sentences[1:], missed=found.disappoints)
     approach = _choose_approach(comparison)
@@ -50,12 +50,7 @@ def show(comparison: Comparison) -> None:
 def _choose_approach(comparison: Comparison) -> str:
     names = list(comparison.fold.ratings)
     first = names[-1] if comparison.advice is None else comparison.advice.approach
-    address.default("explained", first, names)
-    chosen: str = st.segmented_control(
-        "Approach", names, format_func=LABELS.__getitem__, default=first, required=True, key="explained",
-        persist_state="session", label_visibility="collapsed", on_change=address.publish,
-    )  # fmt: skip
-    return chosen
+    return choose("Approach", names, key="explained", default=first, label_of=LABELS.__getitem__)
 
 
 @st.cache_resource(max_entries=50, show_spinner=False)
@@ -64,6 +59,6 @@ def _explained(key: Hashable, approach: str, _comparison: Comparison) -> RatingE
 
 
 @st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")
-def _account(key: Hashable, _comparison: Comparison) -> Account:  # noqa: ARG001
-    campaign = _comparison.view.campaign
-    return account(campaign, _comparison.config, _comparison.fold, _comparison.window_ms)
+def _account(key: Hashable, approach: str, _comparison: Comparison) -> Account:  # noqa: ARG001
+    campaign, config = _comparison.view.campaign, _comparison.config
+    return account(campaign, config, _comparison.fold, _comparison.window_ms, approach=approach)

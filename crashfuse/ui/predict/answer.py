@@ -2,7 +2,6 @@
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
@@ -10,8 +9,8 @@ from crashfuse.condition import Condition
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.history import PastResult, keep
-from crashfuse.study.recommendation import Recommendation, recommend_for
-from crashfuse.ui.computation import FitRequest, Fitted, answers
+from crashfuse.study.recommendation import Recommendation
+from crashfuse.ui.computation import FitRequest, Fitted, advised, answers
 from crashfuse.ui.frame import View
 from crashfuse.ui.pins import pinned
 
@@ -45,10 +44,11 @@ class Answer:
         """The answer of fitted approaches at a condition."""
         return cls(view, request, fitted, condition, answers(request.key, condition, fitted))
 
-    @cached_property
+    @property
     def advice(self) -> Recommendation:
-        """Which of them to use; found after the figure is drawn."""
-        return recommend_for(self.estimates, self.campaign, self.condition, self.view.display.window_ms)
+        """Which of them to use."""
+        window_ms = self.view.display.window_ms
+        return advised(self.request.key, self.condition, window_ms, self.estimates, self.campaign)
 
     @property
     def campaign(self) -> Campaign:

@@ -49,9 +49,9 @@ def fill_in(campaign: Campaign, condition: Condition) -> None:
     given = dict(condition.factors)
     st.session_state.update(
         {
-            "speed_mph": round(condition.speed_mps / MPH, 9),
-            "front_weight_lb": round(condition.front_weight_kg / LB, 9),
-            "rear_weight_lb": round(condition.rear_weight_kg / LB, 9),
+            "speed_mph": round(condition.speed_mps / MPH, _DECIMALS),
+            "front_weight_lb": round(condition.front_weight_kg / LB, _DECIMALS),
+            "rear_weight_lb": round(condition.rear_weight_kg / LB, _DECIMALS),
             **{f"factor_{name}": given.get(name) or None for name in campaign.factors},
         }
     )

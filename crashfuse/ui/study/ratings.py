@@ -14,7 +14,7 @@ from crashfuse.ui.study.outcome import Outcome
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
-_ALONE, _GROUP = "Each test left out alone", "With all tests at about its speed"
+_ALONE, _GROUP = page_tables.WAYS.values()
 
 
 def show(outcome: Outcome) -> None:
@@ -55,7 +55,7 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
         name=file_name(
             "ratings",
             outcome.window,
-            "left out with its speed group" if study.config.leave_out == "speed group" else "left out alone",
+            "left out with its speed group" if leave_out == "speed group" else "left out alone",
         ),
     )
     with st.container(horizontal=True, vertical_alignment="center"):
