@@ -14,6 +14,7 @@ import json
 import random
 import re
 import resource
+import shutil
 import signal
 import struct
 import subprocess
@@ -30,7 +31,7 @@ from pathlib import Path
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_tables import read_pulse
 from crashfuse.certification.criteria_file import read_criteria
-from crashfuse.errors import CrashfuseError, DataError, UsageError
+from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.importing import Reading, read_records, settle
 
 Files = dict[str, bytes]
@@ -55,8 +56,7 @@ def main() -> None:
     arguments.add_argument("--sound", type=Path, help=argparse.SUPPRESS)
     given = arguments.parse_args()
     if given.sound:
-        files = {path.relative_to(given.sound).as_posix(): path.read_bytes() for path in _below(given.sound)}
-        _work(given.only[0], files, given.seed, given.files)
+        _work(given.only[0], _contents(given.sound), given.seed, given.files)
         return
     with tempfile.TemporaryDirectory() as scratch:
         sound = {kind: files for kind, files in _sound(given.real).items() if not given.only or kind in given.only}
@@ -133,7 +133,7 @@ def _outcome(read: Callable[[Path], bytes], place: Path) -> tuple[str, str]:
     except DataError as error:
         odd = [str(p) for p in error.problems if len(str(p)) > 1500 or not str(p).endswith(".") or "\n" in str(p)]
         return ("traceback", f"no sentence: {odd[0][:300]}") if odd else ("refused", "")
-    except (UsageError, CrashfuseError):
+    except CrashfuseError:
         return "refused", ""
     except _Hang:
         return "hang", ""
@@ -198,7 +198,7 @@ def _sound(real: Path | None) -> dict[str, Files]:
     kinds["pulse, Parquet"] = {"p.parquet": stream.getvalue()}
     kinds["criteria"] = {"criteria.toml": b'confidence = 0.9\n[[criterion]]\nmetric = "max_crush"\nat_most = 650.0\n'}
     for folder in sorted(path for path in (real.iterdir() if real else ()) if path.is_dir()):
-        files = {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+        files = _contents(folder)
         if files and sum(map(len, files.values())) < 8 << 20:
             kinds[f"real, {folder.name}"] = files
     return kinds
@@ -217,7 +217,7 @@ def _campaign() -> Files:
         runs.to_csv(folder / "cae.csv", index=False)
         pulses = pd.read_parquet(folder / "cae_pulses.parquet")
         pulses[pulses["id"].astype(str).isin(runs["id"])].to_parquet(folder / "cae_pulses.parquet", index=False)
-        return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+        return _contents(folder)
 
 
 def _cell(text: str) -> object:
@@ -229,8 +229,7 @@ def _cell(text: str) -> object:
 
 def _folder(files: Files, folder: Path) -> Path:
     """A folder with these files alone."""
-    for old in _below(folder):
-        old.unlink()
+    shutil.rmtree(folder, ignore_errors=True)
     for name, content in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -238,8 +237,8 @@ def _folder(files: Files, folder: Path) -> Path:
     return folder
 
 
-def _below(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.rglob("*") if path.is_file())
+def _contents(folder: Path) -> Files:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
 def _source(files: Files, folder: Path) -> Path:

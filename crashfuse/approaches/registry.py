@@ -44,12 +44,14 @@ def _checked(name: str, found: object) -> type[Approach]:
 _FOUND = tuple(load("crashfuse.approaches", "approach", _checked))
 _BROKEN = {each.name: each.sentence for each in _FOUND if isinstance(each, Broken)}
 
+_USABLE = [each for each in _FOUND if not isinstance(each, Broken)]
+
 CLASSES: dict[str, type[Approach]] = {approach.name: approach for approach in _ALL} | {
-    name: approach for name, approach, _ in (each for each in _FOUND if not isinstance(each, Broken))
+    name: approach for name, approach, _ in _USABLE
 }
 """All approaches by name; those that other packages add (entry points ``crashfuse.approaches``) come last."""
 
-PACKAGES: dict[str, str] = {name: package for name, _, package in (e for e in _FOUND if not isinstance(e, Broken))}
+PACKAGES: dict[str, str] = {name: package for name, _, package in _USABLE}
 """The package of each approach that is not ours."""
 
 APPROACHES: tuple[str, ...] = tuple(CLASSES)

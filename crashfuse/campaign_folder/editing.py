@@ -16,12 +16,12 @@ from crashfuse.campaign_folder.condition_tables import read_what_can_be
 from crashfuse.campaign_folder.history import changing, taking_turns
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
+from crashfuse.campaign_folder.upload import FILES
 from crashfuse.campaign_folder.writer import toml_text
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.files.atomic import new_folder, write_atomically
 
 _LIST = re.compile(r"^unused[ \t]*=[ \t]*\[[^\]]*\][ \t]*(#[^\n]*)?\r?(\n|\Z)", re.M)
-_FILES = ("tests.csv", "cae.csv", "campaign.toml", "criteria.toml", "matrix.csv")
 _ENDINGS = ("csv", "parquet")
 
 
@@ -45,6 +45,7 @@ def leave_out(folder: Path, ids: Sequence[str]) -> str:
     with taking_turns(folder):
         known, unused = _tests(folder)
         _require(ids, [test_id for test_id in known if test_id not in unused], "in use")
+        _require_one_in_use(known, {*unused, *ids})
         return _set_unused(folder, known, {*unused, *ids}, f"Left out of use: {named(ids)}")
 
 
@@ -52,7 +53,7 @@ def use_again(folder: Path, ids: Sequence[str]) -> str:
     """Use tests again that were left out of use; otherwise as :func:`leave_out`."""
     with taking_turns(folder):
         known, unused = _tests(folder)
-        _require(ids, unused, "left out of use", some_stay=False)
+        _require(ids, unused, "left out of use")
         return _set_unused(folder, known, {*unused} - {*ids}, f"In use again: {named(ids)}")
 
 
@@ -61,8 +62,7 @@ def remove_tests(folder: Path, ids: Sequence[str]) -> str:
     with taking_turns(folder):
         known, unused = _tests(folder)
         _require(ids, known, "there")
-        if {*known} <= {*unused, *ids}:
-            raise UsageError("At least one test has to stay in use.")
+        _require_one_in_use(known, {*unused, *ids})
         table, settings = folder / "tests.csv", folder / "campaign.toml"
         told = f"Taken out: {named(ids)}"
         with changing(folder, told) as keep:
@@ -97,7 +97,7 @@ def copy_campaign(folder: Path, to: Path) -> None:
         singles = [
             path for role in ("tests", "cae") for ending in _ENDINGS for path in folder.glob(f"{role}/*.{ending}")
         ]
-        for path in (*(folder / name for name in _FILES), *tables, *singles):
+        for path in (*(folder / name for name in FILES), *tables, *singles):
             if path.is_file():
                 target = home / path.relative_to(folder)
                 target.parent.mkdir(exist_ok=True)
@@ -116,13 +116,16 @@ def _tests(folder: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return table.ids, settings.unused
 
 
-def _require(ids: Sequence[str], allowed: Sequence[str], what: str, *, some_stay: bool = True) -> None:
-    """Raise a UsageError if one of the ids is not allowed, or if none of these would stay."""
+def _require(ids: Sequence[str], allowed: Sequence[str], what: str) -> None:
+    """Raise a UsageError if one of the ids is not allowed."""
     for test_id in ids:
         if test_id not in allowed:
             listed = ", ".join(printable(other, 60) for other in allowed) or "none"
             raise UsageError(f"There is no test {printable(test_id, 60)!r} that is {what}; there is {listed}.")
-    if some_stay and not {*allowed} - {*ids}:
+
+
+def _require_one_in_use(known: Sequence[str], unused: set[str]) -> None:
+    if {*known} <= unused:
         raise UsageError("At least one test has to stay in use.")
 
 

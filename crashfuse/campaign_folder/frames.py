@@ -9,11 +9,9 @@ import pandas as pd
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.folder import read_folder
-from crashfuse.campaign_folder.writer import quality_columns, table_row, toml_text
-from crashfuse.condition import Condition
+from crashfuse.campaign_folder.writer import condition_rows, toml_text
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.csv_output import csv_bytes
-from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES
 
 _IN_MEMORY = {"tests.csv": "tests", "cae.csv": "cae", "tests_pulses": "test_pulses", "cae_pulses": "cae_pulses"}
@@ -49,14 +47,8 @@ def campaign_of_frames(
 
 def conditions_frame(campaign: Campaign, role: str) -> pd.DataFrame:
     """``tests.csv`` or ``cae.csv`` of a campaign, in mph and lb, see :attr:`Campaign.tests_frame`."""
-    rows: list[tuple[str, Condition]] = [(test.id, test.condition) for test in campaign.tests]
-    quality: tuple[RunQuality, ...] = ()
-    if role == "cae":
-        rows, quality = list(zip(campaign.cae.ids, campaign.cae.conditions, strict=True)), campaign.cae.quality
-    factors = list(dict.fromkeys(name for _, condition in rows for name, _ in condition.factors))
-    header = ["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *factors, *quality_columns(quality)]
-    told = quality or (RunQuality(),) * len(rows)
-    return pd.DataFrame([table_row(header, *row, own) for row, own in zip(rows, told, strict=True)], columns=header)
+    header, rows = condition_rows(campaign, role, "mph", "lb")
+    return pd.DataFrame(rows, columns=header)
 
 
 def pulses_frame(campaign: Campaign, role: str) -> pd.DataFrame:

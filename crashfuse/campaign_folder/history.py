@@ -132,19 +132,18 @@ def undo(folder: Path) -> Change:
             found, advice = "none that is recorded", "nothing has to be undone"
             raise DataError(Problem(str(folder), "a change that can be undone", found, advice))
         home = folder / _HOME / f"{last.number:06d}"
-        waiting = [file for file in last.files if _digest(folder / file.name) != file.before]
-        for file in waiting:
-            _require(folder, home, file, last.what)
-        for file in reversed(waiting):
+        waiting = [(file, now) for file in last.files if (now := _digest(folder / file.name)) != file.before]
+        for file, now in waiting:
+            _require(now, home, file, last.what)
+        for file, _ in reversed(waiting):
             _put_back(folder, home, file.name, was_there=file.before is not None)
         shutil.rmtree(home)
         _tidy(folder / _HOME)
     return last
 
 
-def _require(folder: Path, home: Path, file: ChangedFile, what: str) -> None:
-    """Raise a DataError if a file is not as a change left it, or if what it replaced is not there any more."""
-    now = _digest(folder / file.name)
+def _require(now: str | None, home: Path, file: ChangedFile, what: str) -> None:
+    """Raise a DataError if a file, by its digest now, is not as a change left it, or what it replaced is gone."""
     expected = f"the file as it was after “{what}”"
     advice = f"put its rows and files right by hand; {_HOME}/{home.name}/{_BEFORE} has what was there before"
     if now != file.after:

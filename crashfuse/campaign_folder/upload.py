@@ -30,7 +30,10 @@ from crashfuse.files.archive import (
 _TABLES, _ROLES = ("tests.csv", "cae.csv"), ("tests", "cae")
 _PULSES = (".csv", ".parquet")
 _ASKED = ("criteria.toml", "matrix.csv", "notes.csv")  # of a certification, and by readers
-_AT_THE_TOP = {*_TABLES, *_ASKED, "campaign.toml", *(f"{role}_pulses{ending}" for role in _ROLES for ending in _PULSES)}
+FILES = (*_TABLES, "campaign.toml", *_ASKED)
+"""The files of a campaign folder beside its pulses."""
+
+_AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in _ROLES for ending in _PULSES)}
 _NOTES = (".md", ".txt")
 _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".zst")
 _ENTRY = b"PK\x01\x02"  # starts every entry of a zip's directory

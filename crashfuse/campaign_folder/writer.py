@@ -41,13 +41,8 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
     """
     check_ids([*campaign.test_ids, *campaign.cae.ids], folder.name)
     with new_folder(folder) as home:
-        tests = [(test.id, test.condition) for test in campaign.tests]
-        cae = list(zip(campaign.cae.ids, campaign.cae.conditions, strict=True))
-        for role, rows in (("tests", tests), ("cae", cae)):
-            factors = list(dict.fromkeys(name for _, condition in rows for name, _ in condition.factors))
-            quality = (campaign.cae.quality if role == "cae" else ()) or (RunQuality(),) * len(rows)
-            header = ["id", "speed_mps", "front_weight_kg", "rear_weight_kg", *factors, *quality_columns(quality)]
-            lines = [table_row(header, *row, told) for row, told in zip(rows, quality, strict=True)]
+        for role in ("tests", "cae"):
+            header, lines = condition_rows(campaign, role, "mps", "kg")
             (home / f"{role}.csv").write_text(csv_text([header, *lines]), encoding="utf-8", newline="")
         (home / "tests").mkdir()
         for test in campaign.tests:
@@ -60,6 +55,19 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
         settings += occupant_lines(campaign.occupant)
         settings += QualitySettings(campaign.quality_limits, bool(campaign.cae.left_out)).lines()
         (home / "campaign.toml").write_text("\n".join(settings) + "\n", encoding="utf-8", newline="")
+
+
+def condition_rows(campaign: Campaign, role: str, speed: str, weight: str) -> tuple[list[str], list[list[object]]]:
+    """The columns and rows of ``tests.csv`` or ``cae.csv``, speeds and weights in these units."""
+    rows = [(test.id, test.condition) for test in campaign.tests]
+    quality: tuple[RunQuality, ...] = ()
+    if role == "cae":
+        rows, quality = list(zip(campaign.cae.ids, campaign.cae.conditions, strict=True)), campaign.cae.quality
+    told = quality or (RunQuality(),) * len(rows)
+    factors = list(dict.fromkeys(name for _, condition in rows for name, _ in condition.factors))
+    units = f"speed_{speed}", f"front_weight_{weight}", f"rear_weight_{weight}"
+    header = ["id", *units, *factors, *quality_columns(told)]
+    return header, [table_row(header, *row, own) for row, own in zip(rows, told, strict=True)]
 
 
 def quality_columns(quality: Sequence[RunQuality]) -> list[str]:

@@ -5,13 +5,12 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.campaign import SPEED_STEP_MPS, CaeLibrary, Campaign
 from crashfuse.condition import Condition
 from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed, weight
 
 _FEWEST_TESTS = 4  # with fewer, a left-out test is predicted from one or two others
-_BESIDE_MPS = 2 * MPH  # speeds this near belong to one group
 _BEYOND_MPS = 5 * MPH  # farthest beyond the slowest or fastest test
 _SAME_MASS = 0.02  # a mass this near to a tested one counts as tested
 
@@ -57,12 +56,12 @@ class Domain:
             gaps.append(float(np.abs(np.array(rest) - test.condition.speed_mps).min()) if rest else 0.0)
         masses = np.array([test.condition.mass_kg for test in tests])
         slack = max(float(np.ptp(masses)), _SAME_MASS * float(masses.mean()))
-        below, above = (min(max(gap, _BESIDE_MPS), _BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
+        below, above = (min(max(gap, SPEED_STEP_MPS), _BEYOND_MPS) for gap in (gaps[0], gaps[-1]))
         ends = float(masses.min()) - slack, float(masses.max()) + slack
         return cls(
             len(tests),
             tuple(speeds.tolist()),
-            max(*gaps, _BESIDE_MPS),
+            max(*gaps, SPEED_STEP_MPS),
             below,
             above,
             ends,

@@ -4,9 +4,8 @@ import argparse
 from typing import TYPE_CHECKING
 
 from crashfuse.cli.models import factor, settings
-from crashfuse.cli.output import replacing, require_output, say_written, writing
+from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.wording import SYSTEMS
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
@@ -21,7 +20,6 @@ def certify(arguments: argparse.Namespace) -> None:
     from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.certification_sentences import summary
     from crashfuse.reporting.certification_tables import counts_table
-    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_certification
 
     require_output(arguments.out, arguments.campaign, "certification")
@@ -40,7 +38,7 @@ def certify(arguments: argparse.Namespace) -> None:
             workers=arguments.workers,
             scheduler=arguments.scheduler,
         )
-    display = Display(system=SYSTEMS[arguments.units])
+    display = display_of(arguments)
     with replacing(arguments.out, "certification"), writing(arguments.out, "certification.json") as folder:
         write_certification(certification, folder, display)
     print(counts_table(certification, display.units).to_string(index=False))

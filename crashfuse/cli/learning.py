@@ -4,8 +4,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from crashfuse.cli.output import replacing, require_output, say_written, writing
-from crashfuse.wording import SYSTEMS
+from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
 
 
 def learning_curve(arguments: argparse.Namespace) -> None:
@@ -14,7 +13,6 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     from crashfuse.certification.criteria_file import read_criteria
     from crashfuse.certification.decided import with_decided
     from crashfuse.execution.progress_bar import watching
-    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.results import write_learning_curve
     from crashfuse.study import learning_curve as curves
@@ -42,7 +40,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     if criteria is not None:
         curve = with_decided(curve, criteria)
     with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
-        write_learning_curve(curve, folder, cost, Display(system=SYSTEMS[arguments.units]))
+        write_learning_curve(curve, folder, cost, display_of(arguments))
     if not (table := gains_table(curve, cost)).empty:
         print(table.to_string(index=False))
     print(*sentences(curve, cost), sep="\n")

@@ -6,9 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from crashfuse.cli.outgoing import pulse_export
-from crashfuse.cli.output import replacing, require_output, say_written, writing
+from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
 from crashfuse.errors import UsageError
-from crashfuse.wording import SYSTEMS
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
@@ -40,7 +39,6 @@ def train(arguments: argparse.Namespace) -> None:
 def predict(arguments: argparse.Namespace) -> None:
     """Predict the pulse at a new condition."""
     from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_prediction
     from crashfuse.signals.metrics import MAIN_METRICS
     from crashfuse.study.estimate import estimates_at
@@ -49,7 +47,7 @@ def predict(arguments: argparse.Namespace) -> None:
     from crashfuse.study.recommendation import recommend_for
 
     _require_positive(arguments)
-    export, display = pulse_export(arguments), Display(system=SYSTEMS[arguments.units])
+    export, display = pulse_export(arguments), display_of(arguments)
     require_output(arguments.out, arguments.campaign, "prediction")
     campaign = load_campaign(arguments.campaign)
     condition = _condition(arguments, campaign, arguments.speed_mps)
@@ -72,13 +70,12 @@ def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.execution.progress_bar import watching
-    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_pulses, write_sweep
     from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
     from crashfuse.wording import speed
 
     _require_positive(arguments)
-    export, display = pulse_export(arguments), Display(system=SYSTEMS[arguments.units])
+    export, display = pulse_export(arguments), display_of(arguments)
     require_output(arguments.out, arguments.campaign, "sweep")
     campaign = load_campaign(arguments.campaign)
     speeds = usual_speeds(campaign)
@@ -106,7 +103,6 @@ def next_test(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.condition_tables import read_candidates
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.execution.progress_bar import watching
-    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.results import write_next_tests
     from crashfuse.study.estimate import Fit
     from crashfuse.study.next_test import ConditionRange, next_tests_table, rank_next_tests
@@ -126,7 +122,7 @@ def next_test(arguments: argparse.Namespace) -> None:
         fit = Fit.of(campaign, DisplacementDomain.name, settings(arguments), watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
     ranked = rank_next_tests(fit.approach, over, candidates)
-    display = Display(system=SYSTEMS[arguments.units])
+    display = display_of(arguments)
     write_next_tests(campaign, over, ranked, fit.config, arguments.out, display)
     low, high = display.condition(over.low), display.condition(over.high)
     print(f"The band of the displacement domain over {low} to {high}:")

@@ -5,14 +5,20 @@ groups that the new study did not request, say) are removed, so that nothing sta
 another kind are never touched: the command refuses their folder. While a command runs, the folder is its own.
 """
 
+import argparse
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.atomic import written_together
 from crashfuse.files.claim import sole_writer
+from crashfuse.wording import SYSTEMS
+
+if TYPE_CHECKING:
+    from crashfuse.reporting.plots.display import Display
 
 _claimed: dict[Path, ExitStack] = {}
 
@@ -96,3 +102,10 @@ def say_written(out: Path, kind: str) -> None:
     from crashfuse.reporting.results import RESULT_FILES
 
     print(f"Written to {out}: {', '.join(name for name in RESULT_FILES[kind] if (out / name).exists())}")
+
+
+def display_of(arguments: argparse.Namespace) -> "Display":
+    """How a command shows its results: in the units asked for."""
+    from crashfuse.reporting.plots.display import Display
+
+    return Display(system=SYSTEMS[arguments.units])

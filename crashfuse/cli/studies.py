@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crashfuse.cli.output import replacing, require_output, say_written, writing
+from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
 from crashfuse.errors import UsageError
-from crashfuse.wording import SYSTEMS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -126,7 +125,6 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     """Compute a study, write it and print its results; returns its means."""
     from crashfuse.execution.progress_bar import watching
-    from crashfuse.reporting.plots.display import Display
     from crashfuse.reporting.result_tables import scores_table, studies_table
     from crashfuse.reporting.results import begin_study, write_study
     from crashfuse.study.account import worst_test
@@ -139,7 +137,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
         begin_study(folder, plan)
     with watching() as watch:
         study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
-    display = Display(system=SYSTEMS[arguments.units])
+    display = display_of(arguments)
     with replacing(run.out, "study"), writing(run.out) as folder:
         write_study(study, folder, display, run.report)
     keep(PastResult.of_study(study))

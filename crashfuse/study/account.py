@@ -11,7 +11,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.departure import Departure, departure
+from crashfuse.study.departure import LEAST, Departure, departure
 from crashfuse.study.estimate import find_estimate
 from crashfuse.study.expected_rating import ExpectedRating, expected_rating
 from crashfuse.study.fold import Fold
@@ -118,13 +118,16 @@ def account(
     neighbours = len(campaign.speed_group(test.id)) - 1
     draws = estimate.prediction.draws_mps2
     asked = neighbours and config.leave_out != "speed group"
+    apart = None
+    if neighbours >= LEAST:
+        apart = departure(campaign, test.id, CaeModel(cache=cache).fit(campaign.cae), window_ms)
     return Account(
         test,
         approach,
         fold.ratings[approach][window_ms].overall,
         expected_rating(estimate.left_out_mps2, others, test.condition, window_ms),
         neighbours,
-        departure(campaign, test.id, CaeModel(cache=cache).fit(campaign.cae), window_ms),
+        apart,
         _without_neighbours(campaign, config, fold, approach, window_ms, cache) if asked else None,
         None if draws is None else Coverage.of(test, draws).accel,
     )

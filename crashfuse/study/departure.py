@@ -18,7 +18,7 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.units import G
 from crashfuse.wording import Quantity, Sentence
 
-_LEAST = 3  # neighbours: of three tests one is always farther from both others than these from each other
+LEAST = 3  # neighbours: of three tests one is always farther from both others than these from each other
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def departure(campaign: Campaign, test_id: str, model: CaeModel, window_ms: floa
     """
     test = campaign.test(test_id)
     others = [campaign.test(other) for other in campaign.speed_group(test_id) if other != test_id]
-    if len(others) < _LEAST:
+    if len(others) < LEAST:
         return None
     bias = {own.id: measured_bias(own, model) for own in (test, *others)}
     pairs = list(combinations(others, 2))

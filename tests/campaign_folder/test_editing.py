@@ -280,6 +280,9 @@ def test_the_sample_is_not_edited_but_a_copy_is(tmp_path: Path) -> None:
     copy_campaign(sample_folder(), tmp_path / "copy")
     assert load_campaign(tmp_path / "copy").fingerprint == load_campaign(sample_folder()).fingerprint
     assert (tmp_path / "copy" / "criteria.toml").is_file()
+    (tmp_path / "copy" / "notes.csv").write_text("test,start_ms,end_ms,text\n")
+    copy_campaign(tmp_path / "copy", tmp_path / "again")
+    assert (tmp_path / "again" / "notes.csv").is_file()
     leave_out(tmp_path / "copy", ["T01"])
     assert "T01" not in load_campaign(tmp_path / "copy").test_ids
 
