@@ -22,7 +22,8 @@ from scipy.interpolate import RBFInterpolator
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.cae.emulator import Emulator
-from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.loading import loading_phase

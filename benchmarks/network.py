@@ -24,7 +24,8 @@ from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.training import Checkpoint, TrainingObjective, minimise
 from crashfuse.approaches.time_domain.training_data import predict
-from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.progress import Progress, Watch

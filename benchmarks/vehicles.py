@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import qmc
 
-from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse

@@ -8,27 +8,24 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from crashfuse.cae_library import CaeLibrary
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.run_quality import QualityLimits, RunQuality
+from crashfuse.run_quality import QualityLimits
 from crashfuse.signals.metrics import Metric, metric_bases, metric_headings, pulse_metrics
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import filter_class_text, rating_basis
 from crashfuse.units import MPH
-from crashfuse.wording import MPH_LB, Sentence, UnitSystem, speed, weight
+from crashfuse.wording import MPH_LB, UnitSystem
 
 if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
 
-_SAME_CONDITION = 1e-4  # relative: rounding in a table, far below weighing accuracy
 SPEED_STEP_MPS = 2 * MPH
 """Tests nearer to each other than this are at about one speed."""
-
-_AXES = (("speed", speed), ("front weight", weight), ("rear weight", weight))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,74 +44,6 @@ class CrashTest:
     condition: Condition
     pulse: Pulse
     recorded_s: float = math.inf
-
-
-@dataclass(frozen=True, eq=False)
-class CaeLibrary:
-    """All CAE runs of a campaign.
-
-    Parameters
-    ----------
-    accel_mps2 : ndarray of float32, shape (n_runs, 1250)
-        Signed acceleration in m/s² on :data:`crashfuse.signals.pulse.GRID_S`.
-    quality : tuple of RunQuality
-        What the solver says of each run; empty if nothing is recorded for any. It is not in the fingerprint, because
-        nothing that is learned depends on it.
-    left_out : tuple of (str, RunQuality)
-        Ids of runs that were left out for exceeding the campaign's limits, with what the solver says of them.
-    """
-
-    ids: tuple[str, ...]
-    conditions: tuple[Condition, ...]
-    accel_mps2: npt.NDArray[np.float32]
-    quality: tuple[RunQuality, ...] = ()
-    left_out: tuple[tuple[str, RunQuality], ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
-    @cached_property
-    def vectors(self) -> FloatArray:
-        """Conditions as rows [v0, wf, wr] in m/s and kg, shape (n_runs, 3)."""
-        return np.array([condition.vector for condition in self.conditions])
-
-    @cached_property
-    def fingerprint(self) -> str:
-        """SHA-256 of ids, conditions and every sample."""
-        digest = hashlib.sha256()
-        for run_id, condition in zip(self.ids, self.conditions, strict=True):
-            digest.update(f"{run_id}|{condition!r}\n".encode())
-        digest.update(np.ascontiguousarray(self.accel_mps2).tobytes())
-        return digest.hexdigest()
-
-    def paired_run(self, condition: Condition) -> int | None:
-        """Index of the run at exactly this condition (to a relative 1e-4), or None."""
-        target = condition.vector
-        gap = np.abs(self.vectors - target)
-        same = np.flatnonzero((gap <= _SAME_CONDITION * np.abs(target)).all(axis=1))
-        return int(same[0]) if same.size else None
-
-    @cached_property
-    def range(self) -> tuple[FloatArray, FloatArray]:
-        """The range of the runs: smallest and largest [v0, wf, wr] in m/s and kg, each of shape (3,)."""
-        return self.vectors.min(axis=0), self.vectors.max(axis=0)
-
-    def extrapolation(self, condition: Condition) -> tuple[str, ...]:
-        """One sentence for every input of a condition outside :attr:`range`; empty if it is in range.
-
-        This alone decides what is in range, for pages, reports, figures and verdicts alike. A condition with a paired
-        run always is; how near the other runs are is another question
-        (:func:`crashfuse.study.nearest.nearest_runs`).
-        """
-        notes = []
-        for (name, quantity), x, lo, hi in zip(
-            _AXES, condition.vector.tolist(), *(end.tolist() for end in self.range), strict=True
-        ):
-            tolerance = _SAME_CONDITION * abs(x)  # that of a paired run
-            if x < lo - tolerance or x > hi + tolerance:
-                outside = quantity(x, form=".4g"), quantity(lo, hi, form=".4g")
-                notes.append(Sentence("Extrapolation: {} {} lies outside the CAE runs' {}.", name, *outside))
-        return tuple(notes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,8 @@ import pytest
 from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.approaches.settings import Settings
-from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.errors import Cancelled, CrashfuseError, NotFittedError, UsageError
 from crashfuse.execution.progress import Watch

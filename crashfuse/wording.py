@@ -88,6 +88,11 @@ def weight(*values_kg: float, form: str = ".0f", between: str = "–") -> Quanti
     return Quantity(tuple(value / LB for value in values_kg), "lb", form, between)
 
 
+def acceleration(*values_mps2: float, form: str = ".1f", between: str = "–") -> Quantity:
+    """Accelerations, given in m/s²; as a string, in g."""
+    return Quantity(tuple(value / G for value in values_mps2), "g", form, between)
+
+
 class Sentence(str):
     """A text with quantities in it: a string in the units of the files, which can be said in others.
 

@@ -26,6 +26,7 @@ ROOMS = (
     "synthetic",
     "execution",
     "campaign",
+    "cae_library",
     "run_quality",
     "condition",
     "signals",

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
-from crashfuse.campaign import CaeLibrary
+from crashfuse.cae_library import CaeLibrary
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import Entry, finite

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from crashfuse.cae.emulator import Emulator
-from crashfuse.campaign import CaeLibrary
+from crashfuse.cae_library import CaeLibrary
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest

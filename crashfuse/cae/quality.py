@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from crashfuse.campaign import CaeLibrary
+from crashfuse.cae_library import CaeLibrary
 from crashfuse.run_quality import QUANTITIES, QualityLimits, RunQuality
 
 _NAMED = 5  # runs in a sentence

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.campaign_folder.condition_tables import ConditionTable, read_what_can_be
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
 from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units

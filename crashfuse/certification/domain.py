@@ -5,7 +5,8 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.campaign import SPEED_STEP_MPS, CaeLibrary, Campaign
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import SPEED_STEP_MPS, Campaign
 from crashfuse.condition import Condition
 from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed, weight

@@ -13,11 +13,10 @@ from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, shortened
 from crashfuse.files.csv_output import csv_bytes
-from crashfuse.study.estimate import FASTEST_MPS, HEAVIEST_KG
-from crashfuse.wording import Sentence, speed, weight
+from crashfuse.study.estimate import BOUNDS, is_beyond
+from crashfuse.wording import Sentence
 
 _MOST = 10_000  # each costs a prediction
-_BOUNDS = Sentence("at most {} and {} in all", speed(FASTEST_MPS, form=".0f"), weight(HEAVIEST_KG))
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +62,8 @@ class Matrix:
                 advice = "remove one of them"
                 found = f"that of {first[condition]} a second time"
                 problems.append(Problem(path.name, "each condition once", found, advice, "id", row))
-            elif _is_beyond(condition):
-                problems.append(Problem(path.name, _BOUNDS, str(condition), "correct the cell", "id", row))
+            elif is_beyond(condition):
+                problems.append(Problem(path.name, BOUNDS, str(condition), "correct the cell", "id", row))
             first.setdefault(condition, test_id)
         if problems:
             raise DataError(shortened(problems))
@@ -106,10 +105,6 @@ class Matrix:
             raise UsageError(f"A matrix has at most {_MOST:,} conditions; this grid has {len(axes):,}.")
         ids = tuple(f"M{number:03d}" for number in range(1, len(axes) + 1))
         conditions = tuple(Condition(v, front, rear, kind) for v, front, rear, kind in axes)
-        if beyond := next(filter(_is_beyond, conditions), None):
-            raise UsageError(Sentence("No barrier test is made at {}: a grid has {}.", beyond, _BOUNDS))
+        if beyond := next(filter(is_beyond, conditions), None):
+            raise UsageError(Sentence("No barrier test is made at {}: a grid has {}.", beyond, BOUNDS))
         return cls(ids, conditions)
-
-
-def _is_beyond(condition: Condition) -> bool:
-    return condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG

@@ -79,12 +79,13 @@ class TimeLeft:
         last = max((number for number, step in enumerate(steps) if step.done), default=-1)
         pending = [step for number, step in enumerate(steps) if step.done < 1 and (step.started or number > last)]
         running = self._running()
-        done_s = sum(step.done_s(now_s, alone=len(running) == 1 and step in running) for step in steps)
+        alone = running[0] if len(running) == 1 else None
+        done_s = sum(step.done_s(now_s, alone=step is alone) for step in steps)
         pace = (now_s - self._start_s + _PRIOR_S) / (done_s + _PRIOR_S)
         left_s = 0.0
         for step in pending:
             whole_s = step.expected_s * pace
-            if running == [step]:
+            if step is alone:
                 left_s += step.left_s(whole_s, now_s)
             else:
                 left_s += whole_s * (1 - step.done)

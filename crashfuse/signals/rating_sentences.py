@@ -3,8 +3,8 @@
 import numpy as np
 
 from crashfuse.signals.rating_explanation import Compared, RatedHump, RatingExplanation
-from crashfuse.units import MS, G
-from crashfuse.wording import Quantity, Sentence
+from crashfuse.units import MS
+from crashfuse.wording import Sentence, acceleration
 
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _SEVERAL = 2  # humps: of one alone nothing is worst
@@ -36,7 +36,7 @@ def rating_sentences(explanation: RatingExplanation, comparison: str = "predicti
 
 
 def _corridor(explanation: RatingExplanation, comparison: str) -> Sentence:
-    inner, outer = (_accel(half, ".1f") for half in (explanation.inner_mps2, explanation.outer_mps2))
+    inner, outer = (acceleration(half) for half in (explanation.inner_mps2, explanation.outer_mps2))
     if not explanation.excursions:
         return Sentence(f"the {comparison} stays inside the inner corridor, ± {{}}", inner)
     outside_s = sum(own.end_s - own.begin_s for own in explanation.excursions)
@@ -51,7 +51,7 @@ def _corridor(explanation: RatingExplanation, comparison: str) -> Sentence:
         "in part" if beyond else "never",
         outer,
         f"{_ms(worst.begin_s)} to {_ms(worst.end_s)}",
-        _accel(abs(worst.difference_mps2), ".1f"),
+        acceleration(abs(worst.difference_mps2)),
         _side(worst.difference_mps2 * _braking(explanation.compared)),
     )
 
@@ -89,7 +89,7 @@ def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
         f"{100 * worst.magnitude_share:.0f}",
         _nth(explanation, worst),
         _range(worst),
-        _accel(abs(worst.difference_mps2), ".1f"),
+        acceleration(abs(worst.difference_mps2)),
         _side(worst.difference_mps2),
     )
 
@@ -130,10 +130,6 @@ def _braking(curves: Compared) -> float:
 
 def _side(difference: float) -> str:
     return "too strong" if difference > 0 else "too weak"
-
-
-def _accel(value_mps2: float, form: str) -> Quantity:
-    return Quantity((value_mps2 / G,), "g", form)
 
 
 def _ms(time_s: float) -> str:

@@ -15,8 +15,8 @@ from crashfuse.approaches.displacement_domain.bias import BiasPoints
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.signals.rating import rate_windows
-from crashfuse.units import G
-from crashfuse.wording import Quantity, Sentence
+from crashfuse.study.expected_rating import rating_range
+from crashfuse.wording import Quantity, Sentence, acceleration
 
 LEAST = 3  # neighbours: of three tests one is always farther from both others than these from each other
 
@@ -66,9 +66,9 @@ class Departure:
         measured = Sentence(
             "Its pulse rates {} against {}, theirs {} against each other; what the CAE model gets wrong in it, over "
             "displacement, differs by {} (RMS) from theirs, theirs by {} from each other.",
-            _range(self.ratings),
+            rating_range(min(self.ratings), max(self.ratings)),
             ", ".join(self.neighbours),
-            _range(self.ratings_between),
+            rating_range(min(self.ratings_between), max(self.ratings_between)),
             _accels(self.bias_mps2),
             _accels(self.bias_between_mps2),
         )
@@ -126,10 +126,5 @@ def _rated(test: CrashTest, other: CrashTest, window_ms: float) -> float:
     return rate_windows(test.pulse, scaled, [window_ms])[float(window_ms)].overall
 
 
-def _range(values: tuple[float, ...]) -> str:
-    ends = dict.fromkeys(f"{end:.2f}" for end in (min(values), max(values)))
-    return " to ".join(ends)
-
-
 def _accels(values_mps2: tuple[float, ...]) -> Quantity:
-    return Quantity(tuple(dict.fromkeys(end / G for end in (min(values_mps2), max(values_mps2)))), "g", between=" to ")
+    return acceleration(*dict.fromkeys((min(values_mps2), max(values_mps2))), between=" to ")

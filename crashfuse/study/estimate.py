@@ -29,6 +29,9 @@ from crashfuse.wording import Sentence, packed, speed, unpacked, weight
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
 """Upper limits of the conditions predicted, far beyond any barrier test."""
 
+BOUNDS = Sentence("at most {} and {} in all", speed(FASTEST_MPS, form=".0f"), weight(HEAVIEST_KG))
+"""The same in words."""
+
 _KIND, _JUDGED = "predictions", "metric errors"  # kinds of cache entries
 _LEFT_OUT, _ERRORS = "left out ", "error of "  # prefixes of a test's id, and of a metric, in the names of arrays there
 
@@ -125,6 +128,11 @@ class Fit:
         return estimates_at([self], condition)[0]
 
 
+def is_beyond(condition: Condition) -> bool:
+    """Whether no barrier test is made at a condition."""
+    return condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG
+
+
 def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     """Predictions of several approaches at a condition, with numbers rounded as for storage.
 
@@ -137,11 +145,8 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     """
     if not (np.isfinite(condition.vector).all() and (condition.vector > 0).all()):
         raise UsageError(Sentence("A prediction takes a speed and weights above 0, not {}.", condition))
-    if condition.speed_mps > FASTEST_MPS or condition.mass_kg > HEAVIEST_KG:
-        most = speed(FASTEST_MPS, form=".0f"), weight(HEAVIEST_KG)
-        raise UsageError(
-            Sentence("No barrier test is made at {}: at most {} and {} in all can be predicted.", condition, *most)
-        )
+    if is_beyond(condition):
+        raise UsageError(Sentence("No barrier test is made at {}: {} can be predicted.", condition, BOUNDS))
     known: dict[tuple[object, ...], Prediction] = {}
 
     def predict(approach: Approach) -> Prediction:

@@ -58,7 +58,7 @@ class ExpectedRating:
     def sentence(self) -> str:
         """A sentence on the expected rating, and the number of tests that it rests on."""
         n, within = len(self.tests), speed(self.reach_mps)
-        tests, rated = f"{n} left-out test{'s' * (n > 1)}", _range(self.lowest, self.highest)
+        tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
         if self.farther:
             return Sentence(
                 f"How it will rate is not known: expect less than the {rated} over 0–{self.window_ms:g} ms of {tests} "
@@ -71,7 +71,7 @@ class ExpectedRating:
     @property
     def range(self) -> str:
         """The likely range as displayed."""
-        return _range(self.lower, self.upper)
+        return rating_range(self.lower, self.upper)
 
     @property
     def grades(self) -> str:
@@ -96,7 +96,7 @@ class ExpectedRating:
 
     def outcome(self, rating: float) -> str:
         """A sentence on how the expectation came out, once the test is known."""
-        nearer = f"less than the {_range(self.lowest, self.highest)} of tests with nearer neighbours"
+        nearer = f"less than the {rating_range(self.lowest, self.highest)} of tests with nearer neighbours"
         expected = nearer if self.farther else self.range
         return f"Expected {expected}, came out {rating:.2f} ({grade(round(rating, 2))}): {self.surprise(rating)}."
 
@@ -144,7 +144,8 @@ def expected_rating(
     )
 
 
-def _range(lower: float, upper: float) -> str:
+def rating_range(lower: float, upper: float) -> str:
+    """Both ends as displayed, one if they are equal."""
     return " to ".join(dict.fromkeys(f"{end:.2f}" for end in (lower, upper)))
 
 

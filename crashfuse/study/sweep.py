@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.metrics import Metric

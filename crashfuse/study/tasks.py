@@ -106,7 +106,7 @@ class Computation:
         late = [each for each in missing if CLASSES[each.approach].trains_networks]
         early = _tasks([each for each in missing if not CLASSES[each.approach].trains_networks])
         repeats = [Task(repeated=repeated)]
-        self._expect(early, late, len(wanted))
+        self._expect(missing, len(wanted))
         self.watch.report(_STEP, len(self.known), len(wanted))
         shared = self._prepared(missing, trained=False)
         if not late:
@@ -148,11 +148,10 @@ class Computation:
                 if estimates:
                     self.on_more()
 
-    def _expect(self, early: Sequence[Task], late: Sequence[Wanted], total: int) -> None:
+    def _expect(self, missing: Sequence[Wanted], total: int) -> None:
         """Tell the watch which steps come."""
-        names = {each.approach for task in early for each in task.wanted} | {each.approach for each in late}
-        repeats = {REPEATABILITY: REPEATABILITY_S}
-        if len({each.left_out for task in early for each in task.wanted} | {each.left_out for each in late}) > 1:
+        names, repeats = {each.approach for each in missing}, {REPEATABILITY: REPEATABILITY_S}
+        if len({each.left_out for each in missing}) > 1:
             self.watch.expect(shared_steps(names, self.config) | {_STEP: PREDICTION_S * total} | repeats)
         else:
             self.watch.expect(fit_steps(names, self.campaign, self.config) | repeats)

@@ -8,7 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from scipy.stats import qmc
 
-from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.files.atomic import new_folder

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from crashfuse.cae.emulator import Emulator
-from crashfuse.campaign import CaeLibrary
+from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError

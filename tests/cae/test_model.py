@@ -5,7 +5,8 @@ import pytest
 
 from crashfuse.cae.emulator import Emulator
 from crashfuse.cae.model import CaeModel, LoadingCurve
-from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.loading import loading_phase

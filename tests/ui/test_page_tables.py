@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pandas.io.formats.style import Styler
 
-from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.certification.domain import Domain
 from crashfuse.condition import Condition
 from crashfuse.reporting.plots.conditions import condition_space

@@ -20,7 +20,8 @@ from streamlit.testing.v1 import AppTest
 
 from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.registry import LABELS
-from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError

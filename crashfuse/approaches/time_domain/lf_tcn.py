@@ -13,7 +13,8 @@ from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.scaling import Scaling
 from crashfuse.approaches.time_domain.training import Checkpoint, load_weights, weights_of
 from crashfuse.approaches.time_domain.training_data import predict, train
-from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache

@@ -6,7 +6,8 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.campaign import CaeLibrary, CrashTest
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import CrashTest
 from crashfuse.reporting.plots.canvas import (
     BAND,
     add_band,

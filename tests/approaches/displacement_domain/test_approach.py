@@ -11,7 +11,8 @@ from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.rebound import follow_unloading
-from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
 from crashfuse.errors import NotFittedError
 from crashfuse.execution.progress import SILENT, Progress, Watch

@@ -13,7 +13,8 @@ from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
 from crashfuse.approaches.time_domain.stopping import stopping_notes
-from crashfuse.campaign import CaeLibrary, Campaign
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch

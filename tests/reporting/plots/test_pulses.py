@@ -5,7 +5,8 @@ import plotly.graph_objects as go
 import pytest
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.campaign import CaeLibrary, Campaign, CrashTest
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.display import Display

@@ -1,0 +1,52 @@
+"""The CAE runs: pairing, range, extrapolation."""
+
+from dataclasses import replace
+
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.units import LB, MPH
+
+
+def test_a_run_at_a_tests_condition_is_its_pair(campaign: Campaign) -> None:
+    """The last four runs were made at the tests' conditions, whatever the extra columns say."""
+    pairs = [campaign.cae.paired_run(test.condition) for test in campaign.tests]
+    assert pairs == [20, 21, 22, 23]
+
+
+def test_a_condition_without_a_run_has_no_pair(campaign: Campaign) -> None:
+    """Half a mile per hour is another condition."""
+    condition = replace(campaign.tests[0].condition, speed_mps=15.5 * MPH)
+    assert campaign.cae.paired_run(condition) is None
+
+
+def test_a_standstill_has_no_pair_among_moving_runs(campaign: Campaign) -> None:
+    """A speed of 0 is compared like any other."""
+    assert campaign.cae.paired_run(Condition(0.0, 2000 * LB, 1450 * LB)) is None
+
+
+def test_a_weight_beyond_the_library_is_flagged(campaign: Campaign) -> None:
+    """The sentence names the input, its value and the range."""
+    condition = Condition(25 * MPH, 2400 * LB, 1500 * LB)
+    (note,) = campaign.cae.extrapolation(condition)
+    assert note.startswith("Extrapolation: front weight 2400 lb lies outside the CAE runs' 19")
+
+
+def test_a_paired_run_puts_its_condition_in_range(campaign: Campaign) -> None:
+    """However far it lies from the other runs, and to the tolerance of a pair: its pulse is known there."""
+    heavy = Condition(25 * MPH, 2400 * LB, 1500 * LB)
+    assert campaign.cae.extrapolation(heavy)
+    cae = replace(campaign.cae, conditions=(*campaign.cae.conditions[:-1], heavy))
+    for factor in (1 - 0.99e-4, 1.0, 1 + 0.99e-4):
+        condition = replace(heavy, front_weight_kg=factor * heavy.front_weight_kg)
+        assert cae.paired_run(condition) is not None
+        assert cae.extrapolation(condition) == ()
+
+
+def test_every_run_is_in_range(campaign: Campaign) -> None:
+    """The range is that of all runs."""
+    assert [campaign.cae.extrapolation(condition) for condition in campaign.cae.conditions] == [()] * len(campaign.cae)
+
+
+def test_a_condition_inside_the_library_is_not_flagged(campaign: Campaign) -> None:
+    """Nothing to say about the middle of the range."""
+    assert campaign.cae.extrapolation(Condition(20 * MPH, 2050 * LB, 1550 * LB)) == ()
