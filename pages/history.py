@@ -12,7 +12,10 @@ if not results:
     st.markdown("Nothing was computed on this machine yet. Studies, and predictions that were pinned, appear here.")
     st.stop()
 display = {} if view is None else {"display": view.display}
-st.caption("What was computed on this machine, by whomever, the latest first. Choose a row to open that result.")
+st.caption(
+    "What was computed on this machine, by whomever, the latest first; of predictions, those that were pinned or made "
+    "by the command. Choose a row to open that result."
+)
 show_results(results, **display)
 studies = [result for result in results if result.tests]
 if len(studies) > 1:

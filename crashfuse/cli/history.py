@@ -4,9 +4,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from crashfuse.cli.output import require_writable
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
+    from crashfuse.study.comparison import StudyComparison
     from crashfuse.study.history import PastResult
 
 _SHOWN = ["Date (UTC)", "Campaign", "What", "Settings", "Recommended", "Mean rating", "Worst test"]
@@ -33,6 +35,9 @@ def compare(arguments: argparse.Namespace) -> None:
     from crashfuse.study.comparison import StudyComparison
 
     compared = StudyComparison(_study(arguments.first), _study(arguments.second))
+    if arguments.report is not None:
+        _write_report(compared, arguments.report)
+        return
     if arguments.csv:
         print(csv_bytes(compared.ratings).decode(), end="")
         return
@@ -50,8 +55,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             name, metavar=name.upper(), help="a folder written by crashfuse study, or an id from crashfuse studies"
         )
-    parser.add_argument("--csv", action="store_true", help="print every rating as CSV instead")
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument("--csv", action="store_true", help="print every rating as CSV instead")
+    instead.add_argument("--report", type=Path, metavar="FILE.html", help="write a report of both instead")
     parser.set_defaults(run=compare)
+
+
+def _write_report(compared: "StudyComparison", path: Path) -> None:
+    from crashfuse.files.atomic import write_atomically
+    from crashfuse.reporting.report import comparison_report
+
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name a file for --report.")
+    require_writable(path.parent, "--report")
+    write_atomically(path, comparison_report(compared).encode())
+    print(f"Written to {path}")
 
 
 def _study(name: str) -> "PastResult":

@@ -57,13 +57,13 @@ def giving_back() -> Iterator[None]:
             _claimed.popitem()[1].close()
 
 
-def require_writable(out: Path) -> None:
-    """Refuse a folder that is a file, lies below one, or is not writable."""
+def require_writable(out: Path, option: str = "--out") -> None:
+    """Refuse a folder that is a file, lies below one, or is not writable, by the option that names it."""
     there = next(path for path in (out.resolve(), *out.resolve().parents) if path.exists())
     if not there.is_dir():
-        raise UsageError(f"{there} is a file, not a folder; name another folder for --out.")
+        raise UsageError(f"{there} is a file, not a folder; name another folder for {option}.")
     if not os.access(there, os.W_OK | os.X_OK):
-        raise UsageError(f"Nothing can be written to {there}; name another folder for --out.")
+        raise UsageError(f"Nothing can be written to {there}; name another folder for {option}.")
 
 
 @contextmanager

@@ -54,6 +54,37 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
     )
 
 
+def comparison_tests(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
+    """Every test by every approach, as a table for readers: its rating in the second study, and the difference."""
+    table = compared.ratings[(compared.ratings["window_ms"] == window_ms) & (compared.ratings["left_out"] == left_out)]
+    cells = pd.DataFrame(
+        {
+            "Test": table["held_out"],
+            "approach": [LABELS.get(name, name) for name in table["approach"]],
+            "cell": [f"{b:.3f} ({gain:+.3f})" for b, gain in zip(table["second"], table["difference"], strict=True)],
+        }
+    )
+    wide = cells.pivot_table(index="Test", columns="approach", values="cell", aggfunc="first", sort=False)
+    return wide.fillna("–").rename_axis(columns=None).reset_index()
+
+
+def comparison_by_window(compared: StudyComparison, left_out: str) -> pd.DataFrame:
+    """Mean ratings by approach and window, as a table for readers: first, second, and their difference."""
+    cells: dict[str, dict[str, str]] = {}
+    for window in compared.windows_ms:
+        for row in compared.means(window, left_out).to_dict("records"):
+            told = f"{row['first']:.3f}  {row['second']:.3f}  {row['difference']:+.3f}"
+            cells.setdefault(LABELS.get(row["approach"], row["approach"]), {})[f"0–{window:g} ms"] = told
+    return pd.DataFrame.from_dict(cells, orient="index").fillna("–").rename_axis("Approach").reset_index()
+
+
+def studies_table(first: PastResult, second: PastResult, display: Display = DEFAULT) -> pd.DataFrame:
+    """What two studies are, one row for each property."""
+    rows = history_table([first, second], display).T
+    rows.loc["Id"] = [first.id, second.id]
+    return rows.set_axis(["First", "Second"], axis=1).rename_axis("Study").reset_index()
+
+
 def _row(result: PastResult, display: Display) -> dict[str, str]:
     config, rated = result.config, {"Mean rating": "–", "Worst test": "–"}
     if result.tests:

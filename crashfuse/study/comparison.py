@@ -49,9 +49,18 @@ class StudyComparison:
         return table.assign(difference=table["second"] - table["first"])
 
     @property
+    def windows_ms(self) -> list[float]:
+        """The windows that both were rated over, ascending."""
+        return sorted(map(float, self.ratings["window_ms"].unique()))
+
+    @property
     def longest_ms(self) -> float:
-        """The longest window that both were rated over."""
-        return float(self.ratings["window_ms"].max())
+        """The longest of them."""
+        return self.windows_ms[-1]
+
+    def window(self, asked_ms: float) -> float:
+        """The window asked for, if both were rated over it, else the longest."""
+        return asked_ms if asked_ms in self.windows_ms else self.longest_ms
 
     @property
     def ways(self) -> list[str]:

@@ -16,6 +16,7 @@ from crashfuse.approaches.registry import APPROACHES
 from crashfuse.approaches.settings import PRESETS
 from crashfuse.certification.verdict import WORDS
 from crashfuse.reporting.plots.curves import TEST
+from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.wording import SYSTEMS
 
@@ -38,12 +39,15 @@ class Choice:
         The values it can have; none where they depend on the campaign.
     pages : tuple of str, optional
         The pages on which it acts; none for all.
+    of_campaign : bool
+        Whether it means nothing in another campaign.
     """
 
     kind: type = str
     default: Value = None
     options: Sequence[Value] = ()
     pages: tuple[str, ...] = ()
+    of_campaign: bool = False
 
     def parse(self, texts: Sequence[str]) -> Value:
         """The value that these texts of an address stand for; the default if they stand for none."""
@@ -69,7 +73,7 @@ _ANY = "…"  # in a key: a factor of the campaign
 CHOICES: dict[str, Choice] = {
     # what is looked at
     "campaign": Choice(),
-    "test": Choice(pages=("data", "train", "compare")),
+    "test": Choice(pages=("data", "train", "compare"), of_campaign=True),
     "import": Choice(pages=("data",)),
     # how it is predicted
     "leave_out": Choice(str, "test", ("test", "speed group"), ("train", "compare")),
@@ -103,7 +107,12 @@ CHOICES: dict[str, Choice] = {
     "front_weight_lb": Choice(float, pages=("predict",)),
     "rear_weight_lb": Choice(float, pages=("predict",)),
     "factor_…": Choice(pages=("predict",)),
-    "confidence": Choice(float, pages=("certify",)),
+    "sweep_metric": Choice(str, next(iter(METRIC_LABELS)), tuple(METRIC_LABELS), ("predict",)),
+    "speed_range": Choice(pages=("predict",)),
+    "front_range": Choice(pages=("predict",)),
+    "rear_range": Choice(pages=("predict",)),
+    "criteria": Choice(tuple, pages=("certify",), of_campaign=True),
+    "confidence": Choice(float, pages=("certify",), of_campaign=True),
     "approach": Choice(pages=("certify",)),
     "matrix": Choice(pages=("certify",)),
     "speeds": Choice(pages=("certify",)),
@@ -165,11 +174,13 @@ def default(key: str, value: Value, known: Sequence[Value] = ()) -> None:
         state[key] = value
 
 
-def forget_default(key: str) -> None:
-    """Let another campaign decide a choice that nobody has made: its value is the default of the one before."""
+def leave_campaign() -> None:
+    """Let another campaign decide what nobody has chosen, and what means nothing there; call it from a callback."""
     state = _state()
-    if state.get(key) == state.get(_DEFAULTS, {}).get(key):
-        state[key] = None
+    usual = state.get(_DEFAULTS, {})
+    for key, choice in CHOICES.items():
+        if choice.of_campaign or (key in usual and state.get(key) == usual[key]):
+            state[key] = None
 
 
 def publish() -> None:
@@ -185,9 +196,8 @@ def parameters(page: str) -> dict[str, list[str]]:
     known = state.get(_DEFAULTS, {})
     shown = {}
     for key, choice in _of(page).items():
-        value = state.get(key)
-        usual = choice.kind is tuple and value is not None and list(value) == list(choice.default or ())  # type: ignore[arg-type]
-        if not usual and value is not None and value not in (known.get(key), choice.default):
+        value, usual = state.get(key), choice.default
+        if value is not None and value not in (known.get(key), list(usual) if isinstance(usual, tuple) else usual):
             shown[key] = choice.texts(value)
     return shown
 

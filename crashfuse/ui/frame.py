@@ -121,8 +121,10 @@ def offer_sample() -> None:
 
 def choose_campaign(name: str) -> None:
     """Select one of the open campaigns; call it from a callback, before the sidebar is drawn."""
-    st.session_state["campaign"] = name
-    _turn_to_campaign()
+    if st.session_state["campaign"] != name:
+        st.session_state["campaign"] = name
+        address.leave_campaign()
+    _forget()
 
 
 def choose_held_out(test: CrashTest) -> None:
@@ -216,9 +218,8 @@ def _note(sentence: str, asked: str) -> None:
 
 
 def _turn_to_campaign() -> None:
-    """Begin with another campaign's own default test: its names may mean other conditions there."""
-    st.session_state["test"] = None
-    address.forget_default("system")
+    """Begin with another campaign's own defaults: a test's name may mean another condition there."""
+    address.leave_campaign()
     _forget()
 
 

@@ -5,12 +5,15 @@ import streamlit as st
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.errors import DataError, UsageError
 from crashfuse.reporting.past_results import comparison_means, comparison_table, described, history_table
+from crashfuse.reporting.plots.compared import rating_differences
 from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.report import comparison_report
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult, past_results
 from crashfuse.ui import address, campaigns, frame, page_tables
-from crashfuse.ui.downloads import download_table
-from crashfuse.ui.figures import choose
+from crashfuse.ui.downloads import download_report, download_table
+from crashfuse.ui.figure_tools import file_name
+from crashfuse.ui.figures import choose, show_figure
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.page_tables import window_label
 from crashfuse.ui.predict.condition import fill_in
@@ -72,12 +75,11 @@ def compare_two(studies: list[PastResult], display: Display = DEFAULT) -> None:
     way = compared.ways[0]
     if len(compared.ways) > 1:
         way = choose("Left out", compared.ways, key="compared_way", label_of=page_tables.WAYS.__getitem__)
-    _show(compared, way, display.window_ms)
+    _show(compared, way, display)
 
 
-def _show(compared: StudyComparison, way: str, window_ms: float) -> None:
-    windows = set(compared.ratings["window_ms"])
-    window = window_ms if window_ms in windows else compared.longest_ms
+def _show(compared: StudyComparison, way: str, display: Display) -> None:
+    window = compared.window(display.window_ms)
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in compared.sentences(window, way)))
     for caution in compared.cautions:
         st.caption(f":material/warning: {plain(caution)}")
@@ -86,12 +88,19 @@ def _show(compared: StudyComparison, way: str, window_ms: float) -> None:
     approaches = list(compared.means(window, way)["approach"])
     usual = compared.second.approach
     st.subheader("Each test")
+    show_figure(
+        rating_differences(compared, window, way),
+        alt="Rating of each test in the second study minus that in the first, by approach, with their mean",
+        name=file_name("studies compared", window_label(window), way),
+    )
     approach = choose(
         "Approach", approaches, key="compared_approach", default=usual if usual in approaches else approaches[0],
         label_of=lambda name: LABELS.get(name, name),
     )  # fmt: skip
     show_table(comparison_table(compared, approach, window, way), "compared tests")
-    download_table("comparison.csv", lambda: compared.ratings)
+    with st.container(horizontal=True):
+        download_table("comparison.csv", lambda: compared.ratings)
+        download_report(lambda: comparison_report(compared, display), "comparison.html")
 
 
 def _open(result: PastResult) -> str:

@@ -39,7 +39,8 @@ def show_pins(view: View, condition: Condition, remember: Callable[[], None]) ->
     st.button(
         "Pin this prediction", icon=":material/keep:", on_click=pin_this,
         disabled=condition.text in texts or len(texts) >= _MOST,
-        help=f"Keeps it in the figures, in a table of differences, in the link and in the report; up to {_MOST}.",
+        help="Keeps it in the figures, a table of differences, the link, the report, and the list on History; up to "
+        f"{_MOST}.",
     )  # fmt: skip
     for text, other in texts.items():
         st.button(

@@ -52,6 +52,11 @@ def test_two_studies_are_compared_by_folder_and_by_id(run: Run, tmp_path: Path) 
     for side in (0, 1):
         scores = pd.read_csv(tmp_path / f"{side}" / "scores.csv")
         assert list(ratings[["first", "second"][side]]) == pytest.approx(list(scores["overall"]))
+    code, told, _ = run("compare", *ids, "--report", tmp_path / "new" / "both.html")
+    assert (code, told) == (cli.DONE, f"Written to {tmp_path / 'new' / 'both.html'}\n")
+    assert all(name in (tmp_path / "new" / "both.html").read_text(encoding="utf-8") for name in ids)
+    code, _, complaint = run("compare", *ids, "--report", tmp_path)
+    assert (code, "is a folder; name a file for --report" in complaint) == (cli.WRONG_USAGE, True)
     assert run("compare", *ids)[1] == run("compare", tmp_path / "1", tmp_path / "0")[1]
 
     record = tmp_path / "1" / "study.json"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 import pytest
+import streamlit as st
 
 import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
@@ -81,10 +82,9 @@ def shown(session: "Session") -> pd.DataFrame:
     return table
 
 
-def draft(session: "Session", folder: Path) -> pd.DataFrame:
-    """The criteria as typed in last, which no test can do: it is the browser's own table."""
-    rows: pd.DataFrame = session.app.session_state[f"draft {load_campaign(folder).fingerprint[:8]}"].rows
-    return rows
+def typed_in(monkeypatch: pytest.MonkeyPatch, edit: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+    """Let the table of criteria be edited, which only a browser can: it is the browser's own table."""
+    monkeypatch.setattr(st, "data_editor", lambda begun, **_: edit(begun))
 
 
 def fields(session: "Session") -> dict[str, str | None]:
@@ -205,22 +205,60 @@ def test_an_uploaded_file_takes_the_place_of_the_campaigns_own(asking: Path, vis
     upload.set_value([("mine.toml", b"confidence = 0.8\n[[criterion]]\nmetric = 'peak'\nat_most = 20", "text/plain")])
     session.run()
     assert session.app.number_input[0].value == 0.8
-    assert draft(session, asking)["metric"].tolist() == ["peak"]
+    assert session.app.session_state["criteria"] == ["peak~~~20~peak"]
     (upload,) = session.app.file_uploader
     upload.set_value([("mine.toml", b"[[criterion]]\nmetric = 'force'\nat_most = 20", "text/plain")])
     session.run()
     assert "expected a metric of peak" in session.words
-    assert draft(session, asking)["metric"].tolist() == ["peak"]
+    assert session.app.session_state["criteria"] == ["peak~~~20~peak"]
     assert (asking / "criteria.toml").read_text() == CRITERIA
 
 
-def test_rows_typed_in_stay_when_the_page_is_left(asking: Path, visit: Visit) -> None:
-    """Another page and back: the table is as it was edited."""
+@pytest.mark.usefixtures("asking")
+def test_rows_typed_in_are_in_the_link_and_stay_when_the_page_is_left(
+    visit: Visit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second session with the link begins with the same table; the folder's own criteria are no part of a link."""
     session = visit("certify", **LINK)
-    edited = draft(session, asking)
-    edited.loc[0, "at_most"] = 444.0
+    assert "criteria" not in session.app.query_params
+    with monkeypatch.context() as patched:
+        typed_in(patched, lambda table: table.assign(at_most=[444.0, float("nan")]).assign(name=["crush", ""]))
+        session.run()
+    typed = ["max_crush~~~444~crush", "rating~40~0.6~~"]
+    assert session.app.query_params["criteria"] == typed
     session.go("data").go("certify")
-    assert draft(session, asking)["at_most"].tolist()[0] == 444.0
+    assert session.app.session_state["criteria"] == typed
+    begun: list[pd.DataFrame] = []
+    typed_in(monkeypatch, lambda table: begun.append(table) or table)  # type: ignore[func-returns-value]
+    second = visit("certify", **LINK, criteria=typed, confidence="0.8")
+    assert begun[-1]["at_most"].tolist()[0] == 444.0
+    assert second.app.session_state["criteria"] == typed
+    assert second.app.number_input[0].value == 0.8
+
+
+@pytest.mark.usefixtures("asking")
+def test_back_takes_the_table_of_criteria_back(visit: Visit) -> None:
+    """What the address says is shown, whatever was typed in since; what is no criterion is left out."""
+    session = visit("certify", **LINK, criteria=["peak~~~25~", "~~", "force~~~1~", "olc~~~x~"])
+    assert session.app.session_state["criteria"] == ["peak~~~25~"]
+    session.app.session_state["criteria"] = ["peak~~~30~", "olc~~~20~"]  # as Back does
+    session.run()
+    assert session.app.query_params["criteria"] == ["peak~~~30~", "olc~~~20~"]
+
+
+@pytest.mark.usefixtures("asking")
+def test_a_limit_in_other_units_is_shown_rounded_beside_what_was_declared(
+    asking: Path, visit: Visit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """48 km/h of the file stay 48 km/h, in the link and in words, when the page shows mph."""
+    (asking / "criteria.toml").write_text('[[criterion]]\nmetric = "delta_v"\nat_most = 48\n')
+    begun: list[pd.DataFrame] = []
+    typed_in(monkeypatch, lambda table: begun.append(table) or table)  # type: ignore[func-returns-value]
+    session = visit("certify", **LINK, system="mph-lb")
+    assert begun[-1]["at_most"].tolist() == pytest.approx([48 / 1.609344])
+    assert "delta_v: at most 48 km/h" in session.words
+    assert session.app.session_state["criteria"] == ["delta_v~~~48~delta_v"]
+    assert "at most 48 km/h" not in visit("certify", **LINK, system="kph-kg").words
 
 
 @pytest.mark.usefixtures("open_campaign")

@@ -1,6 +1,7 @@
 """The report: one HTML file that needs no network, opens anywhere and can be printed."""
 
 from crashfuse.reporting.report.certification import certification_report
+from crashfuse.reporting.report.comparison import comparison_report
 from crashfuse.reporting.report.learning_curve import learning_curve_report
 from crashfuse.reporting.report.options import REPORT_FORMS, ReportForm, ReportOptions
 from crashfuse.reporting.report.prediction import next_test_report, prediction_report, sweep_report
@@ -11,6 +12,7 @@ __all__ = [
     "ReportForm",
     "ReportOptions",
     "certification_report",
+    "comparison_report",
     "learning_curve_report",
     "next_test_report",
     "prediction_report",

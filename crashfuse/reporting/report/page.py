@@ -61,24 +61,36 @@ def render(
     cfc = campaign.channel_filter_class
     quality = judge_quality(campaign.cae, campaign.quality_limits)
     speeds, front, rear = zip(*campaign.cae.range, strict=True)
+    return render_in_frame(
+        template,
+        f"{campaign.name}: {title}",
+        display,
+        notice=campaign.notice,
+        campaign=campaign,
+        config=config,
+        tests=tests_table(campaign, display),
+        library=Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear)),
+        quality=[quality.summary, *quality.named],
+        quality_table=quality_table(quality),
+        filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
+        methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
+        origin=_origin(provenance(campaign, held_out, config), command),
+        **own,
+    )
+
+
+def render_in_frame(template: str, title: str, display: Display, *, notice: str | None = None, **own: object) -> str:
+    """The complete file of a report that has nothing but its frame in common with the others."""
     return (
         _templates(display)
         .get_template(f"{template}.html.j2")
         .render(
             own,
-            title=f"{campaign.name}: {title}",
+            title=title,
+            notice=notice,
             verdict_colours=VERDICT_COLOURS,
             plotly=Markup(get_plotlyjs()),  # noqa: S704
             numbers=count(1),
-            campaign=campaign,
-            config=config,
-            tests=tests_table(campaign, display),
-            library=Sentence("CAE runs: {}, front {}, rear {}.", speed(*speeds), weight(*front), weight(*rear)),
-            quality=[quality.summary, *quality.named],
-            quality_table=quality_table(quality),
-            filtering="not filtered further" if cfc is None else f"filtered whole with CFC {cfc:g} (SAE J211-1)",
-            methods=[(CLASSES[name].label, CLASSES[name].description) for name in config.approaches],
-            origin=_origin(provenance(campaign, held_out, config), command),
         )
     )
 

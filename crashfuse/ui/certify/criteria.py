@@ -1,7 +1,8 @@
 """The acceptance criteria: those of the campaign, an uploaded file's, or typed into a table."""
 
-from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import pandas as pd
@@ -12,10 +13,13 @@ from crashfuse.certification.criteria_file import criteria_of, read_criteria
 from crashfuse.errors import DataError
 from crashfuse.signals.metrics import METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
+from crashfuse.ui import address
 from crashfuse.ui.certify.files import show_wrong, uploaded
 from crashfuse.ui.frame import View
+from crashfuse.ui.text import plain
 
-_FILE = "criteria.toml"
+_FILE, _EDITOR = "criteria.toml", "editor of criteria"
+_LIMIT_HELP = "In the unit beside the metric; shown to four digits."
 _COLUMNS = {"name": "str", "metric": "str", "window_ms": "float", "at_least": "float", "at_most": "float"}
 _METRICS = {
     **metric_headings(),
@@ -36,26 +40,30 @@ at_least = …"""
 
 
 @dataclass
-class _Draft:
-    """The table as edited last, and as the editor began with it; another round begins the editor anew."""
+class _Editor:
+    """The table as the browser's editor began with it, and what it said last.
 
-    rows: pd.DataFrame
+    It begins anew, in another round, when something else is asked for than it said: by a link, by Back, by a file.
+    """
+
     begun: pd.DataFrame
+    said: list[str] | None = None
     round: int = 0
 
 
 def choose_criteria(view: View) -> Criteria | None:
     """Ask for criteria and confidence; None while there are none or some cannot be judged, which is said here."""
-    draft = _draft(view)
-    display = view.display
+    state, display, wrong = st.session_state, view.display, _take_declared(view)
     labels = {name: display.heading(label) for name, label in _METRICS.items()}
-    editor = f"criteria {view.campaign.fingerprint[:8]} {draft.round} {display.units}"
-    # at first, or back from another page, which forgets the editor's changes, or in other units
-    if editor not in st.session_state:
-        draft.begun = _converted(draft.rows, display.units.factor)
+    editor: _Editor = state.setdefault(_EDITOR, _Editor(_rows(())))
+    if state["criteria"] != editor.said:
+        editor.round += 1
+    key = f"criteria {editor.round} {display.units}"
+    if key not in state:  # another round, or back from another page, which forgets the editor's changes, or other units
+        editor.begun = _converted(_rows(state["criteria"]), display.units.factor)
     edited = st.data_editor(
-        draft.begun,
-        key=editor,
+        editor.begun,
+        key=key,
         num_rows="dynamic",
         hide_index=True,
         placeholder="",
@@ -73,12 +81,14 @@ def choose_criteria(view: View) -> Criteria | None:
             "window_ms": st.column_config.NumberColumn(
                 "Window (ms)", help="Of a rating, from first contact; 60 if it is left empty. Not of other metrics."
             ),
-            "at_least": st.column_config.NumberColumn("At least", help="In the metric's unit."),
-            "at_most": st.column_config.NumberColumn("At most", help="In the metric's unit."),
+            "at_least": st.column_config.NumberColumn("At least", help=_LIMIT_HELP, format="%.4g"),
+            "at_most": st.column_config.NumberColumn("At most", help=_LIMIT_HELP, format="%.4g"),
         },
         alt="Acceptance criteria: name, metric, window, and limits",
     )
-    draft.rows = _converted(edited, lambda unit: 1 / display.units.factor(unit)).map(_rounded)
+    rows = _converted(edited, lambda unit: 1 / display.units.factor(unit))
+    state["criteria"] = editor.said = _texts(rows)
+    address.publish()
     left, right = st.columns([1, 2], gap="large")
     confidence = left.number_input(
         "Confidence", min_value=0.5, max_value=0.999, step=0.01, format="%.3f", key="confidence",
@@ -92,41 +102,60 @@ def choose_criteria(view: View) -> Criteria | None:
             "always in the units of `metrics.csv`:"
         )
         st.code(_EXAMPLE, language="toml")
-        _show_upload(view, draft)
-    rows = _declared(draft.rows)
-    if not rows:
+        _show_upload(view)
+    declared = _declared(_rows(state["criteria"]))
+    if not declared:
+        if wrong is not None:
+            show_wrong(wrong)
         st.info("No criteria yet: add a row above, with a metric and your limit for it.", icon=":material/edit:")
         return None
     try:
-        return criteria_of(rows, confidence)
+        criteria = criteria_of(declared, confidence)
     except DataError as error:
         show_wrong(error)
         return None
+    left.caption("  \n".join(plain(sentence) for sentence in _in_units_of_files(criteria, view)))
+    return criteria
 
 
-def _draft(view: View) -> _Draft:
-    """The session's table of this campaign, at first that of its folder; problems of the file are said."""
-    key, current = f"draft {view.campaign.fingerprint[:8]}", "campaign of the criteria"
-    declared = None
-    if key not in st.session_state or st.session_state.get(current) != key:
-        path = view.folder / _FILE
-        try:
-            declared = read_criteria(path) if path.is_file() else None
-        except DataError as error:
-            show_wrong(error)
-    if key not in st.session_state:
-        rows = _rows(declared)
-        st.session_state[key] = _Draft(rows, rows)
-    if (before := st.session_state.get(current)) != key:
-        if before is not None or st.session_state["confidence"] is None:  # else a link gives it
-            st.session_state["confidence"] = declared.confidence if declared else CONFIDENCE
-        st.session_state[current] = key
-    draft: _Draft = st.session_state[key]
-    return draft
+def _take_declared(view: View) -> DataError | None:
+    """Make the criteria in the campaign's folder the default; returns what is wrong with them, if anything is."""
+    path, declared, wrong = view.folder / _FILE, None, None
+    try:
+        declared = read_criteria(path) if path.is_file() else None
+    except DataError as error:
+        wrong = error
+    address.default("criteria", _texts(_table(declared)))
+    address.default("confidence", declared.confidence if declared else CONFIDENCE)
+    return wrong
 
 
-def _rows(criteria: Criteria | None) -> pd.DataFrame:
-    rows = [[getattr(own, name) for name in _COLUMNS] for own in criteria.items] if criteria else []
+def _table(criteria: Criteria | None) -> pd.DataFrame:
+    return pd.DataFrame([asdict(own) for own in criteria.items] if criteria else [], columns=list(_COLUMNS))
+
+
+def _in_units_of_files(criteria: Criteria, view: View) -> list[str]:
+    """Limits that the table shows in the reader's units, in those of the file."""
+    own = [criterion for criterion in criteria.items if view.display.units.unit(criterion.unit) != criterion.unit]
+    return [f"{criterion.name}: {criterion.limits}" for criterion in own]
+
+
+def _texts(rows: pd.DataFrame) -> list[str]:
+    """The criteria of a table as they stand in the session and the address: metric, window, limits, name."""
+    known = rows[rows["metric"].notna()].astype(object)
+    return [
+        "~".join([metric, *("" if pd.isna(number) else f"{number:.12g}" for number in numbers), str(name)])
+        for name, metric, *numbers in known.fillna({"name": ""}).itertuples(index=False)
+    ]
+
+
+def _rows(texts: Sequence[str]) -> pd.DataFrame:
+    """The table of criteria that these texts stand for; what is no criterion, of a link that was cut, is left out."""
+    rows = []
+    for metric, *numbers, name in (text.split("~", 4) for text in texts if text.count("~") >= 4):
+        with suppress(ValueError):
+            if metric in _METRICS:
+                rows.append([name, metric, *(float(number or "nan") for number in numbers)])
     return pd.DataFrame(rows, columns=list(_COLUMNS)).astype(_COLUMNS)
 
 
@@ -135,11 +164,6 @@ def _converted(rows: pd.DataFrame, factor: Callable[[str], float]) -> pd.DataFra
     factors = rows["metric"].map(lambda name: factor(METRIC_UNITS.get(name, "")))
     limits = rows[["at_least", "at_most"]].mul(factors.astype(float), axis=0)
     return rows.assign(**limits)
-
-
-def _rounded(cell: object) -> object:
-    """A number to twelve digits, so that a limit of 60 that was shown in other units comes back as 60."""
-    return float(f"{cell:.12g}") if isinstance(cell, float) else cell
 
 
 def _declared(rows: pd.DataFrame) -> list[dict[str, Any]]:
@@ -152,7 +176,7 @@ def _entered(row: Mapping[Hashable, Any]) -> dict[str, Any]:
     return {str(name): value for name, value in row.items() if not pd.isna(value) and value != ""}
 
 
-def _show_upload(view: View, draft: _Draft) -> None:
+def _show_upload(view: View) -> None:
     key = f"criteria file {view.campaign.fingerprint[:8]}"
     wrong = f"{key}: wrong"
 
@@ -165,8 +189,7 @@ def _show_upload(view: View, draft: _Draft) -> None:
         except DataError as error:
             st.session_state[wrong] = error
             return
-        draft.rows, draft.round = _rows(criteria), draft.round + 1
-        st.session_state["confidence"] = criteria.confidence
+        st.session_state.update(criteria=_texts(_table(criteria)), confidence=criteria.confidence)
 
     st.file_uploader(f"Upload {_FILE}", type="toml", key=key, on_change=take)
     if wrong in st.session_state:

@@ -100,7 +100,8 @@ def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
     factors = {}
     for column, (name, known) in zip(st.columns(max(len(campaign.factors), 3)), campaign.factors.items(), strict=False):
         key = f"grid_{name}"
-        st.session_state[key] = [value for value in st.session_state.get(key) or () if value in known]
+        address.default(key, [])
+        st.session_state[key] = [value for value in st.session_state[key] if value in known]
         chosen = column.multiselect(
             name.capitalize(), known, key=key, placeholder="not given", persist_state="session",
             help="Tests may differ by it; if it is not given, intervals cover every value.",

@@ -1,6 +1,7 @@
 """Planning: pulse metrics over impact speed, and which test to run next."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import streamlit as st
@@ -18,7 +19,7 @@ from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
 from crashfuse.study.sweep import missing_over_speed, sweep_table, weights_sentence
-from crashfuse.ui import page_tables
+from crashfuse.ui import address, page_tables
 from crashfuse.ui.computation import SweepRequest
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import show_figure
@@ -26,8 +27,14 @@ from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.predict.answer import Answer
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
+from crashfuse.wording import IN_SI
 
 _BEST = 5
+_AXES = (
+    ("Speeds", "speed_range", "mph", 0.5),
+    ("Front weights", "front_range", "lb", 10.0),
+    ("Rear weights", "rear_range", "lb", 10.0),
+)
 
 
 def show_over_speed(answer: Answer) -> None:
@@ -42,8 +49,9 @@ def show_over_speed(answer: Answer) -> None:
     if sweeps is None:
         return
     metric = st.selectbox(
-        "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep metric", help=TTZV
-    )
+        "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep_metric",
+        persist_state="session", help=TTZV,
+    )  # fmt: skip
     show_figure(
         sweep_figure(sweeps, metric, view.campaign, view.display),
         alt=f"{METRIC_LABELS[metric]} over impact speed, every approach with its band, tests as points",
@@ -66,12 +74,10 @@ def show_next_test(answer: Answer) -> None:
     st.markdown(NEXT_TEST_MEANING)
     usual = ConditionRange.of(campaign.tests)
     ends, display = [], answer.view.display
-    axes = (("Speeds", "mph", 0.5), ("Front weights", "lb", 10.0), ("Rear weights", "lb", 10.0))
-    for place, (column, (label, unit, step)) in enumerate(zip(st.columns(3), axes, strict=True)):
+    for place, (column, (label, key, unit, step)) in enumerate(zip(st.columns(3), _AXES, strict=True)):
+        axis = _Axis(display.title(label, unit), key, step, campaign.units.unit(unit), display.units.unit(unit))
         tests = [float(end.vector[place]) for end in (usual.low, usual.high)]
-        in_si = display.units.in_si(unit)
-        key = f"range of {label} {campaign.fingerprint[:8]}"
-        ends.append(_range(column, display.title(label, unit), key, campaign.cae.vectors[:, place], tests, in_si, step))
+        ends.append(_range(column, axis, campaign.cae.vectors[:, place], tests))
     kind = answer.condition.factors or usual.low.factors
     low, high = (Condition(v0, front, rear, kind) for v0, front, rear in zip(*ends, strict=True))
     try:
@@ -94,28 +100,57 @@ def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> t
     return rank_next_tests(_domain, over)
 
 
-def _range(
-    column: DeltaGenerator, label: str, key: str, runs: np.ndarray, tests: Sequence[float], in_si: float, step: float
-) -> tuple[float, float]:
-    """Slider for the ends of a range, at first that of the tests, in a unit with this factor to SI; returns SI.
+@dataclass(frozen=True)
+class _Axis:
+    """A quantity of which a range is chosen: its widget's label, key and step, and the campaign's and reader's unit."""
 
-    The session has the ends in SI, so that they stay the same when the unit is changed.
+    label: str
+    key: str
+    step: float
+    own_unit: str
+    unit: str
+
+
+def _range(column: DeltaGenerator, axis: _Axis, runs: np.ndarray, tests: Sequence[float]) -> tuple[float, float]:
+    """Slider for the ends of a range in SI, at first that of the tests.
+
+    The session and the address have the ends with the unit that they were chosen in, such as ``20:35 mph``: they stay
+    the same when another unit is chosen.
     """
-    state, slider = st.session_state, f"{key} in {label}"
-    least, most = min(float(runs.min()), *tests) / in_si, max(float(runs.max()), *tests) / in_si
-    low, high = _down(max(least, step), step), _up(most, step)
-    at_first = _down(tests[0] / in_si, step) * in_si, _up(tests[1] / in_si, step) * in_si
-    ends: tuple[float, float] = state.setdefault(key, at_first)
+    state, slider, step = st.session_state, f"{axis.key} in {axis.unit}", axis.step
+    own, in_si = IN_SI[axis.own_unit], IN_SI[axis.unit]
+    least, most = min(float(runs.min()), *tests), max(float(runs.max()), *tests)
+    low, high = _down(max(least / in_si, step), step), _up(most / in_si, step)
+    if not _lies_in(state[axis.key], least / 2, 2 * most):  # nothing yet, a link that was cut, or another campaign's
+        state[axis.key] = None
+    address.default(axis.key, f"{_down(tests[0] / own, step):g}:{_up(tests[1] / own, step):g} {axis.own_unit}")
+    ends = _ends(state[axis.key])
     state[slider] = tuple(min(max(end / in_si, low), high) for end in ends)
 
     def take() -> None:
-        state[key] = tuple(end * in_si for end in state[slider])
+        first, last = state[slider]
+        state[axis.key] = f"{first:.12g}:{last:.12g} {axis.unit}"
 
     column.slider(
-        label, low, high, step=step, format="%.1f" if step < 1 else "%.0f", key=slider, on_change=take,
+        axis.label, low, high, step=step, format="%.1f" if step < 1 else "%.0f", key=slider, on_change=take,
         help="The range of interest; all conditions in it are weighted equally.",
     )  # fmt: skip
     return ends
+
+
+def _ends(text: str) -> tuple[float, float]:
+    """The ends of a range in SI, from a text such as ``20:35 mph``."""
+    numbers, _, unit = text.partition(" ")
+    first, last = numbers.split(":")
+    return float(first) * IN_SI[unit], float(last) * IN_SI[unit]
+
+
+def _lies_in(text: str | None, least: float, most: float) -> bool:
+    try:
+        first, last = _ends(text or "")
+    except (ValueError, KeyError):
+        return False
+    return least <= first <= last <= most
 
 
 def _down(value: float, step: float) -> float:

@@ -1,0 +1,44 @@
+"""Figure of two studies beside each other."""
+
+import numpy as np
+import plotly.graph_objects as go
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.palette import AXIS, COLOURS
+from crashfuse.study.comparison import StudyComparison
+
+_APART = 0.14  # of the distance between two tests
+
+
+def rating_differences(compared: StudyComparison, window_ms: float, left_out: str) -> go.Figure:
+    """Draw by how much the second study rates each test higher than the first, by approach; last their mean.
+
+    The bars of the mean are two standard errors over the tests.
+    """
+    table = compared.ratings[(compared.ratings["window_ms"] == window_ms) & (compared.ratings["left_out"] == left_out)]
+    tests, means = list(table["held_out"].unique()), compared.means(window_ms, left_out).set_index("approach")
+    figure = new_figure(height=380)
+    for place, name in enumerate(means.index):
+        gains, mean = table[table["approach"] == name].set_index("held_out")["difference"], means.loc[name]
+        shift = _APART * (place - (len(means) - 1) / 2)
+        error = [0.0] * gains.size + [0.0 if np.isnan(mean["standard_error"]) else 2 * mean["standard_error"]]
+        colour = COLOURS.get(name, AXIS)
+        figure.add_scatter(
+            x=[*(tests.index(test) + shift for test in gains.index), len(tests) + shift],
+            y=[*gains, mean["difference"]],
+            error_y={"array": error, "width": 0, "thickness": 1.5},
+            mode="markers",
+            name=LABELS.get(name, name),
+            marker={"color": colour, "size": 8, "symbol": ["circle"] * gains.size + ["diamond"]},
+            hovertemplate="%{y:+.3f}",
+        )
+    figure.add_hline(y=0, line={"color": AXIS, "width": 1})
+    figure.add_vline(x=len(tests) - 0.5, line={"color": AXIS, "width": 1, "dash": "dot"})
+    figure.update_layout(hovermode="closest")
+    figure.update_xaxes(
+        title="Held-out test", tickvals=list(range(len(tests) + 1)), ticktext=[*tests, "<b>Mean</b>"],
+        range=[-0.6, len(tests) + 0.6], zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,
+    )  # fmt: skip
+    figure.update_yaxes(title="Rating, second minus first")
+    return figure

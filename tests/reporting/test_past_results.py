@@ -1,0 +1,80 @@
+"""Two studies beside each other: tables, figure and report have the numbers of the comparison."""
+
+import re
+from html import unescape
+
+import numpy as np
+import pytest
+
+from crashfuse.reporting.figure_files import figures_of
+from crashfuse.reporting.past_results import comparison_by_window, comparison_tests, studies_table
+from crashfuse.reporting.plots.compared import rating_differences
+from crashfuse.reporting.plots.display import Display
+from crashfuse.reporting.report import comparison_report
+from crashfuse.study.comparison import StudyComparison
+from crashfuse.study.config import StudyConfig
+from tests.study.test_comparison import FIRST, study
+
+SECOND = {"T1": 0.85, "T2": 0.66, "T3": 0.91}
+BOTH = {"config": StudyConfig(leave_out="both"), "speed_groups": {"T1": {"fused": {40.0: 0.4, 60.0: 0.3}}}}
+
+
+@pytest.fixture
+def compared() -> StudyComparison:
+    """Two studies with and without whole speed groups; the second lacks T4, and has another seed."""
+    config = StudyConfig(leave_out="both", seed=7)
+    return StudyComparison(study(FIRST, **BOTH), study(SECOND, **{**BOTH, "config": config}))
+
+
+def test_each_test_stands_with_its_difference(compared: StudyComparison) -> None:
+    """Of every approach; what is not known in both is left out."""
+    table = comparison_tests(compared, 60.0, "test").set_index("Test")
+    assert list(table.index) == list(SECOND)
+    assert table["Fused"].tolist() == ["0.850 (+0.050)", "0.660 (-0.040)", "0.910 (+0.010)"]
+    assert table["CAE"].tolist() == ["0.500 (+0.000)"] * 3
+
+
+def test_means_stand_for_every_window(compared: StudyComparison) -> None:
+    """First, second, difference; a dash where an approach has none."""
+    table = comparison_by_window(compared, "test").set_index("Approach")
+    assert table.loc["Fused", "0–60 ms"].split() == ["0.800", "0.807", "+0.007"]
+    assert table.loc["CAE", "0–40 ms"] == "–"
+
+
+def test_the_figure_shows_every_difference_and_the_mean_with_two_standard_errors(compared: StudyComparison) -> None:
+    """The mean stands behind the last test."""
+    figure = rating_differences(compared, 60.0, "test")
+    fused = next(trace for trace in figure.data if trace.name == "Fused")
+    gains = [SECOND[test] - FIRST[test] for test in SECOND]
+    assert list(fused.y) == pytest.approx([*gains, np.mean(gains)])
+    assert np.round(fused.x).tolist() == [0, 1, 2, 3]
+    assert fused.error_y.array[-1] == pytest.approx(2 * np.std(gains, ddof=1) / np.sqrt(3))
+    assert not any(fused.error_y.array[:-1])
+
+
+def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyComparison) -> None:
+    """Sentences, cautions, both ways of leaving out, settings, ids and the command; nothing is fetched from elsewhere."""
+    report = comparison_report(compared, Display(window_ms=40.0))
+    words = unescape(re.sub(r"<script>.*?</script>|<style>.*?</style>", "", report, flags=re.DOTALL))
+    for sentence in (*compared.sentences(40.0, "test"), *compared.cautions):
+        assert sentence in words
+    assert "Each test left out alone: mean rating over 0–40 ms" in words
+    assert "Each test left out with all at about its speed" in words
+    assert "fast, seed 7" in words
+    assert f"crashfuse compare {compared.first.id} {compared.second.id} --report FILE" in words
+    assert len(figures_of(report).figures) == 2
+    assert not re.findall(r"(?:src|href)=[\"']?http", words)
+    assert comparison_report(compared, Display(window_ms=40.0)) == report
+
+
+def test_studies_stand_beside_each_other(compared: StudyComparison) -> None:
+    """Property by property, with the ids by which the command names them."""
+    table = studies_table(compared.first, compared.second).set_index("Study")
+    assert table.loc["Settings"].tolist() == ["fast, seed 0", "fast, seed 7"]
+    assert table.loc["Id"].tolist() == [compared.first.id, compared.second.id]
+
+
+def test_a_window_that_only_one_has_is_the_longest_of_both(compared: StudyComparison) -> None:
+    """The page may show a window that neither was rated over."""
+    assert compared.window(40.0) == 40.0
+    assert compared.window(20.0) == 60.0
