@@ -36,8 +36,10 @@ fitted = result_of(
     button="Predict",
 )
 answer = Answer.of(view, request, fitted, condition)
-warnings = campaign.cae.extrapolation(condition)
-with row:
-    show_pins(view, condition, answer.remember)
-explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
+explanations.show_missing(config, fitted.approaches)
+if answer.advice is not None:
+    with row:
+        show_pins(view, condition, answer.remember)
+    warnings = campaign.cae.extrapolation(condition)
+    explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
 show_tabs(TABS, answer, key="predict_tab")

@@ -1,6 +1,6 @@
 """Explanations of a fit's quality and the reliability of its band, as sentences and tables for pages and reports."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,8 @@ import pandas as pd
 
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.registry import LABELS
+from crashfuse.signals.metrics import MAIN_METRICS, Metric
+from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.wording import MPH_LB, Quantity, Sentence, UnitSystem
 
@@ -93,6 +95,17 @@ def notes_by_makers(estimates: Iterable[Estimate]) -> dict[str, list[str]]:
         for note in estimate.prediction.notes:
             makers.setdefault(note, []).append(LABELS[estimate.approach])
     return makers
+
+
+def missing_by_table(columns: Sequence[tuple[str, Sequence[Metric]]]) -> tuple[list[str], list[str]]:
+    """Sentences on missing metrics: on the main ones, and on the others, which stand in a table that is folded away."""
+
+    def of(is_main: bool) -> list[str]:
+        return missing_sentences(
+            (who, [metric for metric in own if (metric.name in MAIN_METRICS) is is_main]) for who, own in columns
+        )
+
+    return of(True), of(False)
 
 
 def _band_sentence(check: Mapping[str, Any]) -> str:

@@ -11,7 +11,7 @@ from weakref import WeakValueDictionary
 import streamlit as st
 
 from crashfuse.approaches.fit_cache import is_cached
-from crashfuse.approaches.registry import APPROACHES, CLASSES
+from crashfuse.approaches.registry import APPROACHES, BASELINE, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError
@@ -165,6 +165,11 @@ class Fitted:
 
     fits: tuple[Fit, ...]
 
+    @property
+    def approaches(self) -> tuple[str, ...]:
+        """Their names: while a job fits them, of those that are ready."""
+        return tuple(fit.approach.name for fit in self.fits)
+
     def estimates(self, condition: Condition) -> list[Estimate]:
         """Each approach's estimate at a condition."""
         return estimates_at(self.fits, condition)
@@ -194,7 +199,11 @@ class FitRequest(Request[Fitted]):
         names = self.config.approaches
         watch.expect(fit_steps(set(names), self.campaign, self.config))
         early_first = sorted(names, key=lambda name: CLASSES[name].trains_networks)
-        fits = {name: Fit.of(self.campaign, name, self.config, watch=watch) for name in early_first}
+        fits: dict[str, Fit] = {}
+        for name in early_first:
+            fits[name] = Fit.of(self.campaign, name, self.config, watch=watch)
+            if set(fits) > {BASELINE}:  # the raw CAE model alone answers nothing
+                watch.show_part(Fitted(tuple(fits[name] for name in names if name in fits)))
         fitted = Fitted(tuple(fits[name] for name in names))
         fitted.estimates(self.campaign.tests[0].condition)  # computes what all later answers share
         return fitted
@@ -204,9 +213,13 @@ class FitRequest(Request[Fitted]):
         return all(is_cached(self.config.create(name, cache), self.campaign, cache) for name in self.config.approaches)
 
 
-@st.cache_resource(max_entries=12, show_spinner=False)
-def answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fit
+def answers(key: Hashable, condition: Condition, fitted: Fitted) -> list[Estimate]:
     """Each approach's estimate at a condition, cached for a while because a page asks again at every click."""
+    return _answers((key, fitted.approaches), condition, fitted)
+
+
+@st.cache_resource(max_entries=12, show_spinner=False)
+def _answers(key: Hashable, condition: Condition, _fitted: Fitted) -> list[Estimate]:  # noqa: ARG001 - key of the fits
     return _fitted.estimates(condition)
 
 

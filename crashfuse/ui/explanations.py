@@ -7,10 +7,9 @@ import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting import glossary
-from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, notes_by_makers
+from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, missing_by_table, notes_by_makers
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.signals.metrics import Metric
-from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.ui import page_tables
@@ -63,11 +62,14 @@ def show_metrics(columns: Sequence[tuple[str, Sequence[Metric]]], view: View) ->
     """Show pulse metrics by column (the test, an approach), the main ones first, and explain missing numbers."""
     st.subheader("Pulse metrics", help=glossary.TTZV)
     main, more = page_tables.metrics(columns, view.campaign, view.display)
+    missing, more_missing = missing_by_table(columns)
     show_table(main, "metrics")
     with st.expander("More of the pulse: equivalent pulses, loading, rebound", icon=":material/ssid_chart:"):
         show_table(more, "more metrics")
         st.caption(glossary.PULSE_SHAPE)
-    for sentence in missing_sentences(columns):
+        for sentence in more_missing:
+            st.caption(plain(sentence))
+    for sentence in missing:
         st.caption(plain(sentence))
     st.caption("Shaded bands and brackets: central 95 % of the model's predictive distribution, where it has one.")
 

@@ -76,17 +76,14 @@ def ratings(
     table = pd.DataFrame(
         {
             "Approach": LABELS[name],
-            **{f"Rating {window_label(w)}": graded(rating.overall) for w, rating in by_window.items()},
-            **{
-                f"{part.capitalize()} {window_label(window_ms)}": f"{getattr(by_window[window_ms], part):.3f}"
-                for part in _PARTS
-            },
-            f"Single draws {window_label(window_ms)}": "–".join(f"{end:.3f}" for end in draws.get(name, ())) or "–",
+            **{window_label(w): graded(rating.overall) for w, rating in by_window.items()},
+            **{part.capitalize(): f"{getattr(by_window[window_ms], part):.3f}" for part in _PARTS},
+            "Single draws": "–".join(f"{end:.3f}" for end in draws.get(name, ())) or "–",
         }
         for name, by_window in by_approach.items()
     )
     if repeats:
-        repeat = {f"Rating {window_label(w)}": graded(own.value) for w, own in repeats.items()}
+        repeat = {window_label(w): graded(own.value) for w, own in repeats.items()}
         table = pd.concat([table, pd.DataFrame([{"Approach": REPEAT, **repeat}])], ignore_index=True).fillna("–")
     return _coloured(table)
 

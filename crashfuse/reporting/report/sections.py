@@ -11,16 +11,15 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, notes_by_makers
+from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, missing_by_table, notes_by_makers
 from crashfuse.reporting.plots.bias import bias_by_speed
 from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
-from crashfuse.signals.missing_metrics import missing_sentences
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.wording import joined
 
-_INTERVAL = re.compile(r"\[[^\s,]+, [^\s,]+\]")
+_INTERVAL = re.compile(r" ?\[[^]]*\]")
 
 
 def details(
@@ -35,11 +34,13 @@ def details(
     )
     main = metrics.index.isin(MAIN_METRICS)
     shown = metrics.rename(index=headings).rename_axis("Pulse metric").reset_index()
+    missing, more_missing = missing_by_table(columns)
     return {
         "metrics": shown[main],
         "more_metrics": shown[~main],
+        "more_missing": more_missing,
         "remarks": [
-            *missing_sentences(columns),
+            *missing,
             *(joined([", ".join(who), note], ": ") for note, who in notes_by_makers(estimates).items()),
         ],
         "fits": [

@@ -20,6 +20,9 @@ def show(comparison: Comparison) -> None:
     st.subheader("Rating by approach and window", help=f"By {campaign.rating_basis}. {_DRAWS_HELP} {glossary.REPEAT}")
     draws = {name: fold.rating_interval(name, comparison.window_ms) for name in fold.with_band}
     show_table(page_tables.ratings(fold.ratings, comparison.window_ms, comparison.repeats, draws), "ratings")
+    st.caption(
+        f"Corridor, phase, magnitude, slope and single draws: over {page_tables.window_label(comparison.window_ms)}."
+    )
     explanations.show_terms(comparison.config)
     columns = [
         ("Test", campaign.metrics_of(comparison.test)),

@@ -26,7 +26,7 @@ class Answer:
     request : FitRequest
         What was asked for: all tests of the campaign, and the settings that were chosen.
     fitted : Fitted
-        The approaches, ready to predict any condition.
+        The approaches, ready to predict any condition. While networks train, fewer than the settings ask for.
     condition : Condition
         What is predicted.
     estimates : list of Estimate
@@ -45,8 +45,15 @@ class Answer:
         return cls(view, request, fitted, condition, answers(request.key, condition, fitted))
 
     @property
-    def advice(self) -> Recommendation:
-        """Which of them to use."""
+    def whole(self) -> bool:
+        """True once every approach is known."""
+        return len(self.fitted.fits) == len(self.config.approaches)
+
+    @property
+    def advice(self) -> Recommendation | None:
+        """Which of them to use; None while approaches are still missing."""
+        if not self.whole:
+            return None
         window_ms = self.view.display.window_ms
         return advised(self.request.key, self.condition, window_ms, self.estimates, self.campaign)
 
@@ -59,6 +66,11 @@ class Answer:
     def config(self) -> StudyConfig:
         """The settings that were chosen."""
         return self.request.config
+
+    @property
+    def recommended(self) -> str | None:
+        """The approach to use, once it is known."""
+        return None if self.advice is None else self.advice.approach
 
     @property
     def predictions(self) -> Mapping[str, Prediction]:
@@ -78,4 +90,4 @@ class Answer:
     @property
     def key(self) -> Hashable:
         """Equal for equal data, settings, condition and display: the beginning of the key of a cached figure."""
-        return self.request.key, self.condition, self.view.display
+        return self.request.key, self.fitted.approaches, self.condition, self.view.display

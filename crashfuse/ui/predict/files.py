@@ -13,7 +13,7 @@ from crashfuse.ui.predict.answer import Answer
 
 
 def show(answer: Answer) -> None:
-    """Offer the pulses, their metrics, the report, and pulses for others."""
+    """Offer the pulses and their metrics; the report, and pulses for others, once every approach is known."""
     campaign, estimates, config = answer.campaign, answer.estimates, answer.config
 
     pinned = answer.pinned
@@ -29,5 +29,7 @@ def show(answer: Answer) -> None:
         if pinned:
             download_table("side_by_side.csv", lambda: conditions_table([estimates, *pinned]))
         download_bytes("pulses.parquet", lambda: parquet_bytes(pulses()))
-        download_report(lambda: prediction_report(campaign, estimates, config, answer.view.display, pinned))
-    offer_pulses(campaign, estimates, answer.advice.approach, config.seed)
+        if answer.whole:
+            download_report(lambda: prediction_report(campaign, estimates, config, answer.view.display, pinned))
+    if answer.recommended is not None:
+        offer_pulses(campaign, estimates, answer.recommended, config.seed)

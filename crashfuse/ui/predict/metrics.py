@@ -20,7 +20,8 @@ def show(answer: Answer) -> None:
     _show_pinned(answer)
     explanations.show_metrics([(LABELS[each.approach], each.metrics) for each in estimates], answer.view)
     st.caption("  \n".join(map(plain, nearest_sentences(campaign, answer.condition))))
-    explanations.show_notes(estimates, (*answer.advice.sentences, *campaign.cae.extrapolation(answer.condition)))
+    said = () if answer.advice is None else answer.advice.sentences
+    explanations.show_notes(estimates, (*said, *campaign.cae.extrapolation(answer.condition)))
     explanations.show_fits(estimates)
 
 
@@ -28,7 +29,7 @@ def _show_pinned(answer: Answer) -> None:
     """Compare one approach's metrics at the pinned conditions with those here."""
     if not answer.pinned:
         return
-    approach = leading(answer.predictions, answer.advice.approach)
+    approach = leading(answer.predictions, answer.recommended)
     at = [next(each for each in own if each.approach == approach) for own in (answer.estimates, *answer.pinned)]
     columns = [(short(answer.view, each.prediction.condition), each.metrics) for each in at]
     st.subheader(f"Beside the pinned predictions: {LABELS[approach]}")

@@ -40,6 +40,9 @@ _AXES = (
 def show_over_speed(answer: Answer) -> None:
     """Show every metric over speed, at the weights chosen above."""
     view, condition, request = answer.view, answer.condition, answer.request
+    if not answer.whole:
+        st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
+        return
     st.markdown("Predictions of every approach over impact speed, at the weights above, with the tests as points.")
     sweeps = result_or_none(
         SweepRequest(request, answer.fitted, condition),

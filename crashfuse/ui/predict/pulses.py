@@ -16,7 +16,7 @@ def show(answer: Answer) -> None:
     condition, display = answer.condition, answer.view.display
     with st.container(horizontal=True, vertical_alignment="center"):
         shown = choose("Figure", ["Over time", "Over displacement", "Energy over crush"], key="predicted")
-        curves = choose_curves(answer.view, answer.predictions, answer.advice.approach, condition)
+        curves = choose_curves(answer.view, answer.predictions, answer.recommended, condition)
 
     def draw() -> go.Figure:
         pulses = None, curves.predictions, condition.speed_mps

@@ -1,5 +1,5 @@
 // On paper figures are narrower and lower, with smaller words, so that two or three fit a page; afterwards all is as it was.
-const WIDTH_PX = 680, HIGHEST_PX = 600, SHARE = 0.52, LOWEST_PX = 270, ROW_PX = 19, WORDS_PX = 11;
+const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, LOWEST_PX = 225, ROW_PX = 19, WORDS_PX = 11;
 const MARGINS_PX = 110, LETTER_PX = 6;
 const before = new Map();
 const figures = () => document.querySelectorAll(".plotly-graph-div");
@@ -16,12 +16,17 @@ const underNames = data => { // a row of names above a figure takes space from i
   const length = [...names].reduce((sum, name) => sum + name.length * LETTER_PX + 45, 0);
   return 20 * Math.max(Math.ceil(length / 560) - 2, 0);
 };
+const heightOfCells = (cells, data) => { // their heads may have several lines, and names may stand below
+  const lines = Math.max(...cells.x.map(head => head.split("<br>").length));
+  const names = data.some(trace => trace.name && trace.showlegend !== false) ? 44 : 0;
+  return cells.y.length * ROW_PX + 34 + 15 * lines + names;
+};
 const onPaper = figure => {
   const { layout, data } = figure, usual = layout.height;
   const changes = { autosize: false, width: WIDTH_PX };
-  if (document.querySelector(".dossier")) return { ...changes, height: Math.min(usual, HIGHEST_PX) };
+  const share = document.querySelector(".dossier") ? SHARE_IN_DOSSIER : SHARE; // its figures stand for themselves
   const cells = data.find(trace => trace.type === "heatmap");
-  const rows = cells ? cells.y.length * ROW_PX + 64 : Math.max(usual * SHARE, LOWEST_PX) + underNames(data);
+  const rows = cells ? heightOfCells(cells, data) : Math.max(usual * share, LOWEST_PX) + underNames(data);
   Object.assign(changes, { height: Math.round(Math.min(usual, rows)), "font.size": WORDS_PX });
   for (const key of Object.keys(layout).filter(key => /^[xy]axis/.test(key) && layout[key].title?.text)) {
     changes[`${key}.title.font.size`] = WORDS_PX;
