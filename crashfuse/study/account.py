@@ -1,6 +1,6 @@
 """Account of a left-out test: what was expected of its prediction, what came out, and what sets the test apart."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 from crashfuse.approaches.calibration import Coverage
@@ -94,6 +94,7 @@ def account(
     window_ms: float = 60.0,
     *,
     approach: str | None = None,
+    without_neighbours: float | None = None,
     cache: Cache | None = None,
 ) -> Account:
     """Account of an approach's prediction of a left-out test.
@@ -108,6 +109,8 @@ def account(
         The rating is over [0, window_ms).
     approach : str, optional
         By default the one that was recommended for this test before it was known.
+    without_neighbours : float, optional
+        Its rating if the tests at about its speed are left out as well, if it is known.
     cache : Cache, optional
         Where the CAE model and, if it was ever made, the prediction without the neighbours are found.
     """
@@ -117,7 +120,10 @@ def account(
     estimate = fold.estimate(approach)
     neighbours = len(campaign.speed_group(test.id)) - 1
     draws = estimate.prediction.draws_mps2
-    asked = neighbours and config.leave_out != "speed group"
+    if not neighbours or config.leave_out == "speed group":
+        without_neighbours = None
+    elif without_neighbours is None:
+        without_neighbours = _without_neighbours(campaign, config, fold, approach, window_ms, cache)
     apart = None
     if neighbours >= LEAST:
         apart = departure(campaign, test.id, CaeModel(cache=cache).fit(campaign.cae), window_ms)
@@ -128,7 +134,7 @@ def account(
         expected_rating(estimate.left_out_mps2, others, test.condition, window_ms),
         neighbours,
         apart,
-        _without_neighbours(campaign, config, fold, approach, window_ms, cache) if asked else None,
+        without_neighbours,
         None if draws is None else Coverage.of(test, draws).accel,
     )
 
@@ -156,12 +162,11 @@ _worst: WeakKeyDictionary[Study, dict[float, Account]] = WeakKeyDictionary()
 def _worst_test(study: Study, window: float, cache: Cache | None) -> Account:
     chosen = recommend(study).approach
     fold = min(study.folds, key=lambda fold: fold.ratings[chosen][window].overall)
-    found = account(study.campaign, study.config.split_configs[0], fold, window, approach=chosen, cache=cache)
     groups = () if study.speed_groups is None else study.speed_groups.folds
     group = next((each for each in groups if each.held_out == fold.held_out), None)  # none while a study is running
-    if group is None or not found.neighbours:
-        return found
-    return replace(found, without_neighbours=group.ratings[found.approach][window].overall)
+    known = None if group is None else group.ratings[chosen][window].overall
+    config = study.config.split_configs[0]
+    return account(study.campaign, config, fold, window, approach=chosen, without_neighbours=known, cache=cache)
 
 
 def _without_neighbours(

@@ -10,7 +10,7 @@ from crashfuse.approaches.registry import CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.study.config import StudyConfig
 
-REPEATABILITY, REPEATABILITY_S = "Repeatability", 0.5
+REPEATABILITY_S = 0.5  # of one test
 PREDICTION_S = 0.3  # one of many, each of a test left out by one approach
 
 _EMULATOR = {"CAE emulator": 2.5}

@@ -19,6 +19,9 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, FloatArray
 from crashfuse.signals.rating import rate_many
 
+REPEATABILITY = "Repeatability"
+"""Name of this step of a computation in progress reports."""
+
 _KIND = "repeatability"  # of cache entry
 _N_DRAWS = 100
 _SAME = 0.02  # relative difference in speed and mass up to which a test counts as a repeat
@@ -98,7 +101,7 @@ def repeatability(
     scatter: list[Scatter] = []  # learned once, and only if something is not in the cache
     found = {}
     for done, test_id in enumerate(chosen):
-        watch.report("Repeatability", done, len(chosen))
+        watch.report(REPEATABILITY, done, len(chosen))
         number = campaign.test_ids.index(test_id)
 
         def compute(number: int = number) -> tuple[FloatArray, Entry]:
@@ -111,7 +114,7 @@ def repeatability(
             _KIND, {**shared, "test": test_id}, compute, lambda entry: numbers(entry, "rated", len(windows), 3), watch
         )
         found[test_id] = _told(campaign.tests[number], campaign, windows, rated)
-    watch.report("Repeatability", len(chosen), len(chosen))
+    watch.report(REPEATABILITY, len(chosen), len(chosen))
     return found
 
 

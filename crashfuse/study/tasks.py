@@ -21,9 +21,9 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.duration import PREDICTION_S, REPEATABILITY, REPEATABILITY_S, fit_steps, shared_steps
+from crashfuse.study.duration import PREDICTION_S, REPEATABILITY_S, fit_steps, shared_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
-from crashfuse.study.repeatability import repeatability
+from crashfuse.study.repeatability import REPEATABILITY, repeatability
 
 _STEP = "Held-out predictions"
 

@@ -76,6 +76,23 @@ def allowed(path: Path) -> Path:
     return path
 
 
+def unquoted(text: str) -> str:
+    """A path as it was typed in, without the quotes that file managers copy with it."""
+    return text.strip().strip('"')
+
+
+def typed_folder(text: str, where: str, expected: str) -> Path:
+    """The folder that was typed in by its whole path, checked by :func:`allowed`; problems name it as ``where``."""
+    typed, advice = unquoted(text), "name a folder by its whole path"
+    try:
+        folder = Path(typed).expanduser()
+    except RuntimeError as error:  # no such home directory
+        raise DataError(Problem(where, expected, str(error), advice)) from error
+    if not folder.is_absolute():
+        raise DataError(Problem(where, expected, typed or "none", advice))
+    return allowed(folder)
+
+
 def roots() -> list[Path]:
     """The folders that pages may open and write to, with all in them; none for no restriction."""
     return [Path(root).resolve() for root in os.environ.get(journal.ROOTS, "").split(os.pathsep) if root]

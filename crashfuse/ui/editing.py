@@ -13,7 +13,7 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.ui import campaigns, frame, journal, recent
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
-from crashfuse.ui.uploads import is_scratch
+from crashfuse.ui.uploads import is_ours
 from crashfuse.ui.visitors import visitor
 
 _USED, _REMOVED, _COPY = "tests in use", "test to take out", "copy folder"  # widget keys
@@ -22,7 +22,7 @@ _REFUSED = "edit refused"  # session key
 
 def can_be_edited(folder: Path) -> bool:
     """True if a campaign folder is the user's own and can be written: not the sample, nor an upload."""
-    return not is_sample(folder) and not is_scratch(folder) and os.access(folder, os.W_OK)
+    return not is_ours(folder) and os.access(folder, os.W_OK)
 
 
 def show_last_change(view: frame.View) -> None:
@@ -106,21 +106,17 @@ def _offer_copy(view: frame.View) -> None:
 
 
 def _save_copy(view: frame.View) -> None:
-    text = st.session_state.get(_COPY, "").strip().strip('"')
+    text = st.session_state.get(_COPY, "")
     try:
-        folder = Path(text).expanduser()
-        if not folder.is_absolute():
-            expected, advice = "a new or empty folder", "name it by its whole path"
-            raise DataError(Problem("folder of the copy", expected, text or "none", advice))
-        folder = campaigns.allowed(folder)
+        folder = campaigns.typed_folder(text, "folder of the copy", "a new or empty folder")
         copy_campaign(view.folder, folder)
         frame.choose_campaign(campaigns.open_folder(folder))
     except DataError as error:
         st.session_state[_REFUSED] = error.problems
         return
-    except (OSError, RuntimeError, ValueError) as error:
+    except OSError as error:
         expected, advice = "a folder that can be written", "check the path and your rights"
-        st.session_state[_REFUSED] = (Problem(text, expected, _said(error), advice),)
+        st.session_state[_REFUSED] = (Problem(text.strip(), expected, _said(error), advice),)
         return
     recent.remember(folder)
     st.toast("Saved; the copy is open.", icon=":material/check:")

@@ -13,6 +13,9 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 [data-testid="stMainBlockContainer"] > [data-testid="stVerticalBlock"] { gap: 0.7rem }
 [data-testid="stMain"] h1 { padding: 0 }
 [data-testid="stMain"] h3 { padding: 0.25rem 0 }
+/* Streamlit draws what follows a heading over its lower edge */
+[data-testid="stMain"] [data-testid="stElementContainer"]:not(.st-key-head *)
+  [data-testid="stHeading"] > [data-testid="stMarkdownContainer"] { margin-bottom: -0.35rem }
 .st-key-head, .st-key-recommendation { row-gap: 0; column-gap: 1rem }
 .st-key-recommendation > :first-child { flex-shrink: 1; min-width: 0 }
 .st-key-recommendation > :last-child { flex-shrink: 0 }
@@ -46,6 +49,10 @@ a:focus-visible, button:focus-visible, summary:focus-visible, [role="tab"]:focus
 .cf-ratings b { font-size: 1.2rem; font-weight: 600 }
 .cf-ratings small, .cf-grade { font-size: 0.8rem }
 .cf-grade { padding: 0 0.4rem; border-radius: 4px }
+@media (max-width: 1099px) { /* one row of six */
+  .cf-ratings, .cf-ratings .cf-values { gap: 0.25rem }
+  .cf-ratings > div { padding-inline: 0.4rem }
+}
 .cf-better { color: light-dark(#1A7F37, #4CC38A) }
 .cf-worse { color: light-dark(#B4331A, #FF9B7A) }
 </style>"""

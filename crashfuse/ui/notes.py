@@ -6,11 +6,10 @@ from pathlib import Path
 import streamlit as st
 
 from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, may_keep_notes, read_notes, write_notes
-from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.errors import DataError, UsageError
 from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
-from crashfuse.ui.uploads import is_scratch
+from crashfuse.ui.uploads import is_ours
 
 _KEPT = "notes"  # session key: notes by folder, where they cannot be kept in the folder
 _REFUSED = "note refused"  # session key: why the last one was not added
@@ -71,7 +70,7 @@ def _store(view: View, notes: Sequence[Note]) -> None:
 
 
 def _in_the_folder(folder: Path) -> bool:
-    return not is_sample(folder) and not is_scratch(folder) and may_keep_notes(folder)
+    return not is_ours(folder) and may_keep_notes(folder)
 
 
 def _where(folder: Path) -> str:

@@ -83,8 +83,7 @@ def _attempt(open_it: Callable[[], str | Source]) -> None:
 
 def _open_folder() -> None:
     """Open the folder that was typed in."""
-    text = st.session_state["folder"].strip().strip('"')  # file managers may copy a path in quotes
-    if text:
+    if text := campaigns.unquoted(st.session_state["folder"]):
         _attempt(lambda: _campaign_or_source(Path(text)))
 
 

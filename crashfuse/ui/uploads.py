@@ -10,6 +10,7 @@ from typing import Protocol, TypeVar
 
 import streamlit as st
 
+from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing.unpacking import is_archive, lay_out_source, members_of
@@ -54,9 +55,9 @@ def open_uploads(files: Sequence[Upload]) -> str | Source:
     return opened[key]
 
 
-def is_scratch(folder: Path) -> bool:
-    """True if a folder is a temporary one that goes when the server ends."""
-    return _scratch().resolve() in folder.parents
+def is_ours(folder: Path) -> bool:
+    """True if a folder is not the user's own: the sample, or an upload, which goes when the server ends."""
+    return is_sample(folder) or _scratch().resolve() in folder.parents
 
 
 def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:

@@ -387,7 +387,7 @@ def test_a_copy_of_the_sample_is_edited(visit: Visit, tmp_path: Path) -> None:
     (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
     field.set_value("copy")
     session = session.press("Save the copy")
-    assert session.tables[0]["What to do"].tolist() == ["Name it by its whole path"]
+    assert session.tables[0]["What to do"].tolist() == ["Name a folder by its whole path"]
     (field,) = [field for field in session.app.text_input if field.label == "Folder of the copy"]
     field.set_value(str(tmp_path / "mine"))
     session = session.press("Save the copy")

@@ -114,7 +114,8 @@ def choose_criteria(view: View) -> Criteria | None:
     except DataError as error:
         show_wrong(error)
         return None
-    left.caption("  \n".join(plain(sentence) for sentence in _in_units_of_files(criteria, view)))
+    if own := _in_units_of_files(criteria, view):
+        left.caption(f"As in the file: {plain('; '.join(own))}.")
     return criteria
 
 
@@ -135,7 +136,7 @@ def _table(criteria: Criteria | None) -> pd.DataFrame:
 
 
 def _in_units_of_files(criteria: Criteria, view: View) -> list[str]:
-    """Limits that the table shows in the reader's units, in those of the file."""
+    """Limits that the table shows in the reader's units, in the metrics' own."""
     own = [criterion for criterion in criteria.items if view.display.units.unit(criterion.unit) != criterion.unit]
     return [f"{criterion.name}: {criterion.limits}" for criterion in own]
 

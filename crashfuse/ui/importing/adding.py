@@ -9,7 +9,6 @@ import streamlit as st
 
 from crashfuse.campaign_folder.additions import WHAT, counted
 from crashfuse.campaign_folder.condition_tables import Role, read_conditions
-from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing import Choices, Reading, Settled, add_settled
@@ -18,7 +17,7 @@ from crashfuse.ui.editing import can_be_edited
 from crashfuse.ui.importing.session import NEXT_ROLE, REFUSED, UNFINISHED, Source, leave, settled_of
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
-from crashfuse.ui.uploads import is_scratch
+from crashfuse.ui.uploads import is_ours
 from crashfuse.ui.visitors import visitor
 
 _FOLDER, _INTO = "import folder", "import into"  # session keys
@@ -178,22 +177,18 @@ def _target() -> Path:
     own = _open_folder()
     if own is not None and st.session_state.get(_INTO, "open") == "open":
         return campaigns.allowed(own)  # the server may have been started with one outside
-    text = st.session_state.get(_FOLDER, "").strip().strip('"')  # file managers may copy a path in quotes
-    expected, advice = "a new or empty folder, or a campaign", "name a folder by its whole path"
+    expected = "a new or empty folder, or a campaign"
+    folder = campaigns.typed_folder(st.session_state.get(_FOLDER, ""), "campaign folder", expected)
+    trouble = None
     try:
-        folder = Path(text).expanduser()
-        if not folder.is_absolute():
-            raise DataError(Problem("campaign folder", expected, text or "none", advice))
-        folder = campaigns.allowed(folder)
-        trouble = None
-        if is_sample(folder) or is_scratch(folder):
+        if is_ours(folder):
             trouble = "one of crashfuse's own"
         elif folder.exists() and not folder.is_dir():
             trouble = "a file"
         elif folder.is_dir() and not any((folder / name).is_file() for name in ("tests.csv", "cae.csv")):
             trouble = "a folder of other things" if any(folder.iterdir()) else None
-    except (OSError, RuntimeError, ValueError) as error:  # no such home directory, or an invalid folder name
-        raise DataError(Problem("campaign folder", expected, str(error), advice)) from error
+    except OSError as error:
+        raise DataError(Problem(str(folder), expected, str(error), "name another folder")) from error
     if trouble is not None:
         raise DataError(Problem(str(folder), expected, trouble, "name another folder"))
     return folder
