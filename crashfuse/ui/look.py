@@ -35,6 +35,7 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 /* where the keyboard is */
 a:focus-visible, button:focus-visible, summary:focus-visible, [role="tab"]:focus-visible {
   outline: 2px solid light-dark(#0B5CAD, #79B8F5) !important; outline-offset: 1px }
+[data-testid="stMain"] code { font-size: 0.8rem }
 /* digits of one width, so that decimal points stand under each other */
 [data-testid="stTable"] td, .cf-ratings { font-variant-numeric: tabular-nums }
 /* on a browser's first visit the sidebar is narrower than requested; three windows would not fit side by side */

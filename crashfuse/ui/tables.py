@@ -71,7 +71,7 @@ def aligned(styler: Styler) -> Styler:
 def _with_light_interval(cell: object, longest: int) -> str:
     """A number as Markdown, its interval lighter, and filled up so that the numbers of a column end at one place."""
     number, interval = (str(part) for part in _NUMBER.findall(str(cell))[0])
-    escaped = interval.strip().replace("[", "\\[").replace("]", "\\]")
+    escaped = interval.strip().replace(" ", "\N{NO-BREAK SPACE}").replace("[", "\\[").replace("]", "\\]")
     return number + f" :gray[{escaped}]" * bool(escaped) + "\u2007" * (longest - len(interval))
 
 

@@ -103,6 +103,7 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(engineer: "User", small_server
 
     engineer.wait(told)
     assert "cell=M002" in engineer.browser.current_url
+    assert "criteria=peak%7E%7E%7E25" in engineer.browser.current_url.replace("~", "%7E")
     assert {row["verdict"] for row in rows(engineer.downloads_file("certification.csv"))} == {"met", "not met"}
     engineer.press("See the predicted pulse there")
     engineer.wait(lambda: engineer.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "30.0")
@@ -127,3 +128,10 @@ def test_predict_answers_another_speed_at_once(engineer: "User") -> None:
     engineer.sees("Impact speed", FIGURE)
     engineer.open_tab("Next test")
     engineer.sees("The best 5")
+    slowest = engineer.all('[data-testid="stSlider"] input')[3]  # after the condition's three
+    usual = slowest.get_attribute("value")
+    slowest.send_keys(Keys.ARROW_RIGHT)
+    engineer.wait(lambda: "speed_range=" in engineer.browser.current_url)
+    engineer.browser.back()
+    engineer.wait(lambda: "speed_range=" not in engineer.browser.current_url)
+    engineer.wait(lambda: engineer.all('[data-testid="stSlider"] input')[3].get_attribute("value") == usual)
