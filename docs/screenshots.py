@@ -35,7 +35,7 @@ _SHOTS = {  # page, height that shows it, theme, button that starts the computat
     "predict": ("predict", 1280, "light", "Predict", "Use the"),
     "certify": ("certify", 1840, "light", "Certify", "Validated domain"),
     _NO_PICTURE: ("study?seed=1", 1240, "light", "Leave out each", "Use the"),
-    "history": ("history", 1720, "light", None, "Each test"),
+    "history": ("history", 1420, "light", None, "Each test"),
     "compare-dark": ("compare", 1200, "dark", None, "Use the"),
 }
 _LONGEST_S = 1200.0

@@ -166,7 +166,7 @@ def here(page: str | None = None) -> Place:
     return Place(page, parameters(page))
 
 
-def default(key: str, value: Value, known: Sequence[Value] = ()) -> None:
+def default(key: str, value: Value | list[str], known: Sequence[Value] = ()) -> None:
     """Give a choice its default for this campaign, if nothing was chosen yet or nothing that is ``known`` here."""
     state = _state()
     state.setdefault(_DEFAULTS, {})[key] = value

@@ -256,7 +256,7 @@ def test_a_limit_in_other_units_is_shown_rounded_beside_what_was_declared(
     typed_in(monkeypatch, lambda table: begun.append(table) or table)  # type: ignore[func-returns-value]
     session = visit("certify", **LINK, system="mph-lb")
     assert begun[-1]["at_most"].tolist() == pytest.approx([48 / 1.609344])
-    assert "delta_v: at most 48 km/h" in session.words
+    assert "delta_v at most 48 km/h" in session.words
     assert session.app.session_state["criteria"] == ["delta_v~~~48~delta_v"]
     assert "at most 48 km/h" not in visit("certify", **LINK, system="kph-kg").words
 

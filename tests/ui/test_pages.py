@@ -641,7 +641,8 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
             return Quick.fit(self, campaign, watch)
 
         own = {"name": name, "label": LABELS[name], "fit": fit, "__module__": __name__}
-        return type("Named", (Quick,), own)()
+        named: type[Quick] = type("Named", (Quick,), own)
+        return named()
 
     monkeypatch.setattr("crashfuse.study.config.create", create)
     app = press(start("predict"), "Predict")

@@ -86,6 +86,7 @@ def choose_criteria(view: View) -> Criteria | None:
         },
         alt="Acceptance criteria: name, metric, window, and limits",
     )
+    below = st.container()
     rows = _converted(edited, lambda unit: 1 / display.units.factor(unit))
     state["criteria"] = editor.said = _texts(rows)
     address.publish()
@@ -115,7 +116,7 @@ def choose_criteria(view: View) -> Criteria | None:
         show_wrong(error)
         return None
     if own := _in_units_of_files(criteria, view):
-        left.caption(f"As in the file: {plain('; '.join(own))}.")
+        below.caption(f"In the units of files: {plain('; '.join(own))}.")
     return criteria
 
 
@@ -138,7 +139,7 @@ def _table(criteria: Criteria | None) -> pd.DataFrame:
 def _in_units_of_files(criteria: Criteria, view: View) -> list[str]:
     """Limits that the table shows in the reader's units, in the metrics' own."""
     own = [criterion for criterion in criteria.items if view.display.units.unit(criterion.unit) != criterion.unit]
-    return [f"{criterion.name}: {criterion.limits}" for criterion in own]
+    return [f"{criterion.name} {criterion.limits}" for criterion in own]
 
 
 def _texts(rows: pd.DataFrame) -> list[str]:
