@@ -1,7 +1,7 @@
 """Take the README's screenshots of the dashboard on the sample campaign: ``python docs/screenshots.py``.
 
-Every page in the light theme, and Compare in the dark one too. With an empty cache everything is computed first; for the
-page History, which compares two studies, a second one with another seed.
+Every page in the light theme, and Compare in the dark one too. With an empty cache everything is computed first; for
+the page History, which compares two studies, a second one with another seed.
 """
 
 import shutil
