@@ -54,7 +54,8 @@ def show_results(results: list[PastResult], display: Display = DEFAULT) -> None:
 def compare_two(studies: list[PastResult], display: Display = DEFAULT) -> None:
     """Let the user choose two studies, and show which rates better."""
     by_id = {result.id: result for result in studies}
-    latest, before = sorted(studies, key=lambda result: len(result.tests), reverse=True)[:2]  # of the largest ones
+    latest, *others = sorted(studies, key=lambda result: len(result.tests), reverse=True)  # of the largest ones
+    before = next((result for result in others if result.fingerprint == latest.fingerprint), others[0])
     chosen = []
     for column, label, key, usual in zip(
         st.columns(2), ("First study", "Second study"), ("first", "second"), (before, latest), strict=True

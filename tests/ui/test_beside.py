@@ -75,6 +75,22 @@ def test_the_history_needs_no_campaign_and_compares_what_it_can(visit: Visit, tm
     assert sorted(listed.value["What"]) == ["test T1", "test T2"]
 
 
+def test_the_latest_study_is_compared_with_the_one_before_of_the_same_data(visit: Visit) -> None:
+    """Not with that of another vehicle; a report and a figure show both."""
+    for day, data, seed in ((1, "a", 0), (2, "b", 0), (3, "a", 1)):
+        ratings = {test: {"cae": {60.0: 0.5 + 0.1 * seed}} for test in ("T1", "T2")}
+        keep(PastResult(data, data, StudyConfig(seed=seed), "ISO", "cae", f"2030-01-0{day}T00:00:00+00:00", ratings))
+    session = visit("history")
+    chosen = [
+        box.format_func(box.value) for box in session.app.selectbox if box.label in ("First study", "Second study")
+    ]
+    assert [text.split(" · ")[2] for text in chosen] == ["fast, seed 0, 5 approaches", "fast, seed 1, 5 approaches"]
+    assert {text.split(" · ")[3] for text in chosen} == {"a"}
+    assert "mean 0.600 in the second, 0.500 in the first (+0.100" in session.words
+    assert session.charts == 1
+    assert {"comparison.csv", "comparison.html"} <= {button.label for button in session.app.download_button}
+
+
 def test_where_folders_are_restricted_others_results_are_not_listed(
     visit: Visit, open_campaign: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
