@@ -14,6 +14,8 @@ from selenium.webdriver.common.keys import Keys
 pytestmark = pytest.mark.slow
 
 if TYPE_CHECKING:
+    from selenium.webdriver.remote.webelement import WebElement
+
     from tests.browser.conftest import Server, User
 
 FIGURE = ".js-plotly-plot"
@@ -128,10 +130,13 @@ def test_predict_answers_another_speed_at_once(engineer: "User") -> None:
     engineer.sees("Impact speed", FIGURE)
     engineer.open_tab("Next test")
     engineer.sees("The best 5")
-    slowest = engineer.all('[data-testid="stSlider"] input')[3]  # after the condition's three
-    usual = slowest.get_attribute("value")
-    slowest.send_keys(Keys.ARROW_RIGHT)
+
+    def slowest() -> "WebElement":
+        return engineer.browser.find_element(By.CSS_SELECTOR, 'input[aria-label^="Speeds (mph)"]')  # the thumb is drawn
+
+    usual = slowest().get_attribute("value")
+    slowest().send_keys(Keys.ARROW_RIGHT)
     engineer.wait(lambda: "speed_range=" in engineer.browser.current_url)
     engineer.browser.back()
     engineer.wait(lambda: "speed_range=" not in engineer.browser.current_url)
-    engineer.wait(lambda: engineer.all('[data-testid="stSlider"] input')[3].get_attribute("value") == usual)
+    engineer.wait(lambda: slowest().get_attribute("value") == usual)
