@@ -17,8 +17,15 @@ from .importing.rated_files import rate_files as rate_files
 from .importing.rated_files import rate_pairs as rate_pairs
 from .reporting.figure_data import figure_table as figure_table
 from .reporting.outgoing_pulses import PulseExport as PulseExport
+from .reporting.planning import NextTests as NextTests
+from .reporting.planning import SpeedSweep as SpeedSweep
+from .reporting.planning import next_test as next_test
+from .reporting.planning import sweep as sweep
+from .reporting.plots.display import Display as Display
 from .reporting.predicted import PredictedPulse as PredictedPulse
 from .reporting.predicted import predict as predict
+from .reporting.rating_tables import excursions_table as excursions_table
+from .reporting.rating_tables import humps_table as humps_table
 from .reporting.report import ReportOptions as ReportOptions
 from .reporting.report import prediction_report as prediction_report
 from .reporting.report import study_report as study_report

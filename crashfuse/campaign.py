@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,8 +21,14 @@ from crashfuse.units import MPH
 from crashfuse.wording import MPH_LB, UnitSystem
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     import pandas as pd
     import plotly.graph_objects as go
+
+    from crashfuse.cae.quality import QualityVerdict
+    from crashfuse.reporting.figures import Further
+    from crashfuse.reporting.plots.display import DisplayOptions
 
 SPEED_STEP_MPS = 2 * MPH
 """Tests nearer to each other than this are at about one speed."""
@@ -141,12 +147,50 @@ class Campaign:
 
         return pulses_frame(self, "cae")
 
-    def plot(self, **display: Any) -> "go.Figure":  # noqa: ANN401 - fields of Display
-        """The pulses of all tests, as the page Data shows them; ``display`` takes the fields of :class:`Display`."""
-        from crashfuse.reporting.plots.display import Display
-        from crashfuse.reporting.plots.pulses import measured_pulses
+    @property
+    def quality(self) -> "QualityVerdict":
+        """What the solver says of the CAE runs, judged by the campaign's limits: tables, and sentences."""
+        from crashfuse.cae.quality import judge_quality
 
-        return measured_pulses(self.tests, display=Display(**display))
+        return judge_quality(self.cae, self.quality_limits)
+
+    def plot(
+        self,
+        figure: str = "tests",
+        *,
+        tests: Sequence[str] = (),
+        held_out: str | None = None,
+        cfc: float | None = None,
+        also: "Sequence[Further]" = (),
+        **display: "Unpack[DisplayOptions]",
+    ) -> "go.Figure":
+        """A figure of the pages Data and Compare.
+
+        Parameters
+        ----------
+        figure : {"tests", "conditions", "cae", "bias"}
+            Pulses of the tests; speeds and weights of tests and CAE runs; pulses of the CAE runs; what the CAE model
+            got wrong in each test, over displacement.
+        tests : sequence of str
+            Ids of the tests that are shown; empty for all.
+        held_out : str, optional
+            Id of a test that is marked.
+        cfc : float, optional
+            Channel filter class that the tests are filtered with in the figure ``tests``; as read, they are thin.
+        also : sequence of str or PredictedPulse
+            Shown beside the tests: CAE runs by their ids, and predictions.
+        **display
+            ``window_ms``, ``unit``, ``deceleration``, ``units``, see
+            :class:`crashfuse.reporting.plots.display.DisplayOptions`.
+
+        Raises
+        ------
+        UsageError
+            If there is no such figure, test, CAE run, option or unit.
+        """
+        from crashfuse.reporting.campaign_figures import campaign_figure
+
+        return campaign_figure(self, figure, tests=tests, held_out=held_out, cfc=cfc, also=also, **display)
 
     def __repr__(self) -> str:
         return f"<Campaign {self.name!r}: {len(self.tests)} tests, {len(self.cae):,} CAE runs>"

@@ -1,9 +1,13 @@
 """Exceptions of crashfuse, all derived from :class:`CrashfuseError`."""
 
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import TypeVar
+
+T = TypeVar("T")
 
 _LONGEST = 300  # characters of one part of a message; a cell of an unknown file may have millions
 
@@ -108,6 +112,15 @@ def collecting(problems: list[Problem]) -> Iterator[None]:
 
 class UsageError(CrashfuseError):
     """The request refers to something that does not exist, or is invalid (exit code 2)."""
+
+
+def one_of(kind: str, name: object, choices: Mapping[str, T]) -> T:
+    """The choice of this name; a UsageError names the nearest one, and all, if there is none."""
+    if isinstance(name, str) and name in choices:
+        return choices[name]
+    near = get_close_matches(str(name).lower(), choices, 1)
+    meant = f"did you mean {near[0]}? All are" if near else "choose from"
+    raise UsageError(f"There is no {kind} {printable(repr(name), 60)}; {meant} {', '.join(choices)}.")
 
 
 def out_of_memory(error: BaseException) -> bool:

@@ -7,8 +7,9 @@ import streamlit as st
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.certification.certify import APPROACH
 from crashfuse.certification.criteria_file import criteria_text
-from crashfuse.reporting.certification_tables import certification_table, matrix_table, track_record_table
+from crashfuse.reporting.certification_tables import matrix_table
 from crashfuse.reporting.report import certification_report
+from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui import address, explanations, frame
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import choose_matrix
@@ -49,20 +50,21 @@ certification = result_of(
     ),
     button="Certify",
 )
-show_verdicts(certification, view.display)
+verdicts = Verdicts(certification)
+show_verdicts(verdicts, view.display)
 with st.expander("All verdicts as a table", icon=":material/table:"):
     show_table(certification, view.display)
 
 st.header("Track record")
-show_record(certification, view.display, request.key)
+show_record(verdicts, view.display, request.key)
 st.header("Validated domain")
-show_domain(certification, view.display, request.key)
+show_domain(verdicts, view.display, request.key)
 st.header("Exceptions")
 show_exceptions(certification)
 explanations.show_terms(config)
 with st.container(horizontal=True):
-    download_table("certification.csv", lambda: certification_table(certification))
-    download_table("track_record.csv", lambda: track_record_table(certification))
+    download_table("certification.csv", lambda: verdicts.table)
+    download_table("track_record.csv", lambda: verdicts.track_record)
     download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode())
     download_table("matrix.csv", lambda: matrix_table(certification.matrix))
     download_report(lambda: certification_report(certification, view.display))

@@ -1,15 +1,11 @@
 """Data: open a campaign and see its content."""
 
-import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.cae.quality import judge_quality
-from crashfuse.reporting.plots import pulses as plots
-from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.run_quality import quality_table
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.ui import address, editing, frame, page_tables
-from crashfuse.ui.beside import choose_tests, without_clicks
+from crashfuse.ui.beside import choose_tests, key_of, without_clicks
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import show_cached_figure
@@ -73,24 +69,18 @@ def show_tests(view: frame.View) -> None:
         help="For this figure only: approaches are fitted and rated on the pulses as read.",
     )  # fmt: skip
     cfc = None if choice == AS_READ else float(choice.removeprefix("CFC "))
-    tests, further = choose_tests(view)
-
-    def draw() -> go.Figure:
-        figure = plots.measured_pulses(tests, highlight=test.id, cfc=cfc, display=view.display, further=further)
-        return without_clicks(figure)
-
-    chosen = tuple(each.id for each in tests), tuple(further), chosen_config()  # by which pinned predictions are made
+    tests, also = choose_tests(view)
     show_cached_figure(
-        draw,
+        lambda: without_clicks(campaign.plot(tests=tests, held_out=test.id, cfc=cfc, also=also, display=view.display)),
         "Pulses of all tests over time, coloured by speed",
         "tests",
         campaign.fingerprint,
         test.id,
         cfc,
         view.display,
-        tuple(st.session_state["also"]),
-        tuple(st.session_state["pins"]),
-        *chosen,
+        tests,
+        key_of(also),
+        chosen_config(),  # by which pinned predictions are made
         name=file_name("tests", choice, view.display.in_names[1]),
     )
     reading = "as they are in the files"
@@ -115,7 +105,7 @@ def show_conditions(view: frame.View) -> None:
     campaign = view.campaign
     st.subheader("Conditions")
     show_cached_figure(
-        lambda: condition_space(campaign.cae, campaign.tests, held_out=view.held_out.id, display=view.display),
+        lambda: campaign.plot("conditions", held_out=view.held_out.id, display=view.display),
         "Speed against front and rear weight of CAE runs and tests; the same numbers are in the table below",
         "conditions",
         campaign.fingerprint,
@@ -134,7 +124,7 @@ def show_library(view: frame.View) -> None:
     campaign = view.campaign
     st.subheader("CAE model")
     show_cached_figure(
-        lambda: plots.library_band(campaign.cae, campaign.tests, display=view.display),
+        lambda: campaign.plot("cae", display=view.display),
         "Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
         "library",
         campaign.fingerprint,
@@ -151,7 +141,7 @@ def show_library(view: frame.View) -> None:
 def show_quality(view: frame.View) -> None:
     """Show what the solver says of the CAE runs, judged by the campaign's limits."""
     st.markdown("**Is the CAE model fit to be believed?**")
-    verdict = judge_quality(view.campaign.cae, view.campaign.quality_limits)
+    verdict = view.campaign.quality
     st.markdown(plain(verdict.summary))
     table = quality_table(verdict)
     if not table.empty:

@@ -5,7 +5,6 @@ Its class defines the rest.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.cae import Cae
@@ -14,7 +13,7 @@ from crashfuse.approaches.fused.approach import Fused
 from crashfuse.approaches.settings import Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.approaches.time_domain.lf_tcn import LfTcn
-from crashfuse.errors import CrashfuseError, UsageError
+from crashfuse.errors import CrashfuseError, UsageError, one_of
 from crashfuse.extensions import Broken, load, said
 
 _ALL: tuple[type[Approach], ...] = (
@@ -79,11 +78,7 @@ def create(name: str, settings: Settings) -> Approach:
     """
     if name in _BROKEN:
         raise UsageError(_BROKEN[name])
-    if name not in CLASSES:
-        near = get_close_matches(str(name).lower(), APPROACHES, 1)
-        meant = f"did you mean {near[0]}? All are" if near else "choose from"
-        raise UsageError(f"There is no approach {name!r}; {meant} {', '.join(APPROACHES)}.")
-    return CLASSES[name].create(settings)
+    return one_of("approach", name, CLASSES).create(settings)
 
 
 @contextmanager

@@ -154,7 +154,7 @@ def parser() -> argparse.ArgumentParser:
     _add_prediction_options(sweep)
     outgoing.add_options(sweep)
 
-    next_test = command("next-test", models.next_test, "rank tests to run next by how much each would narrow the band")
+    next_test = command("next-test", models.rank_tests, "rank tests to run next by how much each would narrow the band")
     _add_axes(next_test, _AXES, nargs=2, metavar=("LOW", "HIGH"), help="range (default: the tests')")
     next_test.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="the kind of vehicle (default: the usual)")
     next_test.add_argument(

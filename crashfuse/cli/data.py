@@ -32,7 +32,6 @@ def sample(arguments: argparse.Namespace) -> None:
 
 def check(arguments: argparse.Namespace) -> None:
     """Print what a campaign contains."""
-    from crashfuse.cae.quality import judge_quality
     from crashfuse.campaign_folder.load import load_campaign
 
     campaign = load_campaign(arguments.campaign)
@@ -47,7 +46,7 @@ def check(arguments: argparse.Namespace) -> None:
             print(f"    {note}")
     for remark in campaign.remarks:
         print(f"Note: {remark}")
-    verdict = judge_quality(campaign.cae, campaign.quality_limits)
+    verdict = campaign.quality
     for sentence in verdict.sentences:
         print(sentence)
     print(f"Fingerprint {campaign.fingerprint}")

@@ -70,6 +70,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.execution.progress_bar import watching
+    from crashfuse.reporting.planning import SpeedSweep
     from crashfuse.reporting.results import write_pulses, write_sweep
     from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
     from crashfuse.wording import speed
@@ -91,21 +92,20 @@ def sweep(arguments: argparse.Namespace) -> None:
             sweeps = sweep_speed(
                 fits, condition, speeds, watch, each=lambda found: write_pulses(campaign, found, folder, export)
             )
-        write_sweep(campaign, sweeps, fits[0].config, folder, display)
+        write_sweep(SpeedSweep(campaign, sweeps), fits[0].config, folder, display)
     print(f"{len(speeds)} speeds from {display.words(speed(speeds[0], speeds[-1], between=' to '))}.")
     print(display.words(weights_sentence(condition, campaign.tests)))
     say_written(arguments.out, "sweep")
 
 
-def next_test(arguments: argparse.Namespace) -> None:
+def rank_tests(arguments: argparse.Namespace) -> None:
     """Rank tests to run next."""
-    from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
     from crashfuse.campaign_folder.condition_tables import read_candidates
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.execution.progress_bar import watching
+    from crashfuse.reporting.planning import next_test
     from crashfuse.reporting.results import write_next_tests
-    from crashfuse.study.estimate import Fit
-    from crashfuse.study.next_test import ConditionRange, next_tests_table, rank_next_tests
+    from crashfuse.study.next_test import ConditionRange, next_tests_table
 
     require_output(arguments.out, arguments.campaign, "ranking of next tests")
     campaign = load_campaign(arguments.campaign)
@@ -118,15 +118,13 @@ def next_test(arguments: argparse.Namespace) -> None:
         factors = tuple(factor(text, campaign.factors) for text in arguments.factor)
         over = ConditionRange(replace(over.low, factors=factors), replace(over.high, factors=factors))
     candidates = read_candidates(arguments.candidates) if arguments.candidates else None
+    config, display = settings(arguments), display_of(arguments)
     with watching() as watch:
-        fit = Fit.of(campaign, DisplacementDomain.name, settings(arguments), watch=watch)
-    assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
-    ranked = rank_next_tests(fit.approach, over, candidates)
-    display = display_of(arguments)
-    write_next_tests(campaign, over, ranked, fit.config, arguments.out, display)
+        ranking = next_test(campaign, over.low, over.high, candidates=candidates, config=config, watch=watch)
+    write_next_tests(ranking, config, arguments.out, display)
     low, high = display.condition(over.low), display.condition(over.high)
     print(f"The band of the displacement domain over {low} to {high}:")
-    print(next_tests_table(ranked[:_BEST], display.units).to_string(index=False))
+    print(next_tests_table(ranking.ranked[:_BEST], display.units).to_string(index=False))
     say_written(arguments.out, "ranking of next tests")
 
 

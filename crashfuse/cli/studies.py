@@ -125,7 +125,7 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     """Compute a study, write it and print its results; returns its means."""
     from crashfuse.execution.progress_bar import watching
-    from crashfuse.reporting.result_tables import scores_table, studies_table
+    from crashfuse.reporting.result_tables import studies_table
     from crashfuse.reporting.results import begin_study, write_study
     from crashfuse.study.account import worst_test
     from crashfuse.study.history import PastResult, keep
@@ -142,10 +142,10 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
         write_study(study, folder, display, run.report)
     keep(PastResult.of_study(study))
     print(f"Mean rating over the held-out tests, {_LEFT_OUT[plan.configs[0].leave_out]} ({plan.campaign.rating_basis})")
-    _print_means(scores_table(study))
+    _print_means(study.scores)
     if study.speed_groups is not None:
         print(f"The same, {_LEFT_OUT['speed group']}")
-        _print_means(scores_table(study.speed_groups))
+        _print_means(study.speed_groups.scores)
     print(*map(display.words, (*recommend(study).sentences, *worst_test(study).sentences)), sep="\n")
     if plan.campaign.notice:
         print(plan.campaign.notice)

@@ -36,7 +36,10 @@ def certification_table(certification: Certification) -> pd.DataFrame:
             "basis": basis[verdict.criterion.metric],
         }
         for cell, verdict in certification.cells
-    )
+    ).astype(dict.fromkeys(_NUMBERS, float))  # also where all are unknown
+
+
+_NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability")
 
 
 def _bases(campaign: Campaign) -> dict[str, str]:
@@ -78,7 +81,8 @@ def track_record_table(certification: Certification) -> pd.DataFrame:
         for t in certification.record.trials
         for v in [t.verdict]
     ]  # fmt: skip
-    return pd.DataFrame(rows, columns=[*_TRIAL_COLUMNS, "value", "lower", "upper", "basis"])
+    table = pd.DataFrame(rows, columns=[*_TRIAL_COLUMNS, "value", "lower", "upper", "basis"])
+    return table.astype(dict.fromkeys(("probability", "measured", "value", "lower", "upper"), float))
 
 
 def verdict_counts(certification: Certification) -> dict[str, int]:

@@ -1,38 +1,40 @@
 """A prediction as the library offers it: a campaign and a condition in, tables and a figure out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Unpack
 
-import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.reporting.figures import Curves, Further, beside, chosen
 from crashfuse.reporting.notebook import card
-from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.pulses import motion
-from crashfuse.reporting.result_tables import metrics_table
-from crashfuse.signals.pulse import DT_S
-from crashfuse.signals.pulse import motion as motion_of
+from crashfuse.reporting.plots.curves import by_preference
+from crashfuse.reporting.plots.display import Display, DisplayOptions
+from crashfuse.reporting.result_tables import metrics_table, pulses_table
+from crashfuse.signals.metrics import MAIN_METRICS
+from crashfuse.signals.pulse import DT_S, motion
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate, estimate_at
-from crashfuse.units import KPH, MS, G
+from crashfuse.units import KPH
 
 _MM = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PredictedPulse:
-    """The pulse that an approach predicts at a condition, with its band; ``estimate`` has the draws."""
+    """The pulse at a condition as one or several approaches predict it, with its band; ``estimates`` have the draws."""
 
     campaign: Campaign
-    estimate: Estimate
+    estimates: tuple[Estimate, ...]
 
     @property
     def condition(self) -> Condition:
@@ -40,58 +42,90 @@ class PredictedPulse:
         return self.estimate.prediction.condition
 
     @property
+    def estimate(self) -> Estimate:
+        """That of the preferred approach."""
+        by_name = {estimate.approach: estimate for estimate in self.estimates}
+        return by_name[by_preference(by_name)[0]]
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Remarks for the reader: extrapolation, weights of a mixture."""
-        return self.estimate.prediction.notes
+        return tuple(dict.fromkeys(note for each in self.estimates for note in each.prediction.notes))
+
+    @property
+    def pulses(self) -> pd.DataFrame:
+        """The pulse of every approach with its band, as ``pulses.csv``."""
+        return pulses_table(("", estimate) for estimate in self.estimates)
+
+    @cached_property
+    def metrics(self) -> pd.DataFrame:
+        """Pulse metrics of every approach with their 95 % intervals, as ``metrics.csv``."""
+        return metrics_table((("", each.approach, each.metrics) for each in self.estimates), self.campaign)
 
     def to_frame(self) -> pd.DataFrame:
-        """Pulse, band and motion, one row a sample, as ``pulses.csv`` with the velocity and displacement.
+        """Pulse, band and motion by the preferred approach, one row a sample.
 
         Returns
         -------
         DataFrame
-            ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` (central 95 %, NaN without a band),
-            ``velocity_kph``, ``displacement_mm``; 1,250 rows.
+            ``time_ms``, ``acceleration_g``, ``lower_g``, ``upper_g`` (central 95 %, NaN without a band), as in
+            ``pulses.csv``; ``velocity_kph``, ``displacement_mm``; 1,250 rows.
         """
-        prediction = self.estimate.prediction
-        lower, upper = prediction.band() or (np.full(prediction.time_s.size, np.nan),) * 2
-        velocity, displacement = motion_of(prediction.accel_mps2, self.condition.speed_mps, DT_S)
-        return pd.DataFrame(
-            {
-                "time_ms": (prediction.time_s / MS).round(6),
-                "acceleration_g": prediction.accel_mps2 / G,
-                "lower_g": lower / G,
-                "upper_g": upper / G,
-                "velocity_kph": velocity / KPH,
-                "displacement_mm": displacement / _MM,
-            }
-        )
+        velocity, displacement = motion(self.estimate.prediction.accel_mps2, self.condition.speed_mps, DT_S)
+        pulse = pulses_table([("", self.estimate)]).drop(columns=["held_out", "approach"])
+        return pulse.assign(velocity_kph=velocity / KPH, displacement_mm=displacement / _MM)
 
-    @cached_property
-    def metrics(self) -> pd.DataFrame:
-        """Pulse metrics with their 95 % intervals, as ``metrics.csv``."""
-        return metrics_table([("", self.estimate.approach, self.estimate.metrics)], self.campaign)
+    def plot(
+        self,
+        figure: str = "motion",
+        *,
+        approaches: Sequence[str] | None = None,
+        also: Sequence[Further] = (),
+        band: str | None = None,
+        **display: Unpack[DisplayOptions],
+    ) -> go.Figure:
+        """A figure of the page Predict.
 
-    def plot(self, **display: Any) -> go.Figure:  # noqa: ANN401 - fields of Display
-        """The prediction over time, as the page Predict shows it; ``display`` takes the fields of ``Display``."""
-        predictions = {self.estimate.approach: self.estimate.prediction}
-        return motion(None, predictions, self.condition.speed_mps, Display(**display))
+        Parameters
+        ----------
+        figure : {"motion", "acceleration", "displacement", "energy", "integration"}
+            Acceleration, velocity and displacement over time; acceleration alone, over time and over displacement;
+            energy over crush; a check of the integration over displacement.
+        approaches, also, band, **display
+            As in :meth:`crashfuse.study.study.Study.plot`.
+
+        Raises
+        ------
+        UsageError
+            If there is no such figure, approach, test, CAE run, option or unit.
+        """
+        shown = Display.of(**display)
+        own = chosen({each.approach: each.prediction for each in self.estimates}, approaches)
+        return Curves(None, own | beside(self.campaign, also, shown), self.condition, band).draw(figure, shown)
+
+    def curve(self, display: Display) -> tuple[str, Prediction]:
+        """The name of the preferred approach's prediction beside others, and itself."""
+        name = f"{LABELS[self.estimate.approach]} at {display.briefly(self.condition)}"
+        return name, self.estimate.prediction
 
     def __repr__(self) -> str:
-        return f"<PredictedPulse, {LABELS[self.estimate.approach].lower()}, at {self.condition}>"
+        names = ", ".join(LABELS[each.approach].lower() for each in self.estimates)
+        return f"<PredictedPulse, {names}, at {self.condition}>"
 
     def _repr_html_(self) -> str:
-        headings = self.campaign.metric_headings
-        rows = pd.DataFrame(
-            {"metric": headings[metric.name], "value, 95 % interval": metric.text} for metric in self.estimate.metrics
-        )
-        return card(f"{LABELS[self.estimate.approach]} at {self.condition}", rows, self.notes)
+        headings = {name: label for name, label in self.campaign.metric_headings.items() if name in MAIN_METRICS}
+        texts = {
+            LABELS[each.approach]: {metric.name: metric.text for metric in each.metrics} for each in self.estimates
+        }
+        rows = ({"Metric": label, **{who: own[name] for who, own in texts.items()}} for name, label in headings.items())
+        note = "In brackets: the 95 % interval of a single test."
+        return card(f"The pulse at {self.condition}", pd.DataFrame(rows), (note, *self.notes))
 
 
 def predict(
     campaign: Campaign,
     condition: Condition,
-    approach: str = "fused",
+    approach: str | Sequence[str] = "fused",
     config: StudyConfig = StudyConfig(),
     *,
     cache: Cache | None = None,
@@ -99,16 +133,34 @@ def predict(
 ) -> PredictedPulse:
     """Predict the pulse at a condition from all tests and CAE runs of a campaign.
 
+    Parameters
+    ----------
+    approach : str or sequence of str
+        One approach, or several to be compared.
+    config : StudyConfig
+        Preset, seed and device; its approaches do not matter.
+
     Raises
     ------
     UsageError
         If there is no such approach, the campaign lacks a factor of the condition or its value, or speed or a weight
         is beyond any barrier test.
     """
+    check_factors(campaign, condition)
+    names = (approach,) if isinstance(approach, str) else tuple(dict.fromkeys(approach))
+    for name in names:
+        config.create(name)
+    if not names:
+        raise UsageError("A prediction takes an approach at least, such as fused.")
+    estimates = (estimate_at(campaign, condition, name, config, cache=cache, watch=watch) for name in names)
+    return PredictedPulse(campaign, tuple(estimates))
+
+
+def check_factors(campaign: Campaign, condition: Condition) -> None:
+    """Raise a UsageError if no test has a factor of this condition, or its value."""
     for name, value in condition.factors:
         if name not in campaign.factors:
             known = ", ".join(campaign.factors) or "none"
             raise UsageError(f"{campaign.name} has no factor {name!r}; its factors are: {known}.")
         if value and value not in campaign.factors[name]:
             raise UsageError(f"No test has {name} {value!r}; known are {', '.join(campaign.factors[name])}.")
-    return PredictedPulse(campaign, estimate_at(campaign, condition, approach, config, cache=cache, watch=watch))

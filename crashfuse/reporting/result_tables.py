@@ -54,7 +54,8 @@ def pulses_table(estimates: Iterable[tuple[str, Estimate]]) -> pd.DataFrame:
     Each estimate comes with the id of the held-out test, or an empty string for a new condition.
     """
     return pd.concat(
-        [_pulse_rows(held_out, estimate.approach, estimate.prediction) for held_out, estimate in estimates]
+        [_pulse_rows(held_out, estimate.approach, estimate.prediction) for held_out, estimate in estimates],
+        ignore_index=True,
     )
 
 
@@ -73,7 +74,7 @@ def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]], campaign: C
             for m in own
         ],
         columns=["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis"],
-    )
+    ).astype(dict.fromkeys(("value", "lower", "upper"), float))
 
 
 def study_metrics(study: Study) -> pd.DataFrame:
@@ -83,6 +84,18 @@ def study_metrics(study: Study) -> pd.DataFrame:
         rows.append((fold.held_out, "test", study.campaign.metrics_of(study.campaign.test(fold.held_out))))
         rows.extend((fold.held_out, estimate.approach, estimate.metrics) for estimate in fold.estimates)
     return metrics_table(rows, study.campaign)
+
+
+def repeat_scores(study: Study) -> pd.DataFrame:
+    """What a repeat of each held-out test would rate over each window, with its interval and the actual repeats."""
+    return pd.DataFrame(
+        [
+            (fold.held_out, window, own.value, own.lower, own.upper, " ".join(own.repeats))
+            for fold in study.folds
+            for window, own in study.repeatability.get(fold.held_out, {}).items()
+        ],
+        columns=["held_out", "window_ms", "value", "lower", "upper", "repeats"],
+    )
 
 
 def gains_table(curve: LearningCurve, cost: Cost | None = None) -> pd.DataFrame:

@@ -13,10 +13,11 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.certification_record import certification_record
-from crashfuse.reporting.certification_tables import certification_table, track_record_table
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport, PulseFiles
+from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.provenance import provenance
 from crashfuse.reporting.records import learning_curve_record, prediction_record, study_record
 from crashfuse.reporting.report import (
@@ -28,15 +29,13 @@ from crashfuse.reporting.report import (
     sweep_report,
 )
 from crashfuse.reporting.report.options import ReportOptions
-from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, study_metrics, study_pulses
+from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.cost import Cost
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table
 from crashfuse.study.plan import StudyPlan
 from crashfuse.study.study import Study
-from crashfuse.study.sweep import Sweep, sweep_table
 from crashfuse.units import MPH
 
 Content = bytes | dict[str, bytes] | None
@@ -108,16 +107,14 @@ def write_prediction(
     UsageError
         If there are fewer draws than are to be exported.
     """
-    pulses = export.files(campaign, estimates)
-    _write(_PREDICTION, folder, campaign, estimates, config, pulses, display)
-    return _metrics(campaign, estimates)
+    prediction = PredictedPulse(campaign, tuple(estimates))
+    _write(_PREDICTION, folder, prediction, config, export.files(campaign, estimates), display)
+    return prediction.metrics
 
 
-def write_sweep(
-    campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, folder: Path, display: Display = DEFAULT
-) -> None:
+def write_sweep(sweep: SpeedSweep, config: StudyConfig, folder: Path, display: Display = DEFAULT) -> None:
     """Write ``sweep.csv``, with the tests' own metrics, and ``report.html``."""
-    _write(_SWEEP, folder, campaign, sweeps, config, display)
+    _write(_SWEEP, folder, sweep, config, display)
 
 
 def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path, export: PulseExport) -> None:
@@ -136,16 +133,9 @@ def write_pulses(campaign: Campaign, estimates: Sequence[Estimate], folder: Path
             write_atomically(folder / name / speed / path, content)
 
 
-def write_next_tests(
-    campaign: Campaign,
-    over: ConditionRange,
-    ranked: Sequence[NextTest],
-    config: StudyConfig,
-    folder: Path,
-    display: Display = DEFAULT,
-) -> None:
+def write_next_tests(ranking: NextTests, config: StudyConfig, folder: Path, display: Display = DEFAULT) -> None:
     """Write ``next_tests.csv``, the best first, and ``report.html``."""
-    _write(_NEXT_TESTS, folder, campaign, over, ranked, config, display)
+    _write(_NEXT_TESTS, folder, ranking, config, display)
 
 
 def write_certification(certification: Certification, folder: str | Path, display: Display = DEFAULT) -> None:
@@ -180,54 +170,46 @@ def _write(files: Mapping[str, Callable[..., Content]], folder: str | Path, *res
                 write_atomically(Path(folder, name, path), own)
 
 
-def _pulses(estimates: Sequence[Estimate]) -> pd.DataFrame:
-    return pulses_table(("", estimate) for estimate in estimates)
-
-
-def _metrics(campaign: Campaign, estimates: Sequence[Estimate]) -> pd.DataFrame:
-    return metrics_table((("", estimate.approach, estimate.metrics) for estimate in estimates), campaign)
-
-
 def _json(values: Mapping[str, object]) -> bytes:
     return (json.dumps(values, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 _STUDY: Mapping[str, Callable[[Study, Display, ReportOptions], Content]] = {
-    "scores.csv": lambda study, *_: csv_bytes(scores_table(study)),
-    "speed_groups.csv": lambda study, *_: (
-        None if study.speed_groups is None else csv_bytes(scores_table(study.speed_groups))
-    ),
-    "pulses.csv": lambda study, *_: csv_bytes(study_pulses(study)),
-    "metrics.csv": lambda study, *_: csv_bytes(study_metrics(study)),
+    "scores.csv": lambda study, *_: csv_bytes(study.scores),
+    "speed_groups.csv": lambda study, *_: None if study.speed_groups is None else csv_bytes(study.speed_groups.scores),
+    "pulses.csv": lambda study, *_: csv_bytes(study.pulses),
+    "metrics.csv": lambda study, *_: csv_bytes(study.metrics),
     "report.html": lambda *result: study_report(*result).encode(),
     "study.json": lambda study, *_: _json(study_record(study)),
 }
-_PREDICTION: Mapping[str, Callable[[Campaign, Sequence[Estimate], StudyConfig, PulseFiles, Display], Content]] = {
-    "pulses.csv": lambda _, estimates, *__: csv_bytes(_pulses(estimates)),
-    "pulses.parquet": lambda _, estimates, *__: parquet_bytes(_pulses(estimates)),
-    "metrics.csv": lambda campaign, estimates, *_: csv_bytes(_metrics(campaign, estimates)),
-    "report.html": lambda campaign, estimates, config, _, display: prediction_report(
-        campaign, estimates, config, display
+_PREDICTION: Mapping[str, Callable[[PredictedPulse, StudyConfig, PulseFiles, Display], Content]] = {
+    "pulses.csv": lambda prediction, *_: csv_bytes(prediction.pulses),
+    "pulses.parquet": lambda prediction, *_: parquet_bytes(prediction.pulses),
+    "metrics.csv": lambda prediction, *_: csv_bytes(prediction.metrics),
+    "report.html": lambda prediction, config, _, display: prediction_report(
+        prediction.campaign, prediction.estimates, config, display
     ).encode(),
-    **{f"{name}/": (lambda *result, name=name: result[3].get(name)) for name in PULSE_FORMATS},
-    "prediction.json": lambda *result: _json(prediction_record(*result[:3])),
+    **{f"{name}/": (lambda *result, name=name: result[2].get(name)) for name in PULSE_FORMATS},
+    "prediction.json": lambda prediction, config, *_: _json(
+        prediction_record(prediction.campaign, prediction.estimates, config)
+    ),
 }
-_SWEEP: Mapping[str, Callable[[Campaign, Sequence[Sweep], StudyConfig, Display], Content]] = {
+_SWEEP: Mapping[str, Callable[[SpeedSweep, StudyConfig, Display], Content]] = {
     "report.html": lambda *result: sweep_report(*result).encode(),
-    "sweep.csv": lambda campaign, sweeps, *_: csv_bytes(sweep_table(sweeps, campaign)),
+    "sweep.csv": lambda sweep, *_: csv_bytes(sweep.table),
 }
-_NEXT_TESTS: Mapping[str, Callable[[Campaign, ConditionRange, Sequence[NextTest], StudyConfig, Display], Content]] = {
+_NEXT_TESTS: Mapping[str, Callable[[NextTests, StudyConfig, Display], Content]] = {
     "report.html": lambda *result: next_test_report(*result).encode(),
-    "next_tests.csv": lambda _, __, ranked, *___: csv_bytes(next_tests_table(ranked)),
+    "next_tests.csv": lambda ranking, *_: csv_bytes(ranking.table),
 }
 _CERTIFICATION: Mapping[str, Callable[[Certification, Display], Content]] = {
-    "certification.csv": lambda certification, _: csv_bytes(certification_table(certification)),
-    "track_record.csv": lambda certification, _: csv_bytes(track_record_table(certification)),
+    "certification.csv": lambda certification, _: csv_bytes(Verdicts(certification).table),
+    "track_record.csv": lambda certification, _: csv_bytes(Verdicts(certification).track_record),
     "report.html": lambda *result: certification_report(*result).encode(),
     "certification.json": lambda certification, _: _json(certification_record(certification)),
 }
 _LEARNING_CURVE: Mapping[str, Callable[[LearningCurve, Cost | None, Display], Content]] = {
-    "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table.assign(basis=curve.campaign.rating_basis)),
+    "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table),
     "report.html": lambda *result: learning_curve_report(*result).encode(),
     "learning_curve.json": lambda *result: _json(learning_curve_record(*result[:2])),
 }

@@ -1,9 +1,9 @@
 """Certification as the library offers it: files, mappings or tables in, tables out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import pandas as pd
 import plotly.graph_objects as go
@@ -13,12 +13,19 @@ from crashfuse.certification.certify import APPROACH, Certification, certify_mat
 from crashfuse.certification.criteria import CONFIDENCE
 from crashfuse.certification.criteria_file import criteria_of, read_criteria
 from crashfuse.certification.matrix import Matrix
+from crashfuse.errors import one_of
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.reporting.certification_tables import certification_table, track_record_table, verdict_counts
+from crashfuse.reporting.certification_tables import (
+    certification_table,
+    counts_table,
+    track_record_table,
+    verdict_counts,
+)
 from crashfuse.reporting.notebook import card
-from crashfuse.reporting.plots.certification import verdict_matrix
-from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
+from crashfuse.reporting.plots.display import Display, DisplayOptions
+from crashfuse.reporting.plots.track_record import record_figure, reliability
 from crashfuse.study.config import StudyConfig
 
 
@@ -38,9 +45,28 @@ class Verdicts:
         """One row a left-out test and criterion, as ``track_record.csv``."""
         return track_record_table(self.certification)
 
-    def plot(self, display: Display = DEFAULT) -> go.Figure:
-        """The verdicts as a table in colours, conditions by criteria."""
-        return verdict_matrix(self.certification, display)
+    @property
+    def counts(self) -> pd.DataFrame:
+        """Number of verdicts of each kind, one row a criterion."""
+        return counts_table(self.certification)
+
+    def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
+        """A figure of the page Certify.
+
+        Parameters
+        ----------
+        figure : {"verdicts", "record", "reliability", "domain"}
+            The verdicts in colours, conditions by criteria; what left-out tests were predicted to show and showed; how
+            often probabilities came true; where predictions are checked.
+        **display
+            ``unit``, ``deceleration``, ``units``, see :class:`crashfuse.reporting.plots.display.DisplayOptions`.
+
+        Raises
+        ------
+        UsageError
+            If there is no such figure, option or unit.
+        """
+        return one_of("figure of verdicts", figure, FIGURES)(self.certification, Display.of(**display))
 
     def __repr__(self) -> str:
         judged = self.certification
@@ -50,6 +76,14 @@ class Verdicts:
     def _repr_html_(self) -> str:
         columns = ["id", "criterion", "value", "lower", "upper", "unit", "probability", "verdict"]
         return card(repr(self)[1:-1], self.table[columns])
+
+
+FIGURES: dict[str, Callable[[Certification, Display], go.Figure]] = {
+    "verdicts": verdict_matrix,
+    "record": lambda certification, display: record_figure(certification.record, display),
+    "reliability": lambda certification, _: reliability(certification.record),
+    "domain": validated_domain,
+}
 
 
 def certify(

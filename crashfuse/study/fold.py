@@ -30,6 +30,7 @@ class Fold:
     estimates: tuple[Estimate, ...]
     ratings: dict[str, dict[float, Rating]]
     _drawn: dict[tuple[str, float], FloatArray] = field(default_factory=dict, repr=False)
+    _explained: dict[tuple[str, float], RatingExplanation] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, test: CrashTest, estimates: Sequence[Estimate], windows_ms: Sequence[float]) -> Self:
@@ -56,8 +57,11 @@ class Fold:
 
     def explained(self, approach: str, window_ms: float) -> RatingExplanation:
         """What the rating of an approach's prediction over [0, window_ms) is made of."""
-        predicted = Pulse(GRID_S, self.estimate(approach).prediction.accel_mps2)
-        return explain_rating(self.test.pulse, predicted, window_ms)
+        key = approach, window_ms
+        if key not in self._explained:
+            predicted = Pulse(GRID_S, self.estimate(approach).prediction.accel_mps2)
+            self._explained[key] = explain_rating(self.test.pulse, predicted, window_ms)
+        return self._explained[key]
 
     def rating_draws(self, approach: str, window_ms: float) -> FloatArray:
         """Overall ratings of single pulses drawn from the band of an approach, shape (n_draws,).

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import astuple, dataclass, replace
 from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -38,7 +37,11 @@ from crashfuse.study.tasks import prepare
 from crashfuse.units import G
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     import plotly.graph_objects as go
+
+    from crashfuse.reporting.plots.display import DisplayOptions
 
 REPEATS = 3
 """Random choices of each number of tests."""
@@ -61,8 +64,8 @@ class LearningCurve:
     table : DataFrame
         One row for each part of the tests, held-out test, approach and window: n_tests, chosen (ids of the tests that
         were learned from, separated by spaces), choice (``even`` or ``random``), held_out, approach, window_ms,
-        overall (ISO/TS 18571 rating), inside (share of a(t) over the window inside the 95 % band) and half_width_g
-        (half the mean width of that band in g); the last two are NaN without a band.
+        overall (ISO/TS 18571 rating), inside (share of a(t) over the window inside the 95 % band), half_width_g
+        (half the mean width of that band in g) and basis (what the rating rests on). Without a band its two are NaN.
     repeats : int
         Random choices of each number of tests.
     forecasts : tuple of dict
@@ -82,7 +85,10 @@ class LearningCurve:
         return max(self.config.windows_ms)
 
     def over(self, window_ms: float) -> "LearningCurve":
-        """The same curve, summarised over another of its windows."""
+        """The same curve, summarised over another of its windows; a UsageError if it was not rated over that."""
+        if window_ms not in (known := self.table["window_ms"].unique().tolist()):
+            windows = ", ".join(f"{window:g}" for window in known)
+            raise UsageError(f"The learning curve was rated over 0 to {windows} ms, not to {window_ms:g} ms.")
         return replace(self, config=replace(self.config, windows_ms=(window_ms,)))
 
     @property
@@ -100,14 +106,27 @@ class LearningCurve:
         own = (table["approach"] == approach) & (table["window_ms"] == self.window_ms) & (table["choice"] == "even")
         return table[own].pivot_table(index="held_out", columns="n_tests", values="overall")
 
-    def plot(self) -> "go.Figure":
-        """Draw rating and width of the band over the number of tests."""
-        plots = import_module("crashfuse.reporting.plots.number_of_tests")  # by name: figures stand above this room
-        return cast("go.Figure", plots.over_number_of_tests(self))
+    def plot(self, **display: "Unpack[DisplayOptions]") -> "go.Figure":
+        """Rating and width of the band over the number of tests, as the page Study shows them.
+
+        ``display`` takes ``window_ms``, by default the longest, ``unit`` and the other options of
+        :class:`crashfuse.reporting.plots.display.DisplayOptions`.
+        """
+        from crashfuse.reporting.plots.display import Display
+        from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
+
+        shown = Display.of(**({"window_ms": self.window_ms} if "display" not in display else {}) | display)
+        return over_number_of_tests(self.over(shown.window_ms), shown)
 
     def __repr__(self) -> str:
         sizes = self.table["n_tests"].unique()
-        return f"LearningCurve({self.campaign.name!r}: {self.judged} with {sizes.min()} to {sizes.max()} tests)"
+        return f"<LearningCurve of {self.campaign.name!r}: {self.judged} with {sizes.min()} to {sizes.max()} tests>"
+
+    def _repr_html_(self) -> str:
+        from crashfuse.reporting.notebook import card
+        from crashfuse.reporting.result_tables import curve_table
+
+        return card(repr(self)[1:-1], curve_table(self))
 
 
 def learning_curve(
@@ -165,6 +184,7 @@ def learning_curve(
                 known[chosen] = rows
             watch.report(_STEP, len(known), len(distinct))
     table, forecasts = _table(parts, known)
+    table["basis"] = campaign.rating_basis
     return LearningCurve(campaign, config, repeats, table, forecasts, time.perf_counter() - start)
 
 

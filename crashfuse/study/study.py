@@ -10,7 +10,7 @@ from collections.abc import Hashable, Mapping, MutableMapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,8 +28,14 @@ from crashfuse.study.repeatability import Repeatability, repeatability
 from crashfuse.study.tasks import Computation, Wanted, found_in
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     import pandas as pd
     import plotly.graph_objects as go
+
+    from crashfuse.campaign_folder.notes import Note
+    from crashfuse.reporting.figures import Further
+    from crashfuse.reporting.plots.display import DisplayOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,26 +92,67 @@ class Study:
 
         return study_metrics(self)
 
-    def plot(self, held_out: str, approaches: Sequence[str] = (), **display: Any) -> "go.Figure":  # noqa: ANN401
-        """A held-out test with its predictions, as the page Compare shows them.
+    @property
+    def repeat_scores(self) -> "pd.DataFrame":
+        """What a repeat of each held-out test would rate, one row a test and window, as in ``study.json``."""
+        from crashfuse.reporting.result_tables import repeat_scores
+
+        return repeat_scores(self)
+
+    def plot(
+        self,
+        held_out: str = "",
+        figure: str = "",
+        *,
+        approaches: Sequence[str] | None = None,
+        also: "Sequence[Further]" = (),
+        band: str | None = None,
+        measured: bool = True,
+        corridors: bool = False,
+        notes: "Sequence[Note]" = (),
+        **display: "Unpack[DisplayOptions]",
+    ) -> "go.Figure":
+        """A figure of the page Compare, of one held-out test, or of the page Study, of all of them.
 
         Parameters
         ----------
         held_out : str
-            Id of the test.
+            Id of the test; empty for a figure of all.
+        figure : str
+            Of a test: ``motion`` (the default), ``acceleration``, ``residuals``, ``displacement``, ``energy``,
+            ``integration``, ``bias parts``, ``scores``, ``rating``, ``training``, ``fine-tuning``. Of all: ``ratings``
+            (the default), ``draws``, ``calibration``.
         approaches : sequence of str, optional
-            The approaches to show; empty for all.
+            The approaches that are shown; by default all. Of several, ``rating`` and the figures of networks show the
+            preferred one.
+        also : sequence of str or PredictedPulse
+            Pulses put beside those of a test: tests and CAE runs by their ids, and predictions elsewhere.
+        band : str, optional
+            The approach whose band is filled; by default the preferred one.
+        measured : bool
+            Whether to show the test itself.
+        corridors : bool
+            Whether to shade the corridors of the rating about the test.
+        notes : sequence of Note
+            Drawn as marks over time, those that are about this test.
         **display
-            Fields of :class:`crashfuse.reporting.plots.display.Display`: ``window_ms``, ``unit``, ``deceleration``.
+            ``window_ms``, by default the longest, ``unit``, ``deceleration``, ``units``, see
+            :class:`crashfuse.reporting.plots.display.DisplayOptions`.
 
         Raises
         ------
         UsageError
-            If the test was not held out, or an approach is not in the study.
+            If the test was not held out; if there is no such figure, approach, test, CAE run, option or unit; or if the
+            study was not rated over this window.
         """
-        from crashfuse.reporting.notebook import plot_fold
+        from crashfuse.reporting.study_figures import figure_of_test, overview
 
-        return plot_fold(self, held_out, approaches, **display)
+        if not held_out:
+            return overview(self, figure or "ratings", approaches, **display)
+        return figure_of_test(
+            self, held_out, figure or "motion", approaches,
+            also=also, band=band, measured=measured, corridors=corridors, notes=notes, **display,
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         window = self.config.windows_ms[-1]

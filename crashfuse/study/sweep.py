@@ -140,7 +140,7 @@ def sweep_table(sweeps: Sequence[Sweep], campaign: Campaign) -> pd.DataFrame:
             for m in metrics
         ],
         columns=["speed_mph", "approach", "metric", "value", "lower", "upper", "unit", "basis"],
-    )
+    ).astype(dict.fromkeys(("value", "lower", "upper"), float))
 
 
 def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:

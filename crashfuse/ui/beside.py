@@ -4,7 +4,7 @@ The choices stay until they are changed, over figures, windows, pages and reload
 shown or hidden here alone, not by clicks in a legend, which the next redraw would forget.
 """
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import plotly.graph_objects as go
@@ -12,19 +12,21 @@ import streamlit as st
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS
-from crashfuse.campaign import SPEED_STEP_MPS, Campaign, CrashTest
+from crashfuse.campaign import SPEED_STEP_MPS, Campaign
 from crashfuse.condition import Condition
+from crashfuse.reporting.figures import RUN, Further, pulse_name
 from crashfuse.reporting.plots.curves import TEST, by_preference
+from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.nearest import nearest_tests
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
 from crashfuse.ui.frame import View
 from crashfuse.ui.kept import kept_choice
-from crashfuse.ui.pins import pin_label, pinned
+from crashfuse.ui.pins import pinned
 
 _RECOMMENDED = "recommended"  # the approach whose band is filled, unless another is chosen
 _NEAREST = 3
 _MOST = 24  # further curves: with the test and the approaches some thirty
-_RUN, _PIN = "cae:", "at:"  # what an id begins with that is not a test's: no id has a colon in it
+_PIN = "at:"  # begins the id of a pinned prediction, as RUN that of a CAE run: no id of a test has a colon in it
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,17 +37,20 @@ class Shown:
     ----------
     test : bool
         Whether the held-out test is among it.
-    predictions : mapping of str to Prediction
-        Those of the approaches that are shown, by name; then everything beside them, by its label.
-    filled : str
+    approaches : tuple of str
+        Those that are shown.
+    also : tuple of str or PredictedPulse
+        What is put beside them: tests and CAE runs by their ids, and pinned predictions.
+    band : str
         The approach whose band is filled; pinned predictions are those by it.
     key : Hashable
         Equal for equal choices: part of the key of a cached figure.
     """
 
     test: bool
-    predictions: Mapping[str, Prediction]
-    filled: str
+    approaches: tuple[str, ...]
+    also: tuple[Further, ...]
+    band: str
     key: Hashable
 
 
@@ -66,12 +71,16 @@ def choose_curves(
         "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(view.campaign, condition, held_out),
         help=f"Also show {_NEAREST} tests: those at about this speed first, then the nearest by speed and weights.",
     )  # fmt: skip
-    shown = {name: predictions[name] for name in chosen if name in predictions} | beside
-    if not shown and TEST not in chosen:
+    approaches = tuple(name for name in chosen if name in predictions)
+    if not (approaches or beside or TEST in chosen):
         st.info("No curve is chosen.", icon=":material/visibility_off:")
         st.stop()
-    given = tuple(st.session_state["also"]), tuple(st.session_state["pins"])
-    return Shown(TEST in chosen, shown, band, (tuple(shown), given, band, TEST in chosen))
+    return Shown(TEST in chosen, approaches, beside, band, (approaches, key_of(beside), band, TEST in chosen))
+
+
+def key_of(also: Sequence[Further]) -> Hashable:
+    """Equal for equal pulses put beside others: part of the key of a cached figure."""
+    return tuple(each.condition.text if isinstance(each, PredictedPulse) else each for each in also)
 
 
 def leading(predictions: Mapping[str, Prediction], recommended: str | None) -> str:
@@ -82,13 +91,13 @@ def leading(predictions: Mapping[str, Prediction], recommended: str | None) -> s
     return recommended if recommended is not None and recommended in predictions else by_preference(predictions)[0]
 
 
-def choose_tests(view: View) -> tuple[list[CrashTest], Mapping[str, Prediction]]:
+def choose_tests(view: View) -> tuple[tuple[str, ...], tuple[Further, ...]]:
     """Let the user choose tests, all by default, and CAE runs and pinned predictions beside them."""
-    names = {test.id: _label(view, test.id, test.condition) for test in view.campaign.tests}
+    names = {test.id: pulse_name(test.id, test.condition, view.display) for test in view.campaign.tests}
     with st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
         only = kept_choice("only", list(names), _multiselect(names, "Tests", "all"))
         further = _choose_beside(view, None, by_preference(chosen_config().approaches)[0])
-    return [test for test in view.campaign.tests if not only or test.id in only], further
+    return tuple(test for test in view.campaign.test_ids if not only or test in only), further
 
 
 def without_clicks(figure: go.Figure) -> go.Figure:
@@ -116,15 +125,15 @@ def _choose_band(predictions: Mapping[str, Prediction], recommended: str | None)
     return leading(predictions, recommended)
 
 
-def _choose_beside(view: View, condition: Condition | None, approach: str, held_out: str = "") -> dict[str, Prediction]:
-    """Further pulses by their labels; with a condition, the tests are among the choices, and the nearest of them."""
+def _choose_beside(view: View, condition: Condition | None, approach: str, held_out: str = "") -> tuple[Further, ...]:
+    """Further pulses; with a condition, the tests are among the choices."""
     campaign, pins = view.campaign, pinned()
-    at_pins = {f"{_PIN}{text}": pin_label(view, approach, at) for text, at in pins.items()}
+    at_pins = {f"{_PIN}{text}": f"{LABELS[approach]} at {view.display.briefly(at)}" for text, at in pins.items()}
     runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
-    offered = {f"{_RUN}{run}": f"CAE run {_label(view, run, at)}" for run, at in runs}
+    offered = {(name := f"{RUN}{run}"): pulse_name(name, at, view.display) for run, at in runs}
     if condition is not None:
         tests = [test for test in campaign.tests if test.id != held_out]
-        offered = {test.id: _label(view, test.id, test.condition) for test in tests} | offered
+        offered = {test.id: pulse_name(test.id, test.condition, view.display) for test in tests} | offered
     unasked = "" if condition is None or held_out else condition.text  # on Predict pinned predictions are shown anyway
     if not unasked:
         offered |= at_pins
@@ -133,9 +142,8 @@ def _choose_beside(view: View, condition: Condition | None, approach: str, held_
     )
     if unasked:
         also += [name for name in at_pins if name != f"{_PIN}{unasked}"]
-    found = {offered[name]: _measured_or_run(campaign, name) for name in also if name not in at_pins}
-    wanted = {at_pins[name]: pins[name.removeprefix(_PIN)] for name in also if name in at_pins}
-    return found | _pinned_predictions(campaign, wanted, approach)
+    wanted = [pins[name.removeprefix(_PIN)] for name in also if name in at_pins]
+    return (*(name for name in also if name not in at_pins), *_pinned_predictions(campaign, wanted, approach))
 
 
 def _multiselect(
@@ -147,30 +155,20 @@ def _multiselect(
     )  # fmt: skip
 
 
-def _measured_or_run(campaign: Campaign, name: str) -> Prediction:
-    """A test's pulse, or a CAE run's."""
-    if not name.startswith(_RUN):
-        test = campaign.test(name)
-        return Prediction(test.condition, test.pulse.accel_mps2)
-    run = campaign.cae.ids.index(name.removeprefix(_RUN))
-    return Prediction(campaign.cae.conditions[run], campaign.cae.accel_mps2[run].astype(float))
-
-
-def _pinned_predictions(campaign: Campaign, wanted: Mapping[str, Condition], approach: str) -> dict[str, Prediction]:
-    """By label; empty until the approaches are fitted on all tests."""
+def _pinned_predictions(campaign: Campaign, wanted: Sequence[Condition], approach: str) -> list[PredictedPulse]:
+    """By one approach; none until the approaches are fitted on all tests."""
     request = FitRequest(campaign, chosen_config())
     job = request.find() if wanted else None
     if job is None or job.result is None:
         if wanted:
             st.caption("Pinned predictions are shown once the page Predict has an answer with these settings.")
-        return {}
-    answered = {label: answers(request.key, condition, job.result) for label, condition in wanted.items()}
-    return {
-        label: estimate.prediction
-        for label, estimates in answered.items()
-        for estimate in estimates
+        return []
+    return [
+        PredictedPulse(campaign, (estimate,))
+        for condition in wanted
+        for estimate in answers(request.key, condition, job.result)
         if estimate.approach == approach
-    }
+    ]
 
 
 def _add_nearest(campaign: Campaign, condition: Condition, held_out: str) -> None:
@@ -182,10 +180,6 @@ def _add_nearest(campaign: Campaign, condition: Condition, held_out: str) -> Non
     )
     also = st.session_state["also"]
     st.session_state["also"] = list(dict.fromkeys([*also, *(test.id for test in ordered[:_NEAREST])]))[:_MOST]
-
-
-def _label(view: View, name: str, condition: Condition) -> str:
-    return f"{name} · {view.display.speed(condition.speed_mps)}"
 
 
 def _curve_label(name: str) -> str:

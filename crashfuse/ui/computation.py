@@ -17,6 +17,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
+from crashfuse.reporting.planning import SpeedSweep
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.duration import fit_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
@@ -25,7 +26,7 @@ from crashfuse.study.history import PastResult, keep
 from crashfuse.study.recommendation import Recommendation, recommend_for
 from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Study, fold_key, run_study
-from crashfuse.study.sweep import Sweep, sweep_speed, usual_speeds
+from crashfuse.study.sweep import sweep_speed, usual_speeds
 from crashfuse.ui import address
 from crashfuse.ui.downloads import zipped
 from crashfuse.ui.jobs import Job, Jobs
@@ -236,7 +237,7 @@ def advised(
 
 
 @dataclass(frozen=True)
-class SweepRequest(Request[tuple[Sweep, ...]]):
+class SweepRequest(Request[SpeedSweep]):
     """Predict over impact speed with approaches fitted to a campaign."""
 
     request: FitRequest
@@ -251,5 +252,6 @@ class SweepRequest(Request[tuple[Sweep, ...]]):
     def title(self) -> str:  # noqa: D102
         return f"{self.request.campaign.name}: predict over speed"
 
-    def work(self, watch: Watch) -> tuple[Sweep, ...]:  # noqa: D102
-        return sweep_speed(self.fitted.fits, self.condition, usual_speeds(self.request.campaign), watch)
+    def work(self, watch: Watch) -> SpeedSweep:  # noqa: D102
+        campaign = self.request.campaign
+        return SpeedSweep(campaign, sweep_speed(self.fitted.fits, self.condition, usual_speeds(campaign), watch))

@@ -11,7 +11,6 @@ from crashfuse.certification.decided import with_decided
 from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
-from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
 from crashfuse.reporting.report import learning_curve_report
 from crashfuse.reporting.report.learning_curve import LEARNING_CURVE_MEANING, ONE_MORE_MEANING
 from crashfuse.reporting.result_tables import curve_table, gains_table
@@ -72,7 +71,6 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
             found = with_decided(found, read_criteria(criteria))
         except DataError as error:
             st.warning(plain(str(error.problems[0])), icon=":material/error:")
-    table = found.table
     curve = found.over(view.display.window_ms)
     amount = st.number_input(
         "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
@@ -82,7 +80,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     cost = Cost(amount) if amount else None
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
     show_figure(
-        over_number_of_tests(curve, view.display),
+        found.plot(display=view.display),
         alt="Mean rating of tests not learned from, width of the band and decided verdicts, over the number of tests",
     )
     st.caption(
@@ -96,5 +94,5 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     with st.expander("All means", icon=":material/table:"):
         show_table(curve_table(curve, view.display), "learning curve")
     with st.container(horizontal=True):
-        download_table("learning_curve.csv", lambda: table.assign(basis=view.campaign.rating_basis))
+        download_table("learning_curve.csv", lambda: found.table)
         download_report(lambda: learning_curve_report(curve, cost, view.display), "learning_curve.html")

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import streamlit as st
 
-from crashfuse.approaches.registry import LABELS
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.ui.frame import View
@@ -44,21 +43,9 @@ def show_pins(view: View, condition: Condition, remember: Callable[[], None]) ->
     )  # fmt: skip
     for text, other in texts.items():
         st.button(
-            short(view, other), icon=":material/close:", key=f"unpin {text}", on_click=_unpin,
+            view.display.briefly(other), icon=":material/close:", key=f"unpin {text}", on_click=_unpin,
             args=(text,), help="Unpin", type="tertiary",
         )  # fmt: skip
-
-
-def pin_label(view: View, approach: str, condition: Condition) -> str:
-    """Name of a pinned prediction's curve."""
-    return f"{LABELS[approach]} at {short(view, condition)}"
-
-
-def short(view: View, condition: Condition) -> str:
-    """A condition in few words: speed, front and rear weight, factors."""
-    display, vehicle = view.display, [value for _, value in condition.factors if value]
-    weights = f"{display.weights(condition.front_weight_kg):.0f} + {display.weight(condition.rear_weight_kg)}"
-    return ", ".join([display.speed(condition.speed_mps), weights, *vehicle])
 
 
 def _unpin(text: str) -> None:

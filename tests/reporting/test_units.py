@@ -18,6 +18,7 @@ from crashfuse.certification.domain import Domain
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import Verdict
+from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.display import Display
@@ -107,9 +108,9 @@ def certification(campaign: Campaign) -> Certification:
 REPORTS: dict[str, Callable[[Campaign, Display], str]] = {
     "prediction": lambda campaign, display: prediction_report(campaign, [estimate(campaign.tests[0])], CONFIG, display),
     "study": lambda campaign, display: study_report(study(campaign), display),
-    "sweep": lambda campaign, display: sweep_report(campaign, sweeps(campaign), CONFIG, display),
+    "sweep": lambda campaign, display: sweep_report(SpeedSweep(campaign, tuple(sweeps(campaign))), CONFIG, display),
     "next test": lambda campaign, display: next_test_report(
-        campaign, ConditionRange.of(campaign.tests), ranked(campaign), CONFIG, display
+        NextTests(campaign, ConditionRange.of(campaign.tests), tuple(ranked(campaign))), CONFIG, display
     ),
     "certification": lambda campaign, display: certification_report(certification(campaign), display),
 }

@@ -26,7 +26,6 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
@@ -35,7 +34,6 @@ from crashfuse.study.saved_models import load_model
 from crashfuse.study.study import Study
 from crashfuse.ui import computation
 from crashfuse.ui import learning_curve as panel
-from crashfuse.ui.compare import displacement
 from crashfuse.units import LB, MPH, G
 from tests.conftest import ROOT
 
@@ -421,20 +419,6 @@ def test_compare_shows_five_figures_over_displacement() -> None:
     app.sidebar.selectbox(key="test").select("T3").run()
     finish(press(app, "Predict test T3"))
     assert app.button_group(key="over_displacement").value == "Check of the integration"
-
-
-@pytest.mark.slow
-def test_the_parts_on_the_page_do_not_change_with_the_held_out_pulse(campaign: Campaign) -> None:
-    """It is drawn, and that is all: the parts stay the same to the bit."""
-    test = campaign.test("T2")
-    other = replace(test, pulse=Pulse(GRID_S, 0.5 * test.pulse.accel_mps2))
-    changed = replace(campaign, tests=tuple(other if t.id == "T2" else t for t in campaign.tests))
-    (grid, parts), (same_grid, same_parts) = (
-        displacement.parts(c.without(["T2"]), c.test("T2").condition, seed=0) for c in (campaign, changed)
-    )
-    np.testing.assert_array_equal(grid, same_grid)
-    for one, two in zip(parts, same_parts, strict=True):
-        np.testing.assert_array_equal([one.mean_mps2, one.upper_mps2], [two.mean_mps2, two.upper_mps2])
 
 
 CURVE = {"epoch": [1, 2], "train_loss": [1.0, 0.1], "validation_loss": [1.1, 0.2]}

@@ -2,20 +2,37 @@
 
 import re
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, Self, TypedDict, TypeVar, Unpack, cast
 
 import numpy as np
 
 from crashfuse.condition import Condition
+from crashfuse.errors import one_of
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.units import G
-from crashfuse.wording import MPH_LB, AccelerationUnit, UnitSystem, said, speed, weight
+from crashfuse.wording import MPH_LB, SYSTEMS, AccelerationUnit, UnitSystem, said, speed, weight
 
 Number = TypeVar("Number", float, FloatArray)
 
+_UNITS: dict[str, AccelerationUnit] = {"g": "g", "m/s²": "m/s²", "m/s2": "m/s²"}
 _LAST_UNIT = re.compile(r"\(([^()]+)\)$")
+
+
+class DisplayOptions(TypedDict, total=False):
+    """How a figure is drawn, option by option.
+
+    ``window_ms``: the rated window, 0 to this; ``unit``: of accelerations, ``g`` or ``m/s²`` (also ``m/s2``);
+    ``deceleration``: braking is positive; ``units``: of speeds and weights, ``mph-lb`` or ``kph-kg``; ``display``: all
+    of them at once, of which the others then change some.
+    """
+
+    window_ms: float
+    unit: str
+    deceleration: bool
+    units: str
+    display: "Display"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +55,26 @@ class Display:
     unit: AccelerationUnit = "g"
     deceleration: bool = False
     system: UnitSystem = MPH_LB
+
+    @classmethod
+    def of(cls, **options: Unpack[DisplayOptions]) -> Self:
+        """The display that these options ask for.
+
+        Raises
+        ------
+        UsageError
+            If an option, or its value, is unknown.
+        """
+        given = cast(dict[str, Any], options)
+        for name in given:
+            one_of("option of a figure", name, DisplayOptions.__annotations__)
+        changed: dict[str, Any] = {name: given[name] for name in ("window_ms", "deceleration") if name in given}
+        if "unit" in given:
+            changed["unit"] = one_of("unit of accelerations", given["unit"], _UNITS)
+        if "units" in given:
+            changed["system"] = one_of("system of units", given["units"], SYSTEMS)
+        shown: Self = given.get("display", DEFAULT)
+        return replace(shown, **changed)
 
     @property
     def units(self) -> UnitSystem:
@@ -83,6 +120,13 @@ class Display:
     def condition(self, condition: Condition) -> str:
         """A condition in words: speed, front and rear weight."""
         return condition.in_units(self.system)
+
+    def briefly(self, condition: Condition) -> str:
+        """A condition in few words: speed, front and rear weight, factors."""
+        weights = f"{self.weights(condition.front_weight_kg):.0f} + {self.weight(condition.rear_weight_kg)}"
+        return ", ".join(
+            [self.speed(condition.speed_mps), weights, *(value for _, value in condition.factors if value)]
+        )
 
     def columns(self, condition: Condition) -> dict[str, str]:
         """Speed and weights of a condition as cells of a table, by the headings of their columns."""

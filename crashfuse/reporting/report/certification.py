@@ -20,12 +20,11 @@ from crashfuse.reporting.certification_sentences import (
     support_sentence,
 )
 from crashfuse.reporting.certification_tables import counts_table, record_counts
-from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.track_record import record_figure, reliability
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import repeats_table
+from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.study.repeatability import repeatability
 
 _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
@@ -38,7 +37,7 @@ _WINDOW_MS = 60.0  # of the rating of a repeat, if no criterion names one
 def certification_report(certification: Certification, display: Display = DEFAULT) -> str:
     """HTML report of a certification, made for paper."""
     campaign, criteria, record = certification.campaign, certification.criteria, certification.record
-    windows_ms = criteria.windows_ms or (_WINDOW_MS,)
+    shown, windows_ms = Verdicts(certification), criteria.windows_ms or (_WINDOW_MS,)
     repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)
     conditions, conditions_left = _shortened(_conditions(certification, display), "certification.csv")
     verdicts, verdicts_left = _shortened(_verdicts(certification, display), "certification.csv")
@@ -58,7 +57,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         quantities=list(dict.fromkeys(criterion.label for criterion in criteria.items)),
         repeats=repeats_table(repeats, campaign.test_ids, windows_ms),
         domain=domain_sentences(certification.domain),
-        domain_figure=validated_domain(certification, display),
+        domain_figure=shown.plot("domain", display=display),
         conditions=conditions,
         conditions_left=conditions_left,
         confidence=criteria.confidence,
@@ -68,10 +67,10 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         verdict_rows=verdicts,
         verdicts_left=verdicts_left,
         record=record_sentence(record),
-        record_figures=list(_record_figures(record, criteria.items, display)),
+        record_figures=list(_record_figures(certification, display)),
         record_counts=_record_counts(record, criteria.items),
         brier=list(brier_sentence(record)),
-        reliability=reliability(record),
+        reliability=shown.plot("reliability"),
         bins=_bins(record),
         supports=[(own.name, support_sentence(record, own, criteria.confidence)) for own in criteria.items],
         trials=trials,
@@ -116,16 +115,17 @@ def _matrix_figures(certification: Certification, display: Display) -> Iterator[
     for places in parts if len(parts) <= _MOST_FIGURES else [order]:
         own = Matrix(tuple(matrix.ids[i] for i in places), tuple(matrix.conditions[i] for i in places))
         verdicts = tuple(certification.verdicts[i] for i in places)
-        yield verdict_matrix(replace(certification, matrix=own, verdicts=verdicts), display)
+        yield Verdicts(replace(certification, matrix=own, verdicts=verdicts)).plot(display=display)
 
 
-def _record_figures(record: TrackRecord, criteria: Sequence[Criterion], display: Display) -> Iterator[go.Figure]:
+def _record_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:
     """The record in parts of some criteria each."""
+    record, criteria = certification.record, certification.criteria.items
     for i in range(0, len(criteria), _CRITERIA_A_FIGURE):
         some = criteria[i : i + _CRITERIA_A_FIGURE]
         trials = tuple(trial for trial in record.trials if trial.verdict.criterion in some)
         if trials:
-            yield record_figure(TrackRecord(trials), display)
+            yield Verdicts(replace(certification, record=TrackRecord(trials))).plot("record", display=display)
 
 
 def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:

@@ -1,7 +1,6 @@
 """Report on a learning curve: how well tests are predicted from fewer of the others, and what one more would buy."""
 
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
 from crashfuse.reporting.provenance import learning_curve_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.result_tables import curve_table, gains_table
@@ -33,7 +32,7 @@ def learning_curve_report(curve: LearningCurve, cost: Cost | None = None, displa
         verdict=sentences(curve, cost),
         meaning=LEARNING_CURVE_MEANING,
         law=ONE_MORE_MEANING,
-        drawn=over_number_of_tests(curve, display),
+        drawn=curve.plot(display=display),
         steps=gains_table(curve, cost),
         means=curve_table(curve, display),
     )

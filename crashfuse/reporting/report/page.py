@@ -12,7 +12,6 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches.registry import CLASSES
-from crashfuse.cae.quality import judge_quality
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.exports import spreadsheet_text
 from crashfuse.reporting.plots.display import Display
@@ -59,7 +58,7 @@ def render(
 ) -> str:
     """The complete file, from a report's own template and values; the command is the one that reproduces it."""
     cfc = campaign.channel_filter_class
-    quality = judge_quality(campaign.cae, campaign.quality_limits)
+    quality = campaign.quality
     speeds, front, rear = zip(*campaign.cae.range, strict=True)
     return render_in_frame(
         template,

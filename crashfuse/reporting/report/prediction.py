@@ -4,22 +4,21 @@ from collections.abc import Sequence
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
-from crashfuse.reporting.plots.displacement import over_displacement
+from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.next_test import next_tests
 from crashfuse.reporting.plots.pulses import motion
-from crashfuse.reporting.plots.sweep import sweep_figure
+from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.provenance import next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.page import render
-from crashfuse.reporting.report.sections import bias, details
+from crashfuse.reporting.report.sections import details
 from crashfuse.reporting.side_by_side import side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.nearest import nearest_sentences
-from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table
+from crashfuse.study.next_test import next_tests_table
 from crashfuse.study.recommendation import recommend_for
-from crashfuse.study.sweep import Sweep, missing_over_speed, weights_sentence
+from crashfuse.study.sweep import missing_over_speed, weights_sentence
 
 _SHOWN = 20
 
@@ -43,7 +42,7 @@ def prediction_report(
     ``pinned`` are estimates by the same approaches at further conditions, which the report shows beside it.
     """
     condition = estimates[0].prediction.condition
-    predictions = {estimate.approach: estimate.prediction for estimate in estimates}
+    prediction = PredictedPulse(campaign, tuple(estimates))
     advice = recommend_for(estimates, campaign, condition)
     further = [other[0].prediction.condition for other in pinned]
     return render(
@@ -56,11 +55,11 @@ def prediction_report(
         condition=condition,
         verdict=advice.sentences,
         nearest=nearest_sentences(campaign, condition),
-        motion=motion(None, predictions, condition.speed_mps, display),
-        over_displacement=over_displacement(None, predictions, condition.speed_mps, display),
+        motion=prediction.plot(display=display),
+        over_displacement=prediction.plot("displacement", display=display),
         beside=pinned and _beside(campaign, [estimates, *pinned], advice.approach, display),
         about=details(campaign, estimates, display),
-        bias=bias(campaign, display),
+        bias=campaign.plot("bias", display=display),
     )
 
 
@@ -80,8 +79,9 @@ def _beside(
     }  # fmt: skip
 
 
-def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfig, display: Display = DEFAULT) -> str:
+def sweep_report(sweep: SpeedSweep, config: StudyConfig, display: Display = DEFAULT) -> str:
     """HTML report of a sweep over speed, with a figure for each main metric; the others are in ``sweep.csv``."""
+    campaign, sweeps = sweep.campaign, sweep.sweeps
     condition, speeds = sweeps[0].condition, sweeps[0].speeds_mps
     return render(
         "sweep",
@@ -92,30 +92,25 @@ def sweep_report(campaign: Campaign, sweeps: Sequence[Sweep], config: StudyConfi
         display,
         weights=weights_sentence(condition, campaign.tests),
         metrics=[
-            (METRIC_LABELS[name], sweep_figure(sweeps, name, campaign, display), missing_over_speed(sweeps, name))
+            (METRIC_LABELS[name], sweep.plot(name, display=display), missing_over_speed(sweeps, name))
             for name in MAIN_METRICS
         ],
     )
 
 
-def next_test_report(
-    campaign: Campaign,
-    over: ConditionRange,
-    ranked: Sequence[NextTest],
-    config: StudyConfig,
-    display: Display = DEFAULT,
-) -> str:
+def next_test_report(ranking: NextTests, config: StudyConfig, display: Display = DEFAULT) -> str:
     """HTML report of a ranking of next tests."""
+    over, ranked = ranking.over, ranking.ranked
     return render(
         "next_test",
         "which test next",
-        campaign,
+        ranking.campaign,
         config,
         next_test_command(over.low, over.high, config, display.system),
         display,
         over=over,
         meaning=NEXT_TEST_MEANING,
-        drawn=next_tests(ranked, campaign.tests, display),
+        drawn=ranking.plot(display=display),
         best=next_tests_table(ranked[:_SHOWN], display.units),
         ranked=len(ranked),
     )

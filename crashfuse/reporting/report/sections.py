@@ -1,18 +1,13 @@
-"""Sections common to reports: metrics, notes and fits of estimates, the CAE model's bias, and how tests repeat."""
+"""Sections common to reports: metrics, notes and fits of estimates, and how tests repeat."""
 
 import re
 from collections.abc import Mapping, Sequence
 
 import pandas as pd
-import plotly.graph_objects as go
 
-from crashfuse.approaches.displacement_domain.approach import measured_bias
 from crashfuse.approaches.registry import LABELS
-from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
-from crashfuse.execution.cache import Cache
 from crashfuse.reporting.fit_explanations import fit_sentences, fit_table, missing_by_table, notes_by_makers
-from crashfuse.reporting.plots.bias import bias_by_speed
 from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.study.estimate import Estimate
@@ -49,12 +44,6 @@ def details(
             if (sentences := fit_sentences(estimate.state))
         ],
     }
-
-
-def bias(campaign: Campaign, display: Display) -> go.Figure:
-    """Figure of the CAE model's error in every test, by speed; its emulator is in the cache by now."""
-    model = CaeModel(cache=Cache()).fit(campaign.cae)
-    return bias_by_speed(campaign.tests, [measured_bias(test, model) for test in campaign.tests], display=display)
 
 
 def repeats_table(

@@ -6,21 +6,16 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from crashfuse.approaches.calibration import LEVELS
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import SPEED_STEP_MPS
 from crashfuse.errors import UsageError
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.paper_tables import REPEAT, TABLE_3, TABLE_5, best, rating_table
-from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.marks import add_marks
-from crashfuse.reporting.plots.pulses import motion
-from crashfuse.reporting.plots.ratings import calibration_curves, rating_heatmap, rating_spread
 from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.report.options import ReportOptions
 from crashfuse.reporting.report.page import render
-from crashfuse.reporting.report.sections import bias, details, repeats_table
+from crashfuse.reporting.report.sections import details, repeats_table
 from crashfuse.reporting.report.why import why
 from crashfuse.study.account import worst_test
 from crashfuse.study.fold import Fold
@@ -78,30 +73,27 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
 
 def _whole(study: Study, display: Display) -> dict[str, object]:
     """What stands in the whole report only."""
-    windows_ms, window_ms = study.config.windows_ms, display.window_ms
+    windows_ms = study.config.windows_ms
     tables = [(caption, rating_table(study, rows)) for rows, caption in _CAPTIONS]
-    spread = study.rating_spread(window_ms)
     return {
         "speed_groups": study.speed_groups and _result(study.speed_groups, display),
         "speed_step": speed(SPEED_STEP_MPS, form=".2g"),
         "repeats": repeats_table(study.repeatability, [fold.held_out for fold in study.folds], windows_ms),
         "paper_tables": [(caption, _shown(table, best(table))) for caption, table in tables if len(table)],
-        "spread": rating_spread(spread, study.repeats(window_ms)) if any(spread.values()) else None,
+        "spread": study.plot(figure="draws", display=display) if study.coverage else None,
         "band": study.coverage
-        and {"coverage": coverage_table(study.coverage), "curves": calibration_curves(LEVELS, study.reliability)},
-        "bias": bias(study.campaign, display),
+        and {"coverage": coverage_table(study.coverage), "curves": study.plot(figure="calibration", display=display)},
+        "bias": study.campaign.plot("bias", display=display),
     }
 
 
 def _result(study: Study, display: Display) -> dict[str, object]:
     """Mean ratings over the tests, and the ratings of each test."""
-    window = display.window_ms
     means = {w: {name: study.mean_rating(name, w) for name in study.config.approaches} for w in study.config.windows_ms}
-    overall = {fold.held_out: {name: own[window].overall for name, own in fold.ratings.items()} for fold in study.folds}
     for w in means:
         if (mean := study.mean_repeat(w)) is not None:
             means[w][REPEAT] = mean
-    return {"means": _by_approach(means), "heatmap": rating_heatmap(overall, study.repeats(window))}
+    return {"means": _by_approach(means), "heatmap": study.plot(display=display)}
 
 
 def _by_approach(ratings: dict[float, dict[str, float]]) -> pd.DataFrame:
@@ -130,8 +122,6 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
     test = study.campaign.test(fold.held_out)
     window = display.window_ms
     notes = [note for note in options.notes if note.test == test.id]
-    predictions = {estimate.approach: estimate.prediction for estimate in fold.estimates}
-    v0 = test.condition.speed_mps
     rest = study.config.training_campaign(study.campaign, test.id)
     advice = recommend_for(fold.estimates, rest, test.condition, window)
     repeat = study.repeats(window).get(test.id)
@@ -140,7 +130,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         "advice": advice.sentences,
         "outcome": fold.ratings[advice.approach][window],
         "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall, LABELS[advice.approach]),
-        "motion": add_marks(motion(test.pulse, predictions, v0, display), notes),
+        "motion": study.plot(test.id, notes=notes, display=display),
         "details": details(study.campaign, fold.estimates, display, study.campaign.metrics_of(test)),
     }
     if options.form == "short":
@@ -150,7 +140,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
         "ratings": _by_approach(
             {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}
         ),
-        "over_displacement": over_displacement(test.pulse, predictions, v0, display),
+        "over_displacement": study.plot(test.id, "displacement", display=display),
         "why": why(study, fold, advice, display),
     }
 

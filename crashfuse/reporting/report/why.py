@@ -1,7 +1,6 @@
 """Part of a study's report on why a test is rated as it is, and how the expectation came out."""
 
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.rating_parts import rated_curves
 from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.account import worst_test
 from crashfuse.study.fold import Fold
@@ -24,5 +23,5 @@ def why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> d
         "outcome": None if advice.expected is None else advice.expected.outcome(rating),
         "overall": sentences.pop("overall"),
         "parts": list(sentences.values()),
-        "curves": rated_curves(explanation, advice.approach, display) if drawn else None,
+        "curves": study.plot(fold.held_out, "rating", approaches=[advice.approach], display=display) if drawn else None,
     }

@@ -14,17 +14,16 @@ from crashfuse.reporting.certification_sentences import (
     support_sentence,
 )
 from crashfuse.reporting.certification_tables import record_counts
-from crashfuse.reporting.plots.certification import validated_domain
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.plots.track_record import record_figure, reliability
+from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui.figures import show_cached_figure
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 
-def show_record(certification: Certification, display: Display, key: Hashable) -> None:
+def show_record(verdicts: Verdicts, display: Display, key: Hashable) -> None:
     """Show how often verdicts on left-out tests were wrong, by criterion, and how reliable the probabilities are."""
-    record = certification.record
+    certification, record = verdicts.certification, verdicts.certification.record
     st.markdown(
         "Every test was left out, alone and with all others at about its speed, got its verdicts from the remaining "
         "tests, and is compared with what was measured."
@@ -36,7 +35,7 @@ def show_record(certification: Certification, display: Display, key: Hashable) -
     measured, said = st.tabs(["What left-out tests showed", "Are the probabilities right?"])
     with measured:
         show_cached_figure(
-            lambda: record_figure(record, display),
+            lambda: verdicts.plot("record", display=display),
             "Predicted and measured values of each left-out test by criterion, with intervals and limits",
             "record",
             key,
@@ -47,7 +46,7 @@ def show_record(certification: Certification, display: Display, key: Hashable) -
         )
     with said:
         show_cached_figure(
-            lambda: reliability(record),
+            lambda: verdicts.plot("reliability"),
             "Share of left-out tests that met a criterion over the probability given, with exact bounds",
             "reliability",
             key,
@@ -59,16 +58,16 @@ def show_record(certification: Certification, display: Display, key: Hashable) -
         )
 
 
-def show_domain(certification: Certification, display: Display, key: Hashable) -> None:
+def show_domain(verdicts: Verdicts, display: Display, key: Hashable) -> None:
     """Show where predictions are checked, with the conditions of the matrix in it."""
     show_cached_figure(
-        lambda: validated_domain(certification, display),
+        lambda: verdicts.plot("domain", display=display),
         "Speed against mass: the checked region, CAE runs, tests and the conditions of the matrix",
         "domain",
         key,
         display.system,
     )
-    st.caption("  \n".join(plain(sentence) for sentence in domain_sentences(certification.domain)))
+    st.caption("  \n".join(plain(sentence) for sentence in domain_sentences(verdicts.certification.domain)))
 
 
 def show_exceptions(certification: Certification) -> None:

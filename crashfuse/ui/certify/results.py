@@ -10,9 +10,10 @@ from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.certification_sentences import to_test
 from crashfuse.reporting.certification_tables import verdict_counts
-from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name, verdict_matrix
+from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
+from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui.figures import show_clickable
 from crashfuse.ui.look import fill
 from crashfuse.ui.navigation import open_page
@@ -28,8 +29,9 @@ _MEANINGS = {
 }
 
 
-def show_verdicts(certification: Certification, display: Display) -> None:
+def show_verdicts(verdicts: Verdicts, display: Display) -> None:
     """Show the counts of verdicts, and the matrix in which a cell can be chosen."""
+    certification = verdicts.certification
     counts, columns = verdict_counts(certification), st.columns(len(WORDS) + 1)
     for column, word in zip(columns, WORDS, strict=False):
         share = f"{100 * counts[word] / len(certification.cells):.0f} %"
@@ -46,7 +48,7 @@ def show_verdicts(certification: Certification, display: Display) -> None:
     n = len(certification.matrix.ids)
     with st.container(height=46 + 24 * FEW_CONDITIONS if n > FEW_CONDITIONS else "content", border=False):
         show_clickable(
-            verdict_matrix(certification, display),
+            verdicts.plot(display=display),
             alt="Verdicts by condition and criterion; the same words are in the table below",
             key="verdict matrix",
             on_click=lambda cell: st.session_state.update({_CELL: cell}),

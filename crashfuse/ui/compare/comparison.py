@@ -1,16 +1,19 @@
 """What every tab of the Compare page shows: a held-out test and the predictions of it."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+
+import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign_folder.notes import Note
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import Recommendation
 from crashfuse.study.repeatability import Repeatability
 from crashfuse.study.study import Study
-from crashfuse.ui.beside import Shown, choose_curves
+from crashfuse.ui.beside import Shown, choose_curves, without_clicks
 from crashfuse.ui.computation import StudyRequest, advised
 from crashfuse.ui.frame import View
 
@@ -74,6 +77,14 @@ class Comparison:
         """Let the user choose the curves of a figure, and what is shown beside them."""
         recommended = None if self.advice is None else self.advice.approach
         return choose_curves(self.view, self.predictions, recommended, self.test.condition, self.test.id)
+
+    def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
+        """A figure of the test with the curves that were chosen."""
+        drawn = self.study.plot(
+            self.test.id, figure, approaches=shown.approaches, also=shown.also, band=shown.band, measured=shown.test,
+            corridors=corridors, notes=notes, display=self.view.display,
+        )  # fmt: skip
+        return without_clicks(drawn)
 
     @property
     def repeats(self) -> Mapping[float, Repeatability]:

@@ -3,7 +3,6 @@
 import streamlit as st
 
 from crashfuse.reporting.report import study_report
-from crashfuse.reporting.result_tables import pulses_table, scores_table, study_metrics
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.occupant_model import offer_pulses
@@ -15,9 +14,9 @@ def show(comparison: Comparison) -> None:
     test, study, estimates = comparison.test, comparison.study, comparison.fold.estimates
     report = choose_report(comparison.view, [test.id])
     with st.container(horizontal=True):
-        download_table("scores.csv", lambda: scores_table(study))
-        download_table("pulses.csv", lambda: pulses_table((test.id, estimate) for estimate in estimates))
-        download_table("metrics.csv", lambda: study_metrics(study))
+        download_table("scores.csv", lambda: study.scores)
+        download_table("pulses.csv", lambda: study.pulses)
+        download_table("metrics.csv", lambda: study.metrics)
         if comparison.advice is not None:
             download_report(lambda: study_report(study, comparison.view.display, report))
     if comparison.advice is not None:

@@ -5,10 +5,8 @@ from typing import Any
 import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.reporting.plots.canvas import share_y_range
-from crashfuse.reporting.plots.learning import learning_curves, tuning_strength
-from crashfuse.reporting.plots.pulses import overlay
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure, show_figure
@@ -42,7 +40,7 @@ def show(comparison: Comparison) -> None:
     network = states.get("time_domain", states.get("lf_tcn", {}))
     with columns[0]:
         st.markdown("**Training on CAE runs**")
-        _show_curve(network["learning_curve"], "Mean square error", "Epoch")
+        show_figure(comparison.study.plot(fold.held_out, "training"), alt="Mean square error over epochs")
         st.caption(
             f"Mean square error, averaged over {network['members']} network{'s' if network['members'] != 1 else ''}; "
             "validation is on the tenth of the runs that is not trained on."
@@ -51,7 +49,7 @@ def show(comparison: Comparison) -> None:
         if "left_out_rmse" in network:
             st.markdown("**Fine-tuning on tests**")
             show_figure(
-                tuning_strength(network["rmse"], network["left_out_rmse"], str(network["penalty"])),
+                comparison.study.plot(fold.held_out, "fine-tuning"),
                 alt="Error for each strength of the fine-tuning, on tests fitted to and on tests left out in turn",
             )
             st.caption(
@@ -60,7 +58,7 @@ def show(comparison: Comparison) -> None:
             )
         elif "tuning_curve" in network:
             st.markdown("**Fine-tuning on tests**")
-            _show_curve(network["tuning_curve"], "Loss", "Step")
+            show_figure(comparison.study.plot(fold.held_out, "fine-tuning"), alt="Loss over steps")
 
 
 def _show_beside_the_cae(comparison: Comparison, name: str) -> None:
@@ -79,21 +77,14 @@ def _show_beside_the_cae(comparison: Comparison, name: str) -> None:
 
 def _beside_the_cae(comparison: Comparison) -> dict[str, go.Figure]:
     """The figures before and after fine-tuning, with a common y range."""
-    predictions = comparison.predictions
+    known, study, display = comparison.predictions, comparison.study, comparison.view.display
     figures = {
-        name: overlay(
-            comparison.test.pulse,
-            {shown: prediction for shown, prediction in predictions.items() if shown in ("cae", name)},
-            comparison.view.display,
+        name: study.plot(
+            comparison.test.id, "acceleration", approaches=[own for own in (BASELINE, name) if own in known],
+            display=display,
         )
         for name in _TITLES
-        if name in predictions
-    }
+        if name in known
+    }  # fmt: skip
     share_y_range(figures.values())
     return figures
-
-
-def _show_curve(curve: dict[str, list[float]], value: str, step: str) -> None:
-    epochs = [int(epoch) for epoch in curve["epoch"]]
-    losses = {name.replace("_", " "): list(zip(epochs, curve[name], strict=True)) for name in curve if name != "epoch"}
-    show_figure(learning_curves(losses, value=value, step=step, total=epochs[-1]), alt=f"{value} over {step.lower()}s")

@@ -3,9 +3,6 @@
 import plotly.graph_objects as go
 import streamlit as st
 
-from crashfuse.reporting.plots.marks import add_marks
-from crashfuse.reporting.plots.pulses import add_corridors, motion, residuals
-from crashfuse.ui.beside import without_clicks
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure
@@ -31,12 +28,7 @@ def show(comparison: Comparison) -> None:
     own = tuple(note for note in notes if note.test == test.id)
 
     def draw() -> go.Figure:
-        if shown == _RESIDUALS:
-            figure = residuals(test.pulse, curves.predictions, display, filled=curves.filled)
-        else:
-            measured = test.pulse if curves.test else None
-            figure = motion(measured, curves.predictions, test.condition.speed_mps, display, filled=curves.filled)
-        return add_marks(without_clicks(add_corridors(figure, test.pulse, display) if corridors else figure), own)
+        return comparison.plot(shown.lower(), curves, corridors=corridors, notes=own)
 
     alt = {
         _MOTION: f"Acceleration, velocity and displacement over time: test {test.id} and every prediction of it",

@@ -6,10 +6,8 @@ import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting import glossary
-from crashfuse.reporting.plots.rating_parts import rated_curves, rating_parts
 from crashfuse.reporting.rating_tables import excursions_table, humps_table
 from crashfuse.signals.rating import WEIGHTS
-from crashfuse.signals.rating_explanation import RatingExplanation
 from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.study.account import Account, account
 from crashfuse.ui import explanations
@@ -27,17 +25,16 @@ def show(comparison: Comparison) -> None:
         if found.disappoints or (found.departure is not None and found.departure.apart):
             explanations.show_account(found.sentences[1:], missed=found.disappoints)
     approach = _choose_approach(comparison)
-    explanation = _explained(comparison.key, approach, comparison)
+    explanation = comparison.fold.explained(approach, comparison.window_ms)
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
     head, _, reason = said["overall"].partition(". ")
     st.markdown(f"**{LABELS[approach]} {head}.** {reason}")
     others = [part for part in WEIGHTS if part != explanation.costliest]
     st.markdown("\n".join(f"- {said[part]}" for part in others), help=glossary.RATING_PARTS)
-    ratings = {name: by_window[comparison.window_ms] for name, by_window in comparison.fold.ratings.items()}
     alt = f"The four scores of every prediction of test {test.id}, as bars"
-    show_cached_figure(lambda: rating_parts(ratings), alt, "parts", comparison.key)
+    show_cached_figure(lambda: comparison.study.plot(test.id, "scores", display=display), alt, "parts", comparison.key)
     show_cached_figure(
-        lambda: rated_curves(explanation, approach, display),
+        lambda: comparison.study.plot(test.id, "rating", approaches=[approach], display=display),
         f"Test {test.id} and its prediction by {LABELS[approach]}: in the corridors, shifted, warped, and their slopes",
         "rated curves", approach, comparison.key,
     )  # fmt: skip
@@ -51,11 +48,6 @@ def _choose_approach(comparison: Comparison) -> str:
     names = list(comparison.fold.ratings)
     first = names[-1] if comparison.advice is None else comparison.advice.approach
     return choose("Approach", names, key="explained", default=first, label_of=LABELS.__getitem__)
-
-
-@st.cache_resource(max_entries=50, show_spinner=False)
-def _explained(key: Hashable, approach: str, _comparison: Comparison) -> RatingExplanation:  # noqa: ARG001
-    return _comparison.fold.explained(approach, _comparison.window_ms)
 
 
 @st.cache_resource(max_entries=50, show_spinner="Comparing the test with its neighbours …")

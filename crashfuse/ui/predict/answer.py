@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.history import PastResult, keep
@@ -76,6 +77,11 @@ class Answer:
     def predictions(self) -> Mapping[str, Prediction]:
         """By approach."""
         return {estimate.approach: estimate.prediction for estimate in self.estimates}
+
+    @property
+    def prediction(self) -> PredictedPulse:
+        """All of them, as the library has it."""
+        return PredictedPulse(self.campaign, tuple(self.estimates))
 
     @property
     def pinned(self) -> list[list[Estimate]]:

@@ -8,7 +8,6 @@ from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study.nearest import nearest_sentences
 from crashfuse.ui import explanations
 from crashfuse.ui.beside import leading
-from crashfuse.ui.pins import short
 from crashfuse.ui.predict.answer import Answer
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
@@ -31,7 +30,7 @@ def _show_pinned(answer: Answer) -> None:
         return
     approach = leading(answer.predictions, answer.recommended)
     at = [next(each for each in own if each.approach == approach) for own in (answer.estimates, *answer.pinned)]
-    columns = [(short(answer.view, each.prediction.condition), each.metrics) for each in at]
+    columns = [(answer.view.display.briefly(each.prediction.condition), each.metrics) for each in at]
     st.subheader(f"Beside the pinned predictions: {LABELS[approach]}")
     show_table(side_by_side(columns, answer.campaign, answer.view.display, MAIN_METRICS), "pinned")
     st.caption(f"Differences are from the first column, {columns[0][0]}.")

@@ -12,13 +12,12 @@ from crashfuse.approaches.displacement_domain.hierarchical_bias import Hierarchi
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.reporting.glossary import TTZV
-from crashfuse.reporting.plots.next_test import next_tests
-from crashfuse.reporting.plots.sweep import sweep_figure
+from crashfuse.reporting.planning import NextTests
 from crashfuse.reporting.report import next_test_report, sweep_report
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING
 from crashfuse.signals.metrics import METRIC_LABELS
-from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
-from crashfuse.study.sweep import missing_over_speed, sweep_table, weights_sentence
+from crashfuse.study.next_test import ConditionRange, NextTest, rank_next_tests
+from crashfuse.study.sweep import missing_over_speed, weights_sentence
 from crashfuse.ui import address, page_tables
 from crashfuse.ui.computation import SweepRequest
 from crashfuse.ui.downloads import download_report, download_table
@@ -44,27 +43,27 @@ def show_over_speed(answer: Answer) -> None:
         st.info("Speeds are predicted once every approach is fitted.", icon=":material/hourglass_top:")
         return
     st.markdown("Predictions of every approach over impact speed, at the weights above, with the tests as points.")
-    sweeps = result_or_none(
+    found = result_or_none(
         SweepRequest(request, answer.fitted, condition),
         invitation="About thirty speeds are predicted, which takes about ten seconds.",
         button="Predict over speed",
     )
-    if sweeps is None:
+    if found is None:
         return
     metric = st.selectbox(
         "Pulse metric", list(METRIC_LABELS), format_func=METRIC_LABELS.__getitem__, key="sweep_metric",
         persist_state="session", help=TTZV,
     )  # fmt: skip
     show_figure(
-        sweep_figure(sweeps, metric, view.campaign, view.display),
+        found.plot(metric, display=view.display),
         alt=f"{METRIC_LABELS[metric]} over impact speed, every approach with its band, tests as points",
     )
     st.caption(plain(weights_sentence(condition, view.campaign.tests)))
-    for sentence in missing_over_speed(sweeps, metric):
+    for sentence in missing_over_speed(found.sweeps, metric):
         st.caption(plain(sentence))
     with st.container(horizontal=True):
-        download_table("sweep.csv", lambda: sweep_table(sweeps, view.campaign))
-        download_report(lambda: sweep_report(view.campaign, sweeps, request.config, view.display), "sweep.html")
+        download_table("sweep.csv", lambda: found.table)
+        download_report(lambda: sweep_report(found, request.config, view.display), "sweep.html")
 
 
 def show_next_test(answer: Answer) -> None:
@@ -85,17 +84,16 @@ def show_next_test(answer: Answer) -> None:
     low, high = (Condition(v0, front, rear, kind) for v0, front, rear in zip(*ends, strict=True))
     try:
         over = ConditionRange(low, high)
-        ranked = _ranked(request.key, over, domains[0])
+        found = NextTests(campaign, over, _ranked(request.key, over, domains[0]))
     except UsageError as error:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
-    figure = next_tests(ranked, campaign.tests, display)
-    show_figure(figure, alt="How much each candidate would narrow the band, over its speed")
+    show_figure(found.plot(display=display), alt="How much each candidate would narrow the band, over its speed")
     st.markdown(f"**The best {_BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
-    show_table(page_tables.next_tests(ranked[:_BEST], display), "next tests")
+    show_table(page_tables.next_tests(found.ranked[:_BEST], display), "next tests")
     with st.container(horizontal=True):
-        download_table("next_tests.csv", lambda: next_tests_table(ranked))
-        download_report(lambda: next_test_report(campaign, over, ranked, request.config, display), "next_test.html")
+        download_table("next_tests.csv", lambda: found.table)
+        download_report(lambda: next_test_report(found, request.config, display), "next_test.html")
 
 
 @st.cache_data(show_spinner="Ranking candidates …", max_entries=32)

@@ -2,10 +2,8 @@
 
 import streamlit as st
 
-from crashfuse.approaches.calibration import LEVELS
 from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import coverage_table
-from crashfuse.reporting.plots.ratings import calibration_curves, rating_spread
 from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import show_figure
 from crashfuse.ui.study.outcome import Outcome
@@ -14,13 +12,13 @@ from crashfuse.ui.tables import show_table
 
 def show(outcome: Outcome) -> None:
     """Show the ratings of single draws, and how much of the tests lay inside the bands."""
-    study, window_ms = outcome.study, outcome.window_ms
+    study = outcome.study
     if not study.coverage:
         st.info("None of these approaches has a band.", icon=":material/info:")
         return
     st.subheader(f"How sure the ratings are, {outcome.window}")
     show_figure(
-        rating_spread(study.rating_spread(window_ms), study.repeats(window_ms)),
+        study.plot(figure="draws", display=outcome.view.display),
         alt="Rating of each held-out test by approach, with the interval of the ratings of single drawn pulses",
         name=file_name("ratings of draws", outcome.window),
     )
@@ -35,7 +33,7 @@ def show(outcome: Outcome) -> None:
         f"{len(study.folds)} tests no more can be promised than these counts."
     )
     show_figure(
-        calibration_curves(LEVELS, study.reliability),
+        study.plot(figure="calibration", display=outcome.view.display),
         alt="Share of the time up to TTZV at which a(t) lies inside bands of each level, by approach",
         name="coverage_by_level_of_the_band",
     )

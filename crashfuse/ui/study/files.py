@@ -1,11 +1,8 @@
 """Files of a study: its tables and the report."""
 
-from functools import partial
-
 import streamlit as st
 
 from crashfuse.reporting.report import study_report
-from crashfuse.reporting.result_tables import scores_table, study_metrics
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.report_options import choose_report
 from crashfuse.ui.study.outcome import Outcome
@@ -16,9 +13,9 @@ def show(outcome: Outcome) -> None:
     study, view = outcome.study, outcome.view
     report = choose_report(view, view.campaign.test_ids)
     with st.container(horizontal=True):
-        download_table("scores.csv", lambda: scores_table(study))
-        download_table("metrics.csv", lambda: study_metrics(study))
-        if study.speed_groups is not None:
-            download_table("speed_groups.csv", partial(scores_table, study.speed_groups))
+        download_table("scores.csv", lambda: study.scores)
+        download_table("metrics.csv", lambda: study.metrics)
+        if (groups := study.speed_groups) is not None:
+            download_table("speed_groups.csv", lambda: groups.scores)
         if outcome.whole:
             download_report(lambda: study_report(study, view.display, report))

@@ -3,7 +3,6 @@
 import streamlit as st
 
 from crashfuse.reporting import glossary
-from crashfuse.reporting.plots.ratings import rating_heatmap
 from crashfuse.study.account import worst_test
 from crashfuse.study.study import Study
 from crashfuse.ui import explanations, frame, page_tables
@@ -36,10 +35,7 @@ def show(outcome: Outcome) -> None:
 
 
 def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
-    overall = {
-        fold.held_out: {name: by_window[outcome.window_ms].overall for name, by_window in fold.ratings.items()}
-        for fold in study.folds
-    }
+    tests = [fold.held_out for fold in study.folds]
     st.markdown(f"**Each test, {outcome.window}**")
 
     def open_test(test_id: str) -> None:
@@ -48,7 +44,7 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
         st.session_state["leave_out"] = leave_out
 
     clicked = show_clickable(
-        rating_heatmap(overall, study.repeats(outcome.window_ms)),
+        study.plot(display=outcome.view.display),
         alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables",
         key=f"heat map {leave_out}",
         on_click=open_test,
@@ -61,7 +57,7 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
     with st.container(horizontal=True, vertical_alignment="center"):
         st.markdown("Click a cell, or choose a test, to see it on the page Compare.", width="content")
         chosen = st.selectbox(
-            "Open a test on Compare", list(overall), index=None, placeholder="Test", key="open_test", width=160,
+            "Open a test on Compare", tests, index=None, placeholder="Test", key="open_test", width=160,
             label_visibility="collapsed", on_change=lambda: open_test(st.session_state["open_test"]),
         )  # fmt: skip
     if clicked or chosen is not None:

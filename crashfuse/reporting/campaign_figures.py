@@ -1,0 +1,70 @@
+"""Figures of a campaign by name: its tests, their conditions, the CAE runs, and what the CAE model gets wrong."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Unpack
+
+import plotly.graph_objects as go
+
+from crashfuse.approaches.displacement_domain.approach import measured_bias
+from crashfuse.cae.model import CaeModel
+from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.errors import UsageError, one_of
+from crashfuse.execution.cache import Cache
+from crashfuse.reporting.figures import Further, beside
+from crashfuse.reporting.plots.bias import bias_by_speed
+from crashfuse.reporting.plots.conditions import condition_space
+from crashfuse.reporting.plots.display import Display, DisplayOptions
+from crashfuse.reporting.plots.pulses import library_band, measured_pulses
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """What a figure of a campaign shows."""
+
+    campaign: Campaign
+    tests: Sequence[CrashTest]
+    held_out: str | None
+    cfc: float | None
+    also: Sequence[Further]
+    display: Display
+
+
+def campaign_figure(
+    campaign: Campaign,
+    figure: str,
+    *,
+    tests: Sequence[str],
+    held_out: str | None,
+    cfc: float | None,
+    also: Sequence[Further],
+    **options: Unpack[DisplayOptions],
+) -> go.Figure:
+    """A figure of a campaign, see :meth:`Campaign.plot`."""
+    draw = one_of("figure of a campaign", figure, FIGURES)
+    if figure != "tests" and (cfc is not None or also):
+        raise UsageError("A filter and further curves are for the figure tests.")
+    if held_out is not None:
+        campaign.test(held_out)
+    some = [campaign.test(test) for test in ([tests] if isinstance(tests, str) else tests or campaign.test_ids)]
+    return draw(_Shown(campaign, some, held_out, cfc, also, Display.of(**options)))
+
+
+def _tests(own: _Shown) -> go.Figure:
+    further = beside(own.campaign, own.also, own.display)
+    return measured_pulses(own.tests, highlight=own.held_out, cfc=own.cfc, display=own.display, further=further)
+
+
+def _bias(own: _Shown) -> go.Figure:
+    model = CaeModel(cache=Cache()).fit(own.campaign.cae)
+    biases = [measured_bias(test, model) for test in own.tests]
+    return bias_by_speed(own.tests, biases, highlight=own.held_out, display=own.display)
+
+
+FIGURES: dict[str, Callable[[_Shown], go.Figure]] = {
+    "tests": _tests,
+    "conditions": lambda own: condition_space(own.campaign.cae, own.tests, held_out=own.held_out, display=own.display),
+    "cae": lambda own: library_band(own.campaign.cae, own.tests, display=own.display),
+    "bias": _bias,
+}
+"""Pulses of the tests; conditions of tests and CAE runs; pulses of the CAE runs; tests minus CAE over displacement."""

@@ -1,0 +1,168 @@
+"""Planning as the library offers it: metrics over impact speed, and which test to run next, as tables and figures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Unpack
+
+import pandas as pd
+import plotly.graph_objects as go
+
+from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import UsageError, one_of
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.reporting.notebook import card
+from crashfuse.reporting.plots.display import DEFAULT, Display, DisplayOptions
+from crashfuse.reporting.plots.next_test import next_tests
+from crashfuse.reporting.plots.sweep import sweep_figure
+from crashfuse.reporting.predicted import check_factors
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Fit
+from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
+from crashfuse.study.sweep import Sweep, speeds_between, sweep_speed, sweep_table, usual_speeds
+from crashfuse.units import MPH
+from crashfuse.wording import speed
+
+_BEST = 5
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SpeedSweep:
+    """Pulse metrics over impact speed; ``sweeps`` has them by approach, as objects."""
+
+    campaign: Campaign
+    sweeps: tuple[Sweep, ...]
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a speed, approach (or ``test``) and metric, as ``sweep.csv``."""
+        return sweep_table(self.sweeps, self.campaign)
+
+    def plot(self, metric: str = MAIN_METRICS[0], **display: Unpack[DisplayOptions]) -> go.Figure:
+        """A metric over impact speed, every approach with its band, the tests as points; as the page Predict shows it.
+
+        Raises
+        ------
+        UsageError
+            If there is no such metric, option or unit.
+        """
+        one_of("metric", metric, METRIC_LABELS)
+        return sweep_figure(self.sweeps, metric, self.campaign, Display.of(**display))
+
+    def __repr__(self) -> str:
+        first, speeds = self.sweeps[0], self.sweeps[0].speeds_mps
+        names = ", ".join(sweep.approach for sweep in self.sweeps)
+        ends = speed(float(speeds[0]), float(speeds[-1]), between=" to ")
+        return f"<SpeedSweep, {names}, {len(first.metrics)} speeds from {ends}>"
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for number, speed_mps in enumerate(self.sweeps[0].speeds_mps.tolist()):
+            own = {metric.name: metric.text for metric in self.sweeps[-1].metrics[number]}
+            named = {METRIC_LABELS[name]: own[name] for name in MAIN_METRICS}
+            rows.append({"Speed": DEFAULT.speed(speed_mps), **named})
+        return card(repr(self)[1:-1], pd.DataFrame(rows))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NextTests:
+    """Tests that might be run next, by how much each would narrow the band; ``ranked`` has them as objects."""
+
+    campaign: Campaign
+    over: ConditionRange
+    ranked: tuple[NextTest, ...]
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a candidate, the best first, as ``next_tests.csv``."""
+        return next_tests_table(self.ranked)
+
+    def plot(self, **display: Unpack[DisplayOptions]) -> go.Figure:
+        """How much each candidate would narrow the band over its speed, as the page Predict shows it."""
+        return next_tests(self.ranked, self.campaign.tests, Display.of(**display))
+
+    def __repr__(self) -> str:
+        best = self.ranked[0]
+        return f"<NextTests, the best of {len(self.ranked)} at {best.condition}: {100 * best.gain:.0f} % narrower>"
+
+    def _repr_html_(self) -> str:
+        return card(
+            f"The band over {self.over.low} to {self.over.high}: which test would narrow it most",
+            self.table.head(_BEST),
+        )
+
+
+def sweep(
+    campaign: Campaign,
+    condition: Condition,
+    speeds_mph: tuple[float, float] | None = None,
+    approach: str | Sequence[str] = "fused",
+    config: StudyConfig = StudyConfig(),
+    *,
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+) -> SpeedSweep:
+    """Predict the pulse metrics over impact speed, from all tests and CAE runs of a campaign.
+
+    Parameters
+    ----------
+    condition : Condition
+        Its weights and factors hold at all speeds; its own speed does not matter.
+    speeds_mph : tuple of float, optional
+        The lowest and the highest speed, by default those of the CAE runs and tests; every full mph between them.
+    approach, config
+        As in :func:`crashfuse.reporting.predicted.predict`.
+
+    Raises
+    ------
+    UsageError
+        If there is no such approach, the campaign lacks a factor of the condition or its value, or the speeds are none.
+    """
+    check_factors(campaign, condition)
+    speeds = usual_speeds(campaign)
+    if speeds_mph is not None:
+        low, high = speeds_mph
+        if not 0 < low < high:
+            raise UsageError(f"A sweep takes a speed above 0 and a higher one, not {low:g} and {high:g} mph.")
+        speeds = speeds_between(low * MPH, high * MPH)
+    names = (approach,) if isinstance(approach, str) else tuple(dict.fromkeys(approach))
+    for name in names:
+        config.create(name)
+    fits = [Fit.of(campaign, name, config, cache=cache, watch=watch) for name in names]
+    return SpeedSweep(campaign, sweep_speed(fits, condition, speeds, watch))
+
+
+def next_test(
+    campaign: Campaign,
+    low: Condition | None = None,
+    high: Condition | None = None,
+    *,
+    candidates: Sequence[Condition] | None = None,
+    planned: Sequence[Condition] = (),
+    config: StudyConfig = StudyConfig(),
+    cache: Cache | None = None,
+    watch: Watch = SILENT,
+) -> NextTests:
+    """Rank tests that might be run next by how much each would narrow the band of the displacement domain.
+
+    Parameters
+    ----------
+    low, high : Condition, optional
+        The range of speeds and weights of interest, by default that of the tests.
+    candidates, planned : sequence of Condition, optional
+        As in :func:`crashfuse.study.next_test.rank_next_tests`.
+
+    Raises
+    ------
+    UsageError
+        If the range is none, or the campaign lacks a factor of it, or does not say of which kind the vehicle is.
+    """
+    usual = ConditionRange.of(campaign.tests)
+    over = ConditionRange(low or usual.low, high or usual.high)
+    check_factors(campaign, over.low)
+    fit = Fit.of(campaign, DisplacementDomain.name, config, cache=cache, watch=watch)
+    assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
+    return NextTests(campaign, over, rank_next_tests(fit.approach, over, candidates, planned))

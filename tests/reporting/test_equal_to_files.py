@@ -1,0 +1,132 @@
+"""Every table that the library gives is the file that the command line writes, number by number."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import crashfuse
+from crashfuse import Condition, StudyConfig, cli
+from crashfuse.files.csv_output import csv_bytes
+
+pytestmark = pytest.mark.usefixtures("one_cache")
+
+APPROACHES = ("cae", "displacement_domain")
+CONFIG = StudyConfig(approaches=APPROACHES)
+AT = {"speed_mph": 30.0, "front_weight_lb": 2050.0, "rear_weight_lb": 1500.0}
+CONDITION = Condition.of(**AT, drive="FWD")
+CRITERIA = [{"name": "crush", "metric": "max_crush", "at_most": 430.0}]
+MATRIX = pd.DataFrame([{"id": "A", **AT, "drive": "FWD"}])
+OPTIONS = [text for name, value in AT.items() for text in (f"--{name.replace('_', '-')}", f"{value:g}")]
+
+
+@pytest.fixture(scope="module")
+def read(campaign_on_disk: Path) -> crashfuse.Campaign:
+    """The small campaign as the commands read it."""
+    return crashfuse.load_campaign(campaign_on_disk)
+
+
+def run(command: str, folder: Path, out: Path, *options: str) -> Path:
+    """Run a command on the campaign; returns its folder of results."""
+    assert cli.main([command, str(folder), "--out", str(out), *options]) == cli.DONE
+    return out
+
+
+def assert_is_file(table: pd.DataFrame, path: Path) -> None:
+    """A table is the content of a file: its columns, its texts, its numbers as they are rounded there."""
+    texts = dict.fromkeys((name for name in table if not pd.api.types.is_numeric_dtype(table[name])), str)
+    read = pd.read_csv(path, dtype=texts).fillna(dict.fromkeys(texts, ""))
+    pd.testing.assert_frame_equal(read, table.fillna(dict.fromkeys(texts, "")), check_dtype=False, rtol=1e-5, atol=1e-9)
+    assert csv_bytes(table) == path.read_bytes()
+
+
+@pytest.mark.slow
+def test_those_of_a_study(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
+    """Scores, pulses, metrics, speed groups, and what repeats would rate."""
+    out = run("study", campaign_on_disk, tmp_path / "out", "--approach", *APPROACHES, "--workers", "1")
+    study = crashfuse.run_study(read, StudyConfig(approaches=APPROACHES, leave_out="both"), workers=1)
+    assert study.speed_groups is not None
+    assert_is_file(study.scores, out / "scores.csv")
+    assert_is_file(study.pulses, out / "pulses.csv")
+    assert_is_file(study.metrics, out / "metrics.csv")
+    assert_is_file(study.speed_groups.scores, out / "speed_groups.csv")
+    recorded = json.loads((out / "study.json").read_text(encoding="utf-8"))["repeatability"]
+    assert len(study.repeat_scores) == 4 * 3
+    for row in study.repeat_scores.to_dict("records"):
+        own = recorded[row["held_out"]][f"{row['window_ms']:g}"]
+        assert {name: row[name] for name in ("value", "lower", "upper")} == pytest.approx(
+            {name: own[name] for name in ("value", "lower", "upper")}, abs=1e-4
+        )
+
+
+@pytest.mark.slow
+def test_those_of_a_prediction(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
+    """Pulses and metrics of all approaches asked for; the table of one is its part of the file."""
+    options = (*OPTIONS, "--factor", "drive=FWD", "--approach", *APPROACHES)
+    out = run("predict", campaign_on_disk, tmp_path / "out", *options)
+    prediction = crashfuse.predict(read, CONDITION, APPROACHES)
+    assert_is_file(prediction.pulses, out / "pulses.csv")
+    assert_is_file(prediction.metrics, out / "metrics.csv")
+    own = prediction.pulses.query("approach == 'displacement_domain'")[["time_ms", "acceleration_g", "lower_g"]]
+    assert prediction.to_frame()[list(own)].equals(own.reset_index(drop=True))
+
+
+@pytest.mark.slow
+def test_those_of_plans(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
+    """The sweep over speed, and the ranking of next tests."""
+    weights, kind = OPTIONS[2:], ("--factor", "drive=FWD")
+    speeds = ("--speed-mph", "28", "30.5")
+    out = run("sweep", campaign_on_disk, tmp_path / "sweep", *weights, *speeds, *kind, "--approach", *APPROACHES)
+    assert_is_file(crashfuse.sweep(read, CONDITION, (28, 30.5), APPROACHES).table, out / "sweep.csv")
+    out = run("next-test", campaign_on_disk, tmp_path / "next")
+    assert_is_file(crashfuse.next_test(read).table, out / "next_tests.csv")
+
+
+@pytest.mark.slow
+def test_those_of_a_certification(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
+    """Verdicts and the track record."""
+    (tmp_path / "criteria.toml").write_text(
+        '[[criterion]]\nname = "crush"\nmetric = "max_crush"\nat_most = 430.0\n', encoding="utf-8"
+    )
+    (tmp_path / "matrix.csv").write_bytes(csv_bytes(MATRIX))
+    files = ("--criteria", str(tmp_path / "criteria.toml"), "--matrix", str(tmp_path / "matrix.csv"))
+    out = run("certify", campaign_on_disk, tmp_path / "out", *files, "--approach", "cae", "--workers", "1")
+    verdicts = crashfuse.certify(read, CRITERIA, MATRIX, approach="cae", workers=1)
+    assert_is_file(verdicts.table, out / "certification.csv")
+    assert_is_file(verdicts.track_record, out / "track_record.csv")
+    assert verdicts.counts[["met", "not met", "open", "outside"]].sum(axis=1).tolist() == [1]
+
+
+@pytest.mark.slow
+def test_that_of_a_learning_curve(read: crashfuse.Campaign, campaign_on_disk: Path, tmp_path: Path) -> None:
+    """Each part of the tests, held-out test, approach and window."""
+    options = ("--approach", *APPROACHES, "--repeats", "0", "--workers", "1")
+    out = run("learning-curve", campaign_on_disk, tmp_path / "out", *options)
+    curve = crashfuse.learning_curve(read, CONFIG, repeats=0, workers=1)
+    assert_is_file(curve.table, out / "learning_curve.csv")
+
+
+def test_what_check_says_of_the_runs(
+    read: crashfuse.Campaign, campaign_on_disk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The sentences of the command are those of the verdict, whose tables are data frames."""
+    assert cli.main(["check", str(campaign_on_disk)]) == cli.DONE
+    printed = capsys.readouterr().out.splitlines()
+    assert all(sentence in printed for sentence in read.quality.sentences)
+    assert isinstance(read.quality.table, pd.DataFrame)
+
+
+def test_those_of_a_rating(campaign_on_disk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two files: the ratings; the humps and stretches outside the corridor of one of them."""
+    files = [str(campaign_on_disk / "tests" / f"{name}.csv") for name in ("T2", "T3")]
+    assert cli.main(["rate", *files, "--csv"]) == cli.DONE
+    table = crashfuse.rate_files(*files)
+    assert capsys.readouterr().out.encode() == csv_bytes(table)
+    assert cli.main(["rate", *files, "--json", "--explain", "--windows-ms", "60"]) == cli.DONE
+    (told,) = json.loads(capsys.readouterr().out)
+    (explanation,) = crashfuse.explain_files(*files, [60.0])
+    assert len(crashfuse.humps_table(explanation)) == len(told["explanation"]["humps"])
+    outside = told["explanation"]["outside_inner_corridor"]
+    ends = crashfuse.excursions_table(explanation)[["Outside from (ms)", "to (ms)"]].astype(float).to_numpy().tolist()
+    assert ends == [pytest.approx([own["begin_ms"], own["end_ms"]], abs=0.06) for own in outside]
