@@ -59,7 +59,7 @@ class Curves:
         UsageError
                 If there is none.
         """
-        return one_of("figure", figure, PULSES)(self, display)
+        return one_of("figure of pulses", figure, PULSES)(self, display)
 
 
 PULSES: dict[str, Callable[[Curves, Display], go.Figure]] = {

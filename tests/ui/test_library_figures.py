@@ -1,0 +1,124 @@
+"""The figures on the pages are those that the library gives, trace by trace, with the page's options."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import plotly.graph_objects as go
+import pytest
+
+from crashfuse import Condition, Display, StudyConfig, load_campaign, next_test, predict, run_study
+from crashfuse.ui.computation import jobs
+from crashfuse.wording import KPH_KG
+
+if TYPE_CHECKING:
+    from tests.ui.conftest import Session
+
+    Visit = Callable[..., Session]
+
+pytestmark = [pytest.mark.usefixtures("one_cache"), pytest.mark.slow]
+
+APPROACHES = ["cae", "displacement_domain"]
+OPTIONS = {"unit": "m/s²", "system": "kph-kg", "sign": "Deceleration", "window": "40", "approaches": APPROACHES}
+SHOWN = Display(40.0, "m/s²", deceleration=True, system=KPH_KG)
+
+
+def drawn(session: "Session") -> list[list[dict[str, Any]]]:
+    """The traces of every figure on the page."""
+    return [json.loads(chart.proto.spec)["data"] for chart in session.app.get("plotly_chart")]
+
+
+def traces(*figures: go.Figure) -> list[list[dict[str, Any]]]:
+    """The same of figures of the library."""
+    return [json.loads(figure.to_json())["data"] for figure in figures]
+
+
+def opened(visit: "Visit", page: str, press: str, **parameters: object) -> "Session":
+    """A page with two approaches, once its result is there."""
+    session = visit(page, **OPTIONS, **parameters)
+    if press in session.buttons:
+        session.press(press)
+    for job in jobs().active:
+        assert job.wait(100)
+    return session.run()
+
+
+def test_on_data(open_campaign: Path, visit: "Visit") -> None:
+    """Tests, conditions and CAE runs."""
+    campaign = load_campaign(open_campaign)
+    session = visit("data", test="T2", only=["T2", "T3"], also=["cae:C05"], **OPTIONS)
+    assert drawn(session) == traces(
+        campaign.plot(tests=["T2", "T3"], also=["C05"], held_out="T2", display=SHOWN),
+        campaign.plot("conditions", held_out="T2", display=SHOWN),
+        campaign.plot("cae", display=SHOWN),
+    )
+
+
+def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
+    """Over time with corridors and another test beside, residuals, over displacement, and why it is rated so."""
+    session = opened(visit, "compare", "Predict test T2", test="T2", also=["T3"], corridors="true", band="cae")
+    study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=APPROACHES, workers=1)
+
+    def library(figure: str, **options: Any) -> list[list[dict[str, Any]]]:
+        return traces(study.plot("T2", figure, display=SHOWN, **options))
+
+    assert drawn(session) == library("motion", also=["T3"], corridors=True)
+    for key, tab, figures in (
+        ("compared", None, {"Residuals": "residuals"}),
+        (
+            "over_displacement",
+            "Over displacement",
+            {"Acceleration": "displacement", "Energy": "energy", "Check of the integration": "integration"},
+        ),
+    ):
+        if tab is not None:
+            session.app.button_group(key="compare_tab").set_value(tab).run()
+        for choice, figure in figures.items():
+            session.app.button_group(key=key).set_value(choice).run()
+            assert drawn(session) == library(figure, also=["T3"]), figure
+    session.app.button_group(key="over_displacement").set_value("Bias by speed").run()
+    assert drawn(session) == traces(study.campaign.plot("bias", held_out="T2", display=SHOWN))
+    session.app.button_group(key="over_displacement").set_value("Parts of the bias").run()
+    assert drawn(session) == library("bias parts")
+    session.app.button_group(key="compare_tab").set_value("Why").run()
+    session.app.button_group(key="explained").set_value("cae").run()
+    assert drawn(session) == library("scores") + library("rating", approaches=["cae"])
+
+
+def test_on_study(open_campaign: Path, visit: "Visit") -> None:
+    """Ratings, alone and with the speed group, and the bands."""
+    session = opened(visit, "study", "Leave out each of 4 tests")
+    config = StudyConfig(approaches=tuple(APPROACHES), leave_out="both")
+    study = run_study(load_campaign(open_campaign), config, workers=1)
+    assert drawn(session) == traces(study.plot(display=SHOWN))
+    session.app.button_group(key="ways").set_value("With all tests at about its speed").run()
+    assert study.speed_groups is not None
+    assert drawn(session) == traces(study.speed_groups.plot(display=SHOWN))
+    session.app.button_group(key="study_tab").set_value("Bands").run()
+    assert drawn(session) == traces(*(study.plot(figure=name, display=SHOWN) for name in ("draws", "calibration")))
+
+
+def test_on_predict(open_campaign: Path, visit: "Visit") -> None:
+    """Over time beside a pinned prediction and a test, over displacement, energy, and the test to run next."""
+    at = {"speed_mph": 30.0, "front_weight_lb": 2050.0, "rear_weight_lb": 1500.0}
+    pin = Condition.of(**{**at, "speed_mph": 20.0})
+    link = {name: str(value) for name, value in at.items()}
+    session = opened(visit, "predict", "Predict", also=["T3"], pins=[pin.text], **link)
+    campaign = load_campaign(open_campaign)
+    prediction = predict(campaign, Condition.of(**at), APPROACHES)
+    also = ["T3", predict(campaign, Condition.parse(pin.text), "displacement_domain")]
+    for choice, figure in (
+        ("Over time", "motion"),
+        ("Over displacement", "displacement"),
+        ("Energy over crush", "energy"),
+    ):
+        session.app.button_group(key="predicted").set_value(choice).run()
+        assert drawn(session) == traces(prediction.plot(figure, also=also, band="displacement_domain", display=SHOWN))
+    session.app.button_group(key="predict_tab").set_value("Next test").run()
+    axes = [f"range of {label} {campaign.fingerprint[:8]}" for label in ("Speeds", "Front weights", "Rear weights")]
+    low, high = zip(*(session.app.session_state[key] for key in axes), strict=True)
+    kind = campaign.tests[0].condition.factors
+    assert drawn(session) == traces(
+        next_test(campaign, Condition(*low, kind), Condition(*high, kind)).plot(display=SHOWN)
+    )
