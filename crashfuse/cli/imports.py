@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 
 from crashfuse.readers.axes import TRAVELS
-from crashfuse.readers.formats import FORMATS
+from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS
 
 UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
 _WEIGHTS = {"mass": "of the whole vehicle", "front-weight": "on the front axle", "rear-weight": "on the rear axle"}
@@ -55,7 +55,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the command's options to its parser."""
     parser.add_argument("source", type=Path, metavar="SOURCE", help="a file, a folder or a zip, of one record or many")
     parser.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
-    parser.add_argument("--format", choices=tuple(FORMATS), help="default: what the files' names say")
+    parser.add_argument("--format", choices=(*FORMATS, *BROKEN_FORMATS), help="default: by the files' names")
     parser.add_argument("--as", dest="role", choices=("tests", "cae"), default="tests", help="default: %(default)s")
     parser.add_argument("--id", metavar="ID", help="id for a source of one record")
     parser.add_argument(

@@ -8,13 +8,13 @@ from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 
 from crashfuse.campaign_folder.ids import safe_id
-from crashfuse.errors import DataError, Problem, UsageError, collecting, printable
+from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable
 from crashfuse.files.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
 from crashfuse.files.tarball import is_tar, tar_members
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral, read_tables
 from crashfuse.importing.unpacking import is_archive, lay_out_source
 from crashfuse.readers.axes import Travel
-from crashfuse.readers.formats import FORMATS, TABLES, all_formats, formats_of
+from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS, TABLES, all_formats, formats_of
 from crashfuse.readers.members import files_below
 from crashfuse.readers.radioss.runs import is_time_history_csv
 from crashfuse.readers.record import Record
@@ -67,7 +67,8 @@ def format_of(source: Path) -> str:
     if found == [TABLES] and any(map(is_time_history_csv, tables_of(source))):
         return "radioss"
     if not found:
-        raise DataError(Problem(source.name, all_formats(), "none of these", "choose another source"))
+        broken = "".join(f"; {sentence.rstrip('.')}" for sentence in BROKEN_FORMATS.values())
+        raise DataError(Problem(source.name, all_formats(), "none of these", f"choose another source{broken}"))
     if len(set(found) - {TABLES}) > 1:
         advice = "import one after the other (--format), or keep them in folders of their own"
         raise DataError(Problem(source.name, "records of one format", " and ".join(found), advice))
@@ -104,8 +105,9 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
     """Yield the records of a source one by one, read as by :func:`read_records`; append problems to ``problems``."""
     source = reading.source
     fmt = reading.fmt or format_of(source)
-    if fmt not in FORMATS:
-        raise UsageError(f"There is no format {fmt!r}; there are {', '.join(FORMATS)}.")
+    if fmt in BROKEN_FORMATS:
+        raise UsageError(BROKEN_FORMATS[fmt])
+    one_of("format", fmt, FORMATS)
     if fmt != TABLES and reading.columns and reading.conditions is None:
         raise UsageError("Only tables have columns to map.")
     if reading.travel is not None and not FORMATS[fmt].axes:

@@ -4,76 +4,13 @@ A new format needs a module with a function that reads a path into records, and 
 ``crashfuse import --format``, the messages and the page use that line.
 """
 
-import importlib
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from pathlib import Path, PurePath
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from pathlib import PurePath
 
-from crashfuse.errors import CrashfuseError, DataError, Problem
-from crashfuse.extensions import Broken, load, said
-
-if TYPE_CHECKING:
-    from crashfuse.campaign_folder.condition_tables import Role
-    from crashfuse.readers.axes import Travel
-    from crashfuse.readers.record import Record
-
-
-@dataclass(frozen=True, slots=True)
-class Format:
-    """A foreign format.
-
-    Parameters
-    ----------
-    label : str
-        Its name on the page and in messages.
-    files : str
-        Its files, as named in messages.
-    names : str
-        Regular expression for the whole file name, case ignored. For a test with many files it matches the file that
-        represents the test.
-    reader : str
-        ``module:function``, imported on first use. The function takes the path of a file, folder or zip, returns a
-        tuple of :class:`~crashfuse.readers.record.Record`, and raises a DataError for unusable input.
-        Empty for tables: :mod:`crashfuse.importing.joined_tables` reads them, because a user may assign columns.
-    one_a_file : bool
-        Whether each of these files is one test and the reader takes only one.
-    role : {"tests", "cae"}
-        The most likely role of its records.
-    package : str
-        The package that adds it; empty for ours.
-    axes : bool
-        Whether its files may hold motion along any axis. The reader, if there is one, then takes the direction of
-        travel (:data:`~crashfuse.readers.axes.Travel`) as a second argument; None: to be found.
-    """
-
-    label: str
-    files: str
-    names: str
-    reader: str = ""
-    one_a_file: bool = False
-    role: "Role" = "tests"
-    axes: bool = False
-    package: str = ""
-
-    def has(self, path: PurePath) -> bool:
-        """Whether the name of a file is of this format."""
-        return re.fullmatch(self.names, path.name, re.IGNORECASE | re.DOTALL) is not None
-
-    def read(self, path: Path, travel: "Travel | None" = None) -> "tuple[Record, ...]":
-        """Read the records in a file, folder or zip; raise a DataError if it is unusable."""
-        module, _, function = self.reader.partition(":")
-        try:
-            read = getattr(importlib.import_module(module), function)
-            records: tuple[Record, ...] = read(path, *([travel] if self.axes else []))
-        except Exception as error:
-            if not self.package or isinstance(error, CrashfuseError | OSError):
-                raise
-            found = f"the reader of the package {self.package} failed: {said(error)}"
-            raise DataError(Problem(path.name, self.label, found.rstrip("."), "use another format")) from error
-        return records
-
+from crashfuse.extensions import Broken, load
+from crashfuse.readers.format import Format
 
 _HERE = "crashfuse.readers"
 
@@ -108,15 +45,20 @@ FORMATS = {
 def _checked(name: str, found: object) -> Format:
     """A format of another package, if its name is not ours."""
     if not isinstance(found, Format):
-        raise ValueError("expected a crashfuse.readers.formats.Format")
+        raise ValueError("expected a crashfuse.readers.format.Format")
     if name in FORMATS:
         raise ValueError("crashfuse has a format of this name")
     re.compile(found.names)
     return found
 
 
+BROKEN_FORMATS: dict[str, str] = {}
+"""Formats of other packages that cannot be used: whose fault that is, and why."""
+
 for _each in load("crashfuse.readers", "reader", _checked):
-    if not isinstance(_each, Broken):
+    if isinstance(_each, Broken):
+        BROKEN_FORMATS[_each.name] = _each.sentence
+    else:
         FORMATS[_each[0]] = replace(_each[1], package=_each[2])
 
 

@@ -1,11 +1,4 @@
-"""The contract of an approach, for the tests of a package that adds one, and a small campaign to test with.
-
->>> from crashfuse.testing import ApproachContract
->>> class TestScaledCae(ApproachContract):
-...     approach = ScaledCae
-
-pytest then runs every test of the contract on it. The package's own approaches are held to the same tests.
-"""
+"""The contract of an approach, and the small campaign of closed-form pulses that it is tested with."""
 
 import json
 import re
