@@ -37,6 +37,9 @@ class CaeLibrary:
     quality: tuple[RunQuality, ...] = ()
     left_out: tuple[tuple[str, RunQuality], ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<CaeLibrary of {len(self):,} runs>"
+
     def __len__(self) -> int:
         return len(self.ids)
 

@@ -51,6 +51,9 @@ class CrashTest:
     pulse: Pulse
     recorded_s: float = math.inf
 
+    def __repr__(self) -> str:
+        return f"<CrashTest {self.id!r} at {self.condition}>"
+
 
 @dataclass(frozen=True, eq=False)
 class Campaign:

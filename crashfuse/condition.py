@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from typing import Self
 from urllib.parse import quote, unquote
 
@@ -37,14 +38,15 @@ class Condition:
     factors: tuple[tuple[str, str], ...] = ()
 
     @classmethod
-    def of(cls, **given: float | str) -> Self:
+    def of(cls, **given: float | str | None) -> Self:
         """A condition from quantities whose names end in their units, as the columns of ``tests.csv`` do.
 
         Parameters
         ----------
         **given
             One of ``speed_mph``, ``speed_kph``, ``speed_mps``; one of ``front_weight_lb``, ``front_weight_kg``; one of
-            ``rear_weight_lb``, ``rear_weight_kg``. Any further name is a factor, such as ``drive="FWD"``.
+            ``rear_weight_lb``, ``rear_weight_kg``. Any further name is a factor, such as ``drive="FWD"``; None: not
+            known.
 
         Raises
         ------
@@ -58,8 +60,12 @@ class Condition:
         """
         speed, front, rear = (_quantity(name, units, given) for name, units in _QUANTITIES.items())
         used = {f"{name}_{unit}" for name, units in _QUANTITIES.items() for unit in units}
-        factors = tuple((name, str(value)) for name, value in given.items() if name not in used)
+        factors = tuple((name, str(value)) for name, value in given.items() if name not in used and value is not None)
         return cls(speed, front, rear, factors)
+
+    def _repr_html_(self) -> str:
+        kind = "".join(f", {name} {value}" for name, value in self.factors if value)
+        return escape(f"{self}{kind}")
 
     @property
     def mass_kg(self) -> float:
@@ -124,7 +130,7 @@ def _read(text: str, units: Mapping[str, float]) -> float:
     return float(found["number"]) * units.get(found["unit"], 0.0) if found else 0.0
 
 
-def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float | str]) -> float:
+def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float | str | None]) -> float:
     """The one quantity of this name in SI, whatever unit its name ends in."""
     words, names = name.replace("_", " "), [f"{name}_{unit}" for unit in units]
     found = [key for key in given if key in names]
@@ -135,7 +141,7 @@ def _quantity(name: str, units: Mapping[str, float], given: Mapping[str, float |
         ending = f"; {printable(alike[0], 40)} does not end in one of these units" if alike else ""
         raise UsageError(f"A condition needs a {words}: {' or '.join(names)}{ending}.")
     try:
-        value = float(given[found[0]])
+        value = float(given[found[0]] or math.nan)
     except (TypeError, ValueError):
         value = math.nan
     if not 0 < value < math.inf:

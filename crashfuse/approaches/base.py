@@ -35,6 +35,10 @@ class Prediction:
     draws_mps2: FloatArray | None = None
     notes: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        drawn = "no band" if self.draws_mps2 is None else f"{len(self.draws_mps2)} draws"
+        return f"<Prediction at {self.condition}, {drawn}>"
+
     @property
     def time_s(self) -> FloatArray:
         """The study grid in s, shape (1250,)."""

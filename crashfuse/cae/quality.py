@@ -44,6 +44,9 @@ class QualityVerdict:
     table: pd.DataFrame
     failing_runs: pd.DataFrame
 
+    def __repr__(self) -> str:
+        return f"<QualityVerdict: {self.summary}>"
+
     @property
     def sentences(self) -> tuple[str, ...]:
         """The verdict in words; what is not recorded is said, and never counts as passed."""

@@ -1,11 +1,13 @@
 """A campaign as tables in memory: the tables of its folder, taken and given as data frames."""
 
+import re
 import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.folder import read_folder
@@ -14,7 +16,14 @@ from crashfuse.errors import DataError, Problem
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES
 
-_IN_MEMORY = {"tests.csv": "tests", "cae.csv": "cae", "tests_pulses": "test_pulses", "cae_pulses": "cae_pulses"}
+_IN_MEMORY = {
+    "tests.csv": "tests",
+    "cae.csv": "cae",
+    "tests_pulses": "test_pulses",
+    "cae_pulses": "cae_pulses",
+    "campaign.toml": "campaign",
+    "matrix.csv": "matrix",
+}
 
 
 def campaign_of_frames(
@@ -32,17 +41,30 @@ def campaign_of_frames(
         if not isinstance(table, pd.DataFrame):
             found, advice = type(table).__name__, "give a pandas DataFrame"
             raise DataError(Problem(argument, "a DataFrame", found, advice))
+        if twice := [str(column) for column in table.columns[table.columns.duplicated()]]:
+            raise DataError(Problem(argument, "each column once", f"{twice[0]} twice", "rename or remove one"))
     with tempfile.TemporaryDirectory(prefix="crashfuse-") as scratch:
         folder = Path(scratch)
         settings = f"name = {toml_text(name)}\n" + (f"notice = {toml_text(notice)}\n" if notice else "")
         (folder / "campaign.toml").write_text(settings, encoding="utf-8")
         for role, table, pulses in (("tests", tests, test_pulses), ("cae", cae, cae_pulses)):
             (folder / f"{role}.csv").write_bytes(csv_bytes(table, float_format=None))
-            pulses.to_parquet(folder / f"{role}_pulses.parquet", index=False)
+            _write(pulses, folder / f"{role}_pulses.parquet")
         try:
-            return read_folder(folder)
+            read = read_folder(folder)
         except DataError as error:
-            raise DataError([_named(problem) for problem in error.problems]) from None
+            raise DataError([in_memory(problem) for problem in error.problems]) from None
+    return replace(read, warnings=tuple(re.sub(r"\b(tests|cae)\.csv\b", r"\1", text) for text in read.warnings))
+
+
+def _write(pulses: pd.DataFrame, path: Path) -> None:
+    """Write pulses for the reader of folders, which tells what is wrong with them."""
+    try:
+        pulses.to_parquet(path, index=False)
+    except (pa.ArrowException, TypeError, ValueError) as error:  # texts and numbers in one column, say
+        where, found = _IN_MEMORY[path.stem], " ".join(str(error).split())
+        advice = "give each column one type"
+        raise DataError(Problem(where, "columns that are numbers or text", found, advice)) from None
 
 
 def conditions_frame(campaign: Campaign, role: str) -> pd.DataFrame:
@@ -64,7 +86,7 @@ def pulses_frame(campaign: Campaign, role: str) -> pd.DataFrame:
     )
 
 
-def _named(problem: Problem) -> Problem:
+def in_memory(problem: Problem) -> Problem:
     """A problem of a table in memory: its file is that of the argument, its rows count from 0 as in the table."""
     file, _, rest = problem.where.partition(".parquet")
     where = _IN_MEMORY.get(file, file)

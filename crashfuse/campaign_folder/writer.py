@@ -24,7 +24,7 @@ _RUNS_A_BATCH = 2000
 _LINE = 100
 
 
-def write_campaign(campaign: Campaign, folder: Path) -> None:
+def write_campaign(campaign: Campaign, folder: str | Path) -> None:
     """Write a campaign as a folder that reads back to the same fingerprint.
 
     Conditions are written in SI units at full precision, each test as ``tests/<id>.csv``, the CAE runs as
@@ -39,6 +39,7 @@ def write_campaign(campaign: Campaign, folder: Path) -> None:
     OSError
         If writing fails; nothing is left behind.
     """
+    folder = Path(folder)
     check_ids([*campaign.test_ids, *campaign.cae.ids], folder.name)
     with new_folder(folder) as home:
         for role in ("tests", "cae"):

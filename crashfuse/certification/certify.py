@@ -53,6 +53,10 @@ class Certification:
     record: TrackRecord
     seconds: dict[str, float]
 
+    def __repr__(self) -> str:
+        size = f"{len(self.criteria.items)} × {len(self.matrix.ids)} verdicts"
+        return f"<Certification of {self.campaign.name!r}: {size} by {self.approach}>"
+
     @property
     def approach(self) -> str:
         """Name of the approach."""

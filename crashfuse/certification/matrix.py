@@ -10,6 +10,7 @@ from typing import Self
 import pandas as pd
 
 from crashfuse.campaign_folder.condition_tables import read_conditions
+from crashfuse.campaign_folder.frames import in_memory
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, shortened
 from crashfuse.files.csv_output import csv_bytes
@@ -71,11 +72,14 @@ class Matrix:
 
     @classmethod
     def of(cls, frame: pd.DataFrame, factors: Mapping[str, Sequence[str]]) -> Self:
-        """Create from a table with the columns of ``matrix.csv``; raises as :meth:`read`."""
+        """Create from a table with the columns of ``matrix.csv``; raises as :meth:`read`, rows count from 0."""
         with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
             path = Path(folder, "matrix.csv")
             path.write_bytes(csv_bytes(frame, float_format=None))
-            return cls.read(path, factors)
+            try:
+                return cls.read(path, factors)
+            except DataError as error:
+                raise DataError([in_memory(problem) for problem in error.problems]) from None
 
     @classmethod
     def grid(

@@ -24,7 +24,7 @@ class ParquetTable:
     def __init__(self, path: Path, where: str) -> None:
         self._path, self._where = path, where
         with pq.ParquetFile(path) as file:
-            self._schema = file.schema_arrow
+            self._schema, self._rows = file.schema_arrow, file.metadata.num_rows
         self.names = list(self._schema.names)
 
     @classmethod
@@ -48,6 +48,8 @@ class ParquetTable:
         that is neither, or occurs twice, raises a DataError.
         """
         texts = [name for name in columns if self._is_text(name)]
+        if not self._rows:
+            raise DataError(Problem(self._where, "at least one row", "an empty table", "add the rows"))
         written_out = check_size(self._path, self._where, columns)
         row = 2
         plain = [name for name in texts if name not in written_out | self._dictionaries()]

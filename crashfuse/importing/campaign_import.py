@@ -24,24 +24,24 @@ _COLUMNS = re.compile(r"--(column|id|conditions)\b")  # options that say what th
 
 
 def import_source(
-    source: Path,
-    out: Path,
+    source: str | Path,
+    out: str | Path,
     choices: Choices = Choices(),
     *,
     role: Role = "tests",
     fmt: str | None = None,
     record_id: str | None = None,
     columns: Sequence[ColumnChoice] = (),
-    conditions: Path | None = None,
+    conditions: str | Path | None = None,
     travel: Travel | None = None,
 ) -> tuple[Settled, ...]:
     """Add everything in a source to a campaign, or start a new one with it: all of it or, on any problem, nothing.
 
     Parameters
     ----------
-    source : Path
+    source : path
         A file, a folder of one test or of several, or a zip.
-    out : Path
+    out : path
         The campaign folder. If its ``campaign.toml`` sets ``channel_filter_class``, records are added raw and uncut, to
         be filtered with the others when the campaign is read; otherwise they are filtered here.
     choices : Choices
@@ -66,6 +66,7 @@ def import_source(
     UsageError
         If a choice does not exist.
     """
+    source, out, conditions = Path(source), Path(out), None if conditions is None else Path(conditions)
     own = own_filter_class(out)
     if own is not None and choices.channel_filter_class not in (None, own):
         raise UsageError(f"The campaign filters every record with CFC {own:g}; remove --channel-filter-class.")

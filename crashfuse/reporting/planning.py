@@ -17,7 +17,7 @@ from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import DEFAULT, Display, DisplayOptions
 from crashfuse.reporting.plots.next_test import next_tests
 from crashfuse.reporting.plots.sweep import sweep_figure
-from crashfuse.reporting.predicted import check_factors
+from crashfuse.reporting.predicted import asked, check_factors
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
@@ -128,10 +128,7 @@ def sweep(
         if not 0 < low < high:
             raise UsageError(f"A sweep takes a speed above 0 and a higher one, not {low:g} and {high:g} mph.")
         speeds = speeds_between(low * MPH, high * MPH)
-    names = (approach,) if isinstance(approach, str) else tuple(dict.fromkeys(approach))
-    for name in names:
-        config.create(name)
-    fits = [Fit.of(campaign, name, config, cache=cache, watch=watch) for name in names]
+    fits = [Fit.of(campaign, name, config, cache=cache, watch=watch) for name in asked(approach, config)]
     return SpeedSweep(campaign, sweep_speed(fits, condition, speeds, watch))
 
 
@@ -161,8 +158,9 @@ def next_test(
         If the range is none, or the campaign lacks a factor of it, or does not say of which kind the vehicle is.
     """
     usual = ConditionRange.of(campaign.tests)
+    for end in (low, high):
+        check_factors(campaign, end or usual.low)
     over = ConditionRange(low or usual.low, high or usual.high)
-    check_factors(campaign, over.low)
     fit = Fit.of(campaign, DisplacementDomain.name, config, cache=cache, watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
     return NextTests(campaign, over, rank_next_tests(fit.approach, over, candidates, planned))

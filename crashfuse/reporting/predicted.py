@@ -1,7 +1,7 @@
 """A prediction as the library offers it: a campaign and a condition in, tables and a figure out."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Unpack
 
@@ -147,13 +147,18 @@ def predict(
         is beyond any barrier test.
     """
     check_factors(campaign, condition)
-    names = (approach,) if isinstance(approach, str) else tuple(dict.fromkeys(approach))
-    for name in names:
-        config.create(name)
-    if not names:
-        raise UsageError("A prediction takes an approach at least, such as fused.")
+    names = asked(approach, config)
     estimates = (estimate_at(campaign, condition, name, config, cache=cache, watch=watch) for name in names)
     return PredictedPulse(campaign, tuple(estimates))
+
+
+def asked(approach: str | Sequence[str], config: StudyConfig) -> tuple[str, ...]:
+    """Names of approaches, each once; a UsageError if there is none, or no such approach, before anything is fitted."""
+    names = tuple(dict.fromkeys([approach] if isinstance(approach, str) else approach))
+    if not names:
+        raise UsageError("A prediction takes an approach at least, such as fused.")
+    replace(config, approaches=names).check()
+    return names
 
 
 def check_factors(campaign: Campaign, condition: Condition) -> None:

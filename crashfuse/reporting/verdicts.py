@@ -71,7 +71,8 @@ class Verdicts:
     def __repr__(self) -> str:
         judged = self.certification
         counts = ", ".join(f"{n} {word}" for word, n in verdict_counts(judged).items() if n)
-        return f"<Verdicts on {len(judged.matrix.ids)} conditions of {judged.campaign.name!r}: {counts}>"
+        n = len(judged.matrix.ids)
+        return f"<Verdicts on {n} condition{'s' * (n > 1)} of {judged.campaign.name!r}: {counts}>"
 
     def _repr_html_(self) -> str:
         columns = ["id", "criterion", "value", "lower", "upper", "unit", "probability", "verdict"]

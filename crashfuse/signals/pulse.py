@@ -50,6 +50,11 @@ class Pulse:
             values.flags.writeable = False
             object.__setattr__(self, name, values)
 
+    def __repr__(self) -> str:
+        start, end = (1e3 * self.time_s[[0, -1]]).tolist()
+        largest = self.accel_mps2[np.abs(self.accel_mps2).argmax()]
+        return f"<Pulse of {self.time_s.size:,} samples from {start:.4g} to {end:.4g} ms, at most {largest:.4g} m/s²>"
+
     @property
     def dt_s(self) -> float:
         """Time step in s."""

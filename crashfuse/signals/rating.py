@@ -57,6 +57,10 @@ class Rating:
     slope: float
     grade: str
 
+    def __repr__(self) -> str:
+        parts = ", ".join(f"{part} {getattr(self, part):.3f}" for part in WEIGHTS)
+        return f"<Rating {self.overall:.3f}, {self.grade}: {parts}>"
+
 
 def filter_class_text(cfc: float | None) -> str:
     """A channel filter class in words, such as ``CFC 60``."""

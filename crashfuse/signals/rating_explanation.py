@@ -138,6 +138,10 @@ class RatingExplanation:
     slopes: Compared
     humps: tuple[RatedHump, ...]
 
+    def __repr__(self) -> str:
+        lost = ", ".join(f"{part} {loss:.3f}" for part, loss in self.losses.items())
+        return f"<RatingExplanation of {self.rating.overall:.3f} over 0–{self.window_ms:g} ms, lost by {lost}>"
+
     @property
     def losses(self) -> dict[str, float]:
         """What each part costs of the overall rating; with it they add up to 1."""

@@ -53,6 +53,9 @@ class Account:
     without_neighbours: float | None
     inside: float | None
 
+    def __repr__(self) -> str:
+        return f"<Account of {self.test.id}: {self.outcome}>"
+
     @property
     def outcome(self) -> str:
         """A sentence on how the expectation came out."""

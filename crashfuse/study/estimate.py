@@ -60,6 +60,9 @@ class Estimate:
     metric_errors: Errors = field(default_factory=dict)
     occupant: OccupantModel = USUAL_OCCUPANT
 
+    def __repr__(self) -> str:
+        return f"<Estimate by {self.approach}: {self.prediction!r}>"
+
     @cached_property
     def metrics(self) -> tuple[Metric, ...]:
         """Pulse metrics of the prediction, with intervals, calibrated on left-out tests, if it has draws."""
@@ -116,6 +119,9 @@ class Fit:
 
         errors = cache.get_or_compute(_JUDGED, key, judge, restore, watch)
         return cls(learned, config, seconds, left_out, errors, campaign.occupant)
+
+    def __repr__(self) -> str:
+        return f"<Fit of {self.approach.name}, which took {self.seconds:.1f} s>"
 
     @cached_property
     def state(self) -> dict[str, object]:

@@ -41,6 +41,11 @@ class Fold:
         }
         return cls(test, tuple(estimates), ratings)
 
+    def __repr__(self) -> str:
+        window_ms = max(next(iter(self.ratings.values()), {0.0: None}))
+        rated = ", ".join(f"{name} {own[window_ms].overall:.3f}" for name, own in self.ratings.items())
+        return f"<Fold of {self.held_out}: {rated} (0–{window_ms:g} ms)>"
+
     @property
     def held_out(self) -> str:
         """Id of the held-out test."""

@@ -107,6 +107,9 @@ class NextTest:
     after_mps2: float
     extrapolation: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<NextTest at {self.condition}: {100 * self.gain:.1f} % narrower>"
+
     @property
     def gain(self) -> float:
         """Share by which the band would shrink."""

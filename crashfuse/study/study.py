@@ -227,9 +227,9 @@ def run_study(
 
     Parameters
     ----------
-    held_out : sequence of str
+    held_out : sequence of str, or str
         Ids of the tests to leave out in turn; empty for all.
-    approaches : sequence of str
+    approaches : sequence of str, or str
         Names of the approaches; empty for those of the config.
     cache : Cache, optional
         Finished predictions are read from it and stored in it, so an interrupted study continues where it stopped.
@@ -256,9 +256,14 @@ def run_study(
         If workers die repeatedly, or the cluster cannot be reached or has other versions.
     """
     if approaches:
-        config = replace(config, approaches=tuple(approaches))
-    plan = StudyPlan(campaign, config, tuple(held_out))
+        config = replace(config, approaches=_several(approaches))
+    plan = StudyPlan(campaign, config, _several(held_out))
     return run_plan(plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds)
+
+
+def _several(names: Sequence[str]) -> tuple[str, ...]:
+    """Names given as a sequence, or a single one as it is."""
+    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def run_plan(

@@ -42,6 +42,9 @@ class Sweep:
     speeds_mps: FloatArray
     metrics: tuple[tuple[Metric, ...], ...]
 
+    def __repr__(self) -> str:
+        return f"<Sweep by {self.approach} over {len(self.metrics)} speeds>"
+
     def over_speed(self, metric: str) -> tuple[Metric, ...]:
         """One metric at each speed."""
         return tuple(own for metrics in self.metrics for own in metrics if own.name == metric)

@@ -111,3 +111,37 @@ def test_a_campaign_says_in_a_line_what_it_holds(read: Campaign) -> None:
     assert "<script>" not in shown
     assert "&lt;b&gt;T&lt;/b&gt;: 4 tests" in shown
     assert all(f"<td>{test}</td>" in shown for test in read.test_ids)
+
+
+def test_what_tables_lack_or_have_twice_is_one_sentence(frames: Frames) -> None:
+    """A column, a unit, rows, a type: the table is named, and what to do."""
+    pulses = frames["test_pulses"]
+    assert refusal(frames, test_pulses=pulses.drop(columns="time_s")) == (
+        "test_pulses: expected one column time_ms or time_s, found the columns id, acceleration_mps2; add the column."
+    )
+    assert refusal(frames, test_pulses=pulses.assign(acceleration_g=1.0)) == (
+        "test_pulses: expected one column acceleration_g or acceleration_mps2, found acceleration_mps2, "
+        "acceleration_g; keep one of them."
+    )
+    assert refusal(frames, test_pulses=pulses.iloc[:0]) == (
+        "test_pulses: expected at least one row, found an empty table; add the rows."
+    )
+    twice = pd.concat([pulses, pulses[["time_s"]]], axis=1)
+    assert refusal(frames, test_pulses=twice) == (
+        "test_pulses: expected each column once, found time_s twice; rename or remove one."
+    )
+    mixed = pulses.astype({"acceleration_mps2": object})
+    mixed.loc[5, "acceleration_mps2"] = "high"
+    said = refusal(frames, test_pulses=mixed)
+    assert said.startswith("test_pulses: expected columns that are numbers or text, found")
+    assert said.endswith("; give each column one type.")
+    with pytest.raises(DataError, match="campaign, column name: expected text of at most 200 characters"):
+        Campaign.from_frames(**frames, name=3)  # type: ignore[arg-type]
+
+
+def test_pulses_without_a_row_are_left_out_and_told_of(frames: Frames) -> None:
+    """As in a folder: whoever takes a row out of the table need not take its pulse out, but reads of it."""
+    found = Campaign.from_frames(**{**frames, "tests": frames["tests"].iloc[1:]}, name="Tiny")
+    assert found.test_ids == ("T2", "T3", "T4")
+    assert found.warnings == ("tests: pulses without a row in tests are left out, namely T1.",)
+    assert found.warnings[0] in found._repr_html_()

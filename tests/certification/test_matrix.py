@@ -70,6 +70,19 @@ def test_a_table_of_more_conditions_than_can_be_predicted_is_refused(tmp_path: P
         Matrix.read(matrix_file(tmp_path, HEADER, *rows), FACTORS)
 
 
+def test_what_is_wrong_in_a_table_in_memory_is_told_of_that_table() -> None:
+    """There is no file; rows count from 0 as in the table. A factor that no test has is one sentence."""
+    table = pd.DataFrame([{"id": "A", "speed_mph": 30, "front_weight_lb": 2000, "rear_weight_lb": 1500, "wheels": "4"}])
+    with pytest.raises(DataError) as caught:
+        Matrix.of(table, {"drive": ("FWD",)})
+    assert str(caught.value) == (
+        "matrix: expected no further columns than those of tests.csv (drive), found wheels; rename or remove the "
+        "column."
+    )
+    with pytest.raises(DataError, match="matrix, column id, row 1: expected each condition once, found that of A"):
+        Matrix.of(pd.concat([table, table.assign(id="B")]).drop(columns="wheels"), {})
+
+
 def test_a_grid_has_every_combination_once() -> None:
     """Speeds before weights before factors, numbered."""
     found = Matrix.grid([20 * MPH, 30 * MPH], [900.0], [650.0, 700.0], {"drive": ("FWD", "AWD")})

@@ -538,13 +538,6 @@ def test_no_command_is_wrong_usage() -> None:
     assert ended.value.code == cli.WRONG_USAGE
 
 
-def test_rating_two_pulses_does_not_wait_for_torch() -> None:
-    """Importing the package and its rating loads neither torch nor Streamlit."""
-    code = "import sys, crashfuse; crashfuse.rate_iso18571; print('torch' in sys.modules, 'streamlit' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={**os.environ})
-    assert done.stdout.split() == ["False", "False"]
-
-
 @pytest.mark.slow
 def test_saved_models_predict_without_learning_again(
     campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

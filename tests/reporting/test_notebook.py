@@ -1,0 +1,52 @@
+"""Objects introduce themselves: a line without a wall of numbers, and a small table in a notebook."""
+
+import io
+
+import pandas as pd
+import pytest
+
+import crashfuse
+from crashfuse import Campaign, Condition, Study, StudyConfig
+from crashfuse.approaches.base import Prediction
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.fold import Fold
+from crashfuse.study.repeatability import Repeatability
+
+CONFIG = StudyConfig(approaches=("cae",))
+AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="FWD")
+
+
+@pytest.fixture(scope="module")
+def study(campaign: Campaign) -> Study:
+    """One test, of which the raw CAE predicts nine tenths."""
+    test = campaign.test("T3")
+    own = Estimate("cae", Prediction(test.condition, 0.9 * test.pulse.accel_mps2), {}, 0.0)
+    repeats = {"T3": dict.fromkeys(CONFIG.windows_ms, Repeatability(0.97, 0.9, 0.99))}
+    return Study(campaign, CONFIG, (Fold.of(test, [own], CONFIG.windows_ms),), repeatability=repeats)
+
+
+def test_every_object_says_in_a_line_what_it_is(campaign: Campaign, study: Study) -> None:
+    """At most 200 characters, no array."""
+    prediction = crashfuse.predict(campaign, AT, "cae")
+    fold = study.fold("T3")
+    objects = [
+        campaign, campaign.tests[0], campaign.tests[0].pulse, campaign.cae, campaign.quality, study, fold,
+        fold.ratings["cae"][60.0], fold.estimates[0], fold.estimates[0].prediction, fold.explained("cae", 60.0),
+        prediction, AT, crashfuse.sweep(campaign, AT, (30, 31), "cae"),
+    ]  # fmt: skip
+    for each in objects:
+        line = repr(each)
+        assert len(line) < 200, line
+        assert "\n" not in line
+        assert "array" not in line
+    assert repr(fold.ratings["cae"][60.0]).startswith("<Rating 0.9")
+    assert repr(fold) == f"<Fold of T3: cae {fold.ratings['cae'][60.0].overall:.3f} (0–60 ms)>"
+    assert repr(campaign.tests[0]).startswith("<CrashTest 'T1' at 15.0 mph")
+
+
+def test_a_study_shows_grades_and_what_a_repeat_would_rate(study: Study) -> None:
+    """By approach and window."""
+    rating = study.fold("T3").ratings["cae"][60.0]
+    (table,) = pd.read_html(io.StringIO(study._repr_html_()))
+    assert table["Approach"].tolist() == ["CAE", "A repeat"]
+    assert table["0–60 ms"].tolist() == [f"{rating.overall:.3f} {rating.grade}", "0.970 Excellent"]
