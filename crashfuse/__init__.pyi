@@ -3,6 +3,7 @@ from .campaign_folder.load import load_campaign as load_campaign
 from .campaign_folder.notes import Note as Note
 from .campaign_folder.notes import read_notes as read_notes
 from .campaign_folder.notes import write_notes as write_notes
+from .campaign_folder.sample_folder import sample_folder as sample_folder
 from .campaign_folder.writer import write_campaign as write_campaign
 from .condition import Condition as Condition
 from .errors import CrashfuseError as CrashfuseError

@@ -1,4 +1,4 @@
-"""MkDocs hooks for what Markdown lacks: equations as MathML, which needs no script, and the command line's own help."""
+"""MkDocs hooks for what Markdown lacks: equations as MathML, commands' help, the documentation of public names."""
 
 import html
 import re
@@ -9,10 +9,12 @@ from crashfuse.cli import parser
 
 _EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 _HELP = re.compile(r"^<!-- help (\S+) -->$", re.MULTILINE)
+_CALLS = re.compile(r"^<!-- calls ([\w ]+) -->$", re.MULTILINE)
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """Insert the help of a command where a page asks for it."""
+    """Insert the help of a command, and the documentation of public names, where a page asks for them."""
+    markdown = _CALLS.sub(lambda found: "\n\n".join(map(_documented, found[1].split())), markdown)
     return _HELP.sub(lambda found: f"```text\n{_help(found[1])}\n```", markdown)
 
 
@@ -21,6 +23,11 @@ def on_page_content(content: str, **_: object) -> str:
     return _EQUATION.sub(
         lambda found: convert(html.unescape(found[2]), display="block" if found[1] == "div" else "inline"), content
     )
+
+
+def _documented(name: str) -> str:
+    """What mkdocstrings replaces by the documentation of a public name, one level below the headings of the page."""
+    return f"::: crashfuse.{name}\n    options:\n      heading_level: 3"
 
 
 def _help(command: str) -> str:

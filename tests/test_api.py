@@ -59,6 +59,7 @@ def test_the_public_names_are_these() -> None:
         "recommend",
         "recommend_for",
         "run_study",
+        "sample_folder",
         "save_model",
         "study_report",
         "sweep",

@@ -7,6 +7,8 @@ lines; numbers have to agree to the digits shown.
 import contextlib
 import dataclasses
 import io
+import json
+import os
 import re
 import shlex
 import shutil
@@ -18,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import crashfuse
 from crashfuse import cli
 from crashfuse.campaign import Campaign
 from crashfuse.signals.pulse import GRID_S, Pulse
@@ -25,6 +28,7 @@ from tests.conftest import ROOT, condition_table, write_campaign
 
 DOCS = ROOT / "docs"
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
+NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
 WITH_CODE = [page for page in PAGES if re.search(r"```(python|console)", (DOCS / page).read_text(encoding="utf-8"))]
 
 IDS = ("T04", "T05", "T09", "T10")  # the pages speak of the sample campaign; here a small one has its place and its ids
@@ -157,10 +161,11 @@ class _Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The built site; warnings (a missing page, a reference to nothing) end the build."""
+    """The built site, all notebooks run; warnings (a missing page, a reference to nothing) end the build."""
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    env = {**os.environ, "CRASHFUSE_CACHE": str(tmp_path_factory.mktemp("cache"))}
+    done = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, encoding="utf-8")
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
 
@@ -220,4 +225,61 @@ def test_no_page_holds_the_marks_of_a_merge() -> None:
 def test_every_page_is_in_the_navigation() -> None:
     """What is not listed is not found."""
     listed = re.findall(r"^ +- (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), flags=re.MULTILINE)
-    assert sorted(listed) == PAGES
+    pages = [path.relative_to(DOCS).with_suffix(".md").as_posix() for path in NOTEBOOKS]
+    assert sorted(listed) == sorted([*PAGES, *pages])
+
+
+def test_every_public_name_is_documented_once_where_users_look_first() -> None:
+    """In the order of use; a new name is a line there."""
+    page = (DOCS / "reference" / "library.md").read_text(encoding="utf-8")
+    shown = [name for names in re.findall(r"<!-- calls (.*?) -->", page) for name in names.split()]
+    assert sorted(shown) == sorted(set(crashfuse.__all__) - {"__version__"})
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_is_kept_without_outputs(path: Path) -> None:
+    """So that a change of it can be read."""
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
+    assert [(cell["outputs"], cell["execution_count"]) for cell in code] == [([], None)] * len(code)
+
+
+COMES_OUT = {
+    "first-verdict": (5, ["A repeat</td>", "Maximum dynamic crush (mm)</td>", ">outside</td>"]),
+    "your-own-data": (2, ["DataError: tests: expected one column rear_weight_lb or rear_weight_kg", "<pre>True</pre>"]),
+    "reading-the-band": (4, ["inside at a given time: 95%", "<th>max_crush</th>", "with its speed group</th>"]),
+    "a-third-approach": (1, ["10 passed in", "Nearest test</td>", "with its speed group</th>"]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_was_run_and_shows_what_came_out(path: Path, site: Path) -> None:
+    """Each figure, drawn by our own plotly.js, linked once; the sentences and tables; itself, to be downloaded."""
+    page = (site / "notebooks" / f"{path.stem}.html").read_text(encoding="utf-8")
+    figures, texts = COMES_OUT[path.stem]
+    assert page.count("Plotly.newPlot(") == figures
+    assert [text for text in texts if text not in page] == []
+    assert not re.search(r"Traceback|Warning:|<!-- figure|\x1b", page)
+    assert page.count('<script src="plotly.min.js">') == 1
+    assert (site / "notebooks" / "plotly.min.js").stat().st_size > 1e6
+    assert f'href="{path.name}"' in page
+    assert (site / "notebooks" / path.name).read_bytes() == path.read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("code", "found"),
+    [("import warnings\nwarnings.warn('old')", "UserWarning: old"), ("import sys\nsys.stderr.write('odd')", "odd")],
+)
+def test_a_cell_that_warns_or_complains_ends_the_build(code: str, found: str) -> None:
+    """As one that fails does: what is shown as run has run without a word of trouble."""
+    cell: dict[str, object] = {"cell_type": "code", "source": code, "metadata": {}, "outputs": [], "id": "a"}
+    notebook = json.dumps(
+        {"cells": [{**cell, "execution_count": None}], "metadata": {}, "nbformat": 4, "nbformat_minor": 5}
+    )
+    program = f"from notebook_pages import executed\nexecuted({notebook!r}, 'odd.ipynb')"
+    done = subprocess.run([sys.executable, "-c", program], cwd=DOCS, capture_output=True, text=True, encoding="utf-8")
+    assert done.returncode == 1
+    assert "PluginError: odd.ipynb" in done.stderr
+    assert found in done.stderr

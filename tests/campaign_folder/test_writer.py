@@ -20,7 +20,7 @@ def content_of(folder: Path) -> dict[str, bytes]:
 def test_a_campaign_survives_the_round_trip(campaign_on_disk: Path, tmp_path: Path) -> None:
     """Loaded, written and loaded again it has the same fingerprint, name, notice and factors."""
     loaded = replace(load_campaign(campaign_on_disk), name='Our "car" №1', notice="synthetic: «one»")
-    write_campaign(loaded, tmp_path / "again")
+    write_campaign(loaded, str(tmp_path / "again"))
     again = load_campaign(tmp_path / "again")
     assert again.fingerprint == loaded.fingerprint
     assert (again.name, again.notice, again.factors) == (loaded.name, loaded.notice, loaded.factors)
