@@ -19,7 +19,8 @@ def card(title: str, table: pd.DataFrame, notes: Sequence[str] = ()) -> str:
     if len(table) > _MOST_ROWS:
         notes = (f"The first {_MOST_ROWS} of {len(table)} rows.", *notes)
     below = "".join(f"<div>{escape(note)}</div>" for note in notes if note)
-    return f"<div><b>{escape(title)}</b>{shown.to_html(index=False, border=0)}{below}</div>"
+    rows = shown.to_html(index=False, border=0, justify="left", float_format="{:.4g}".format)
+    return f"<div><b>{escape(title)}</b>{rows}{below}</div>"
 
 
 def campaign_html(campaign: Campaign) -> str:

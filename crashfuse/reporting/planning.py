@@ -59,12 +59,12 @@ class SpeedSweep:
         return f"<SpeedSweep, {names}, {len(first.metrics)} speeds from {ends}>"
 
     def _repr_html_(self) -> str:
-        rows = []
-        for number, speed_mps in enumerate(self.sweeps[0].speeds_mps.tolist()):
-            own = {metric.name: metric.text for metric in self.sweeps[-1].metrics[number]}
-            named = {METRIC_LABELS[name]: own[name] for name in MAIN_METRICS}
-            rows.append({"Speed": DEFAULT.speed(speed_mps), **named})
-        return card(repr(self)[1:-1], pd.DataFrame(rows))
+        shown, headings = self.sweeps[-1], self.campaign.metric_headings
+        rows = (
+            {"Speed": DEFAULT.speed(speed_mps)} | {headings[m.name]: m.text for m in own if m.name in MAIN_METRICS}
+            for speed_mps, own in zip(shown.speeds_mps.tolist(), shown.metrics, strict=True)
+        )
+        return card(repr(self)[1:-1], pd.DataFrame(rows), (f"By {shown.approach}.",))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

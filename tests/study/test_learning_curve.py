@@ -38,7 +38,7 @@ def curve(campaign: Campaign, cache: Cache) -> LearningCurve:
 def test_each_part_predicts_all_other_tests_with_every_approach_over_every_window(curve: LearningCurve) -> None:
     """One row each, the contract's columns first."""
     table = curve.table
-    assert list(table) == COLUMNS
+    assert list(table) == [*COLUMNS, "basis"]
     for (chosen, _, n_tests), part in table.groupby(["chosen", "choice", "n_tests"]):
         ids = chosen.split()
         assert len(ids) == n_tests
@@ -155,4 +155,4 @@ def test_the_library_offers_it_by_name(curve: LearningCurve) -> None:
     """With its table and its figure."""
     assert crashfuse.learning_curve is learning_curve
     assert len(curve.plot().data) >= 3
-    assert repr(curve) == "LearningCurve('Tiny': displacement_domain with 1 to 3 tests)"
+    assert repr(curve) == "<LearningCurve of 'Tiny': displacement_domain with 1 to 3 tests>"
