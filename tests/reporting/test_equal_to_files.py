@@ -119,13 +119,13 @@ def test_what_check_says_of_the_runs(
 
 def test_those_of_a_rating(campaign_on_disk: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two files: the ratings; the humps and stretches outside the corridor of one of them."""
-    files = [str(campaign_on_disk / "tests" / f"{name}.csv") for name in ("T2", "T3")]
+    one, other = files = [str(campaign_on_disk / "tests" / f"{name}.csv") for name in ("T2", "T3")]
     assert cli.main(["rate", *files, "--csv"]) == cli.DONE
-    table = crashfuse.rate_files(*files)
+    table = crashfuse.rate_files(one, other)
     assert capsys.readouterr().out.encode() == csv_bytes(table)
     assert cli.main(["rate", *files, "--json", "--explain", "--windows-ms", "60"]) == cli.DONE
     (told,) = json.loads(capsys.readouterr().out)
-    (explanation,) = crashfuse.explain_files(*files, [60.0])
+    (explanation,) = crashfuse.explain_files(one, other, [60.0])
     assert len(crashfuse.humps_table(explanation)) == len(told["explanation"]["humps"])
     outside = told["explanation"]["outside_inner_corridor"]
     ends = crashfuse.excursions_table(explanation)[["Outside from (ms)", "to (ms)"]].astype(float).to_numpy().tolist()

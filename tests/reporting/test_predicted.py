@@ -90,10 +90,10 @@ def test_a_study_takes_a_single_name_as_it_is(campaign: crashfuse.Campaign) -> N
     """A test or an approach need not be in a list; an unknown one is told with the nearest."""
     study = crashfuse.run_study(campaign, held_out="T3", approaches="cae", workers=1)
     assert [fold.held_out for fold in study.folds] == ["T3"]
-    for options, sentence in (
-        ({"held_out": "T9"}, "There is no test 'T9' in Tiny; it has T1, T2, T3, T4."),
-        ({"approaches": "displacement"}, "There is no approach 'displacement'; did you mean displacement_domain?"),
+    for held_out, approach, sentence in (
+        ("T9", "cae", "There is no test 'T9' in Tiny; it has T1, T2, T3, T4."),
+        ("T3", "displacement", "There is no approach 'displacement'; did you mean displacement_domain?"),
     ):
         with pytest.raises(UsageError) as caught:
-            crashfuse.run_study(campaign, **{"approaches": "cae", **options})
+            crashfuse.run_study(campaign, held_out=held_out, approaches=approach)
         assert str(caught.value).startswith(sentence)

@@ -9,7 +9,9 @@ import plotly.graph_objects as go
 import pytest
 
 from crashfuse import Condition, Display, StudyConfig, load_campaign, next_test, predict, run_study
+from crashfuse.reporting.figures import Further
 from crashfuse.ui.computation import jobs
+from crashfuse.wording import IN_SI
 from crashfuse.wording import KPH_KG
 
 if TYPE_CHECKING:
@@ -107,7 +109,7 @@ def test_on_predict(open_campaign: Path, visit: "Visit") -> None:
     session = opened(visit, "predict", "Predict", also=["T3"], pins=[pin.text], **link)
     campaign = load_campaign(open_campaign)
     prediction = predict(campaign, Condition.of(**at), APPROACHES)
-    also = ["T3", predict(campaign, Condition.parse(pin.text), "displacement_domain")]
+    also: list[Further] = ["T3", predict(campaign, Condition.parse(pin.text), "displacement_domain")]
     for choice, figure in (
         ("Over time", "motion"),
         ("Over displacement", "displacement"),
@@ -116,9 +118,17 @@ def test_on_predict(open_campaign: Path, visit: "Visit") -> None:
         session.app.button_group(key="predicted").set_value(choice).run()
         assert drawn(session) == traces(prediction.plot(figure, also=also, band="displacement_domain", display=SHOWN))
     session.app.button_group(key="predict_tab").set_value("Next test").run()
-    axes = [f"range of {label} {campaign.fingerprint[:8]}" for label in ("Speeds", "Front weights", "Rear weights")]
-    low, high = zip(*(session.app.session_state[key] for key in axes), strict=True)
+    low, high = zip(
+        *(_ends(session.app.session_state[f"{axis}_range"]) for axis in ("speed", "front", "rear")), strict=True
+    )
     kind = campaign.tests[0].condition.factors
     assert drawn(session) == traces(
-        next_test(campaign, Condition(*low, kind), Condition(*high, kind)).plot(display=SHOWN)
+        next_test(campaign, Condition(*low, factors=kind), Condition(*high, factors=kind)).plot(display=SHOWN)
     )
+
+
+def _ends(chosen: str) -> tuple[float, float]:
+    """The ends of a range in SI, as the address has it, such as ``20:35 mph``."""
+    numbers, unit = chosen.split()
+    low, high = numbers.split(":")
+    return float(low) * IN_SI[unit], float(high) * IN_SI[unit]
