@@ -1,7 +1,9 @@
 """What many tests need: a small campaign with closed-form pulses, in memory and on disk, and a cache of their own."""
 
+import io
 import os
-from collections.abc import Callable, Iterator
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -125,6 +127,22 @@ def write_campaign(campaign: Campaign, folder: Path) -> Path:
         pulse_table(test.pulse.accel_mps2).to_csv(folder / "tests" / f"{test.id}.csv", index=False)
     tidy_table(campaign).to_parquet(folder / "cae_pulses.parquet", index=False)
     return folder
+
+
+def content_of(folder: Path) -> dict[str, bytes]:
+    """All files by their path, hidden ones too."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()
+    }
+
+
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """A zip of these files."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
 
 
 def condition_table(rows: object) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""A server of its own and people in front of a real browser."""
+"""Dashboards, most of them shared, and people in front of a real browser."""
 
 import json
 import os
@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
-from urllib.parse import quote_plus, urlsplit
+from urllib.parse import urlencode, urlsplit
 
 import pytest
 from selenium import webdriver
@@ -40,8 +40,19 @@ _FLAGS = (
     "--disable-dev-shm-usage",
     "--window-size=1440,1000",
 )
+# What can be seen of a kind, with these words, and all its text. One question to the browser: Selenium's own of each
+# element whether it is displayed and what it says take seconds of a page with figures, ten times a second.
+_SHOWN = """
+const shown = e => e.checkVisibility({ opacityProperty: true, visibilityProperty: true }) && e.getClientRects().length;
+const text = e => (e.innerText ?? e.textContent).replace(/[\\u00a0\\t]/g, " ").trim();
+return [...document.querySelectorAll(arguments[0])].filter(shown).map(e => [e, text(e)])
+  .filter(([, text]) => text.includes(arguments[1]));
+"""
 _REDRAWN = (StaleElementReferenceException, ElementNotInteractableException)  # while the page changes
+FIGURE, TABLE, SIDEBAR = ".js-plotly-plot", '[data-testid="stTable"]', '[data-testid="stSidebar"]'
 MAIN, LINK = '[data-testid="stMain"]', '[data-testid="stSidebar"] [data-testid="stPageLink-NavLink"]'
+LIGHT, DARK = "rgba(255, 255, 255, 1)", "rgba(20, 24, 31, 1)"  # the page's ground in both themes
+QUICK = ("cae", "displacement_domain")  # approaches that learn within seconds
 T = TypeVar("T")
 
 
@@ -70,33 +81,47 @@ class User:
         waiting = WebDriverWait(self.browser, timeout_s, poll_frequency=0.1, ignored_exceptions=_REDRAWN)
         return waiting.until(lambda _: found(), missing)
 
-    def open(self, server: Server, page: str, **view: str) -> None:
+    def open(self, server: Server, page: str, **view: str | tuple[str, ...]) -> None:
         """Open a page by its link."""
-        query = "&".join(f"{name}={quote_plus(value)}" for name, value in view.items())
-        self.browser.get(f"{server.address}/{page}?{query}")
+        self.browser.get(f"{server.address}/{page}?{urlencode(view, doseq=True)}")
 
-    def all(self, css: str) -> list[WebElement]:
-        """All elements of this kind that can be seen."""
-        return [element for element in self.browser.find_elements(By.CSS_SELECTOR, css) if element.is_displayed()]
+    def open_folder(self, server: Server, folder: Path) -> None:
+        """On Data, type in the folder of a campaign and open it."""
+        self.open(server, "data")
+        self.fill("A campaign folder on this computer", str(folder))
+        self.press("Open folder")
+        self.sees("Tests in use")
+
+    def becomes_another(self) -> None:
+        """Someone else sits down, in a browser that no server has seen."""
+        self.browser.get("about:blank")
+        self.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})
+
+    def _shown(self, css: str, words: str) -> list[tuple[WebElement, str]]:
+        return [(element, text) for element, text in self.browser.execute_script(_SHOWN, css, words)]  # type: ignore[no-untyped-call]
+
+    def all(self, css: str, words: str = "") -> list[WebElement]:
+        """All elements of this kind, with these words, that can be seen."""
+        return [element for element, _ in self._shown(css, words)]
+
+    def texts(self, css: str, words: str = "") -> list[str]:
+        """What they say."""
+        return [text for _, text in self._shown(css, words)]
 
     def find(self, css: str, words: str = "") -> WebElement:
         """Wait for an element of this kind with these words."""
-        return self.wait(lambda: [e for e in self.all(css) if words in e.text], f"There is no {css} with {words!r}.")[0]
+        return self.wait(lambda: self.all(css, words), f"There is no {css} with {words!r}.")[0]
 
     def sees(self, words: str, css: str = MAIN, timeout_s: float = SOON) -> str:
         """Wait until an element of this kind (the page's main part) shows these words; returns all that it shows."""
-        return self.wait(
-            lambda: next((e.text for e in self.all(css) if words in e.text), ""),
-            f"{css} never showed {words!r}.",
-            timeout_s,
-        )
+        return self.wait(lambda: self.texts(css, words), f"{css} never showed {words!r}.", timeout_s)[0]
 
     def press(self, label: str, css: str = "button") -> None:
         """Click the first element of this kind with this label."""
 
         def pressed() -> bool:
-            for element in self.all(css):
-                if label in element.text and element.is_enabled():
+            for element in self.all(css, label):
+                if element.is_enabled():
                     self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
                     element.click()
                     return True
@@ -116,6 +141,23 @@ class User:
 
         self.wait(filled, f"There is no field {label!r}.")
 
+    def uploads(self, file: Path) -> None:
+        """Put a file into the page's first field for files."""
+        self.wait(lambda: self.browser.find_elements(By.CSS_SELECTOR, 'input[type="file"]'))[0].send_keys(str(file))
+        self.sees(file.name, '[data-testid="stFileUploader"]')
+
+    def starts(self, label: str, shown: str) -> None:
+        """Start what another test may have started before, and wait until an element of this kind shows its result."""
+
+        def begun() -> bool:
+            for button in self.all(f"{MAIN} button", label):
+                button.click()
+                return True
+            return bool(self.all(shown))
+
+        self.wait(begun, f"There is neither {label!r} to click nor {shown}.")
+        self.find(shown)
+
     def go(self, page: str) -> None:
         """Turn to a page by the link in the sidebar."""
         self.press(page, LINK)
@@ -125,10 +167,7 @@ class User:
         for label in {"CAE", "LF TCN", "Time domain", "Displacement domain", "Fused"} - set(labels):
             self.press(label, '[data-testid="stButtonGroup"] button')
             self.wait(
-                lambda label=label: any(  # type: ignore[misc]
-                    label in e.text and e.get_attribute("aria-pressed") == "false"
-                    for e in self.all('[data-testid="stButtonGroup"] button')
-                )
+                lambda label=label: self.all('[data-testid="stButtonGroup"] button[aria-pressed="false"]', label)  # type: ignore[misc]
             )
 
     def open_tab(self, label: str) -> None:
@@ -203,17 +242,43 @@ def _wait_until_up(server: Server, process: "subprocess.Popen[bytes]") -> None:
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[Server]:
-    """A dashboard that no session has used yet, with no campaign open."""
+def cold_server(tmp_path: Path) -> Iterator[Server]:
+    """A dashboard of the test's own that no session has used yet, with no campaign open."""
     with serve(tmp_path) as started:
         yield started
 
 
-@pytest.fixture(scope="module")
-def small_server(campaign_on_disk: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """One dashboard for all tests of a module, with the small campaign open."""
+@pytest.fixture(scope="session")
+def shared_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """The one of :func:`server`."""
+    with serve(tmp_path_factory.mktemp("server")) as started:
+        yield started
+
+
+@pytest.fixture(scope="session")
+def shared_small_server(campaign_on_disk: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """The one of :func:`small_server`."""
     with serve(tmp_path_factory.mktemp("server"), campaign_on_disk) as started:
         yield started
+
+
+@pytest.fixture
+def server(shared_server: Server) -> Iterator[Server]:
+    """A dashboard that many tests share: the sample can be opened by a link, and folders by whoever has them."""
+    yield from _in_order(shared_server)
+
+
+@pytest.fixture
+def small_server(shared_small_server: Server) -> Iterator[Server]:
+    """A dashboard that many tests share, with the small campaign open; what one has computed the next finds done."""
+    yield from _in_order(shared_small_server)
+
+
+def _in_order(server: Server) -> Iterator[Server]:
+    """The server, of which the log tells of no error while one test uses it."""
+    before = len(server.log)
+    yield server
+    assert "Traceback" not in server.log[before:]
 
 
 @pytest.fixture(scope="session")
@@ -248,10 +313,11 @@ def _foreign_hosts(browser: WebDriver) -> set[str]:
 
 @pytest.fixture
 def user(chromium: WebDriver, tmp_path: Path) -> Iterator[User]:
-    """Someone with an empty page before them, in the light theme; nothing that they do leaves the machine."""
+    """Someone new with an empty page before them, in the light theme; nothing that they do leaves the machine."""
     folder = tmp_path / "downloads"
     chromium.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(folder)})
     someone = User(chromium, folder)
+    someone.becomes_another()
     someone.prefers("light")
     chromium.get_log("performance")  # type: ignore[no-untyped-call] # what came before is not theirs
     yield someone
@@ -259,6 +325,16 @@ def user(chromium: WebDriver, tmp_path: Path) -> Iterator[User]:
         chromium.switch_to.window(tab)
         chromium.close()
     chromium.switch_to.window(chromium.window_handles[0])
+    chromium.execute_script("try { localStorage.clear(); sessionStorage.clear() } catch {}")
     chromium.get("about:blank")
     chromium.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     assert _foreign_hosts(chromium) == set()
+
+
+@pytest.fixture
+def engineer(small_server: Server, user: User) -> User:
+    """Someone before two quick predictions of a test of the small campaign, at a desk of 1440 px."""
+    user.sits_at(1440, 1000)
+    user.open(small_server, "compare", test="T1", approaches=QUICK)
+    user.starts("Predict test T1", FIGURE)
+    return user

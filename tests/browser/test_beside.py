@@ -1,29 +1,24 @@
-"""Anything beside anything in a real browser: curves that stay as chosen, pins, the nearest tests, two studies."""
+"""Anything beside anything in a real browser: curves that stay as chosen, pins, the nearest tests."""
 
 from typing import TYPE_CHECKING
 
 import pytest
-from selenium.webdriver.common.action_chains import ActionChains
-from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
+
+from tests.browser.conftest import FIGURE, MAIN
 
 pytestmark = pytest.mark.slow
 
 if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
 
-FIGURE, MAIN = ".js-plotly-plot", '[data-testid="stMain"]'
 PILL = '[data-testid="stPopoverBody"] [data-testid="stButtonGroup"] button'
 QUICK = {"campaign": "campaign", "approaches": "displacement_domain"}
 
 
 def legend(user: "User") -> list[str]:
     """The names in the legend of the page's first figure."""
-    return [
-        name.text
-        for figure in user.browser.find_elements(By.CSS_SELECTOR, FIGURE)[:1]
-        for name in figure.find_elements(By.CSS_SELECTOR, ".legendtext")
-    ]
+    return user.texts(f"{MAIN} :nth-child(1 of {FIGURE}) .legendtext")
 
 
 def shows(user: "User", *names: str) -> None:
@@ -37,7 +32,7 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
     """Corridors, another window and a reload change nothing of it; nothing is hidden by the legend."""
     band = "Displacement domain (95 % band)"
     user.open(small_server, "compare", **QUICK, test="T2")
-    user.press("Predict test T2")
+    user.starts("Predict test T2", FIGURE)
     shows(user, "Test", band)
     user.press("Curves", f'{MAIN} [data-testid="stPopover"] button')
     user.press("Test", PILL)
@@ -63,7 +58,7 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
 def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: "Server", user: "User") -> None:
     """Pin one speed, pin another; whoever opens the link sees the same."""
     user.open(small_server, "predict", **QUICK, speed_mph="30")
-    user.press("Predict", f"{MAIN} button")
+    user.starts("Predict", FIGURE)
     user.press("Pin this prediction")
     user.wait(lambda: "pins=30mph" in user.browser.current_url)
     field = user.find('input[aria-label="Impact speed (mph)"]')
@@ -92,26 +87,3 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     assert "Difference, 34.0 mph" in report
     user.go("History")
     user.sees("History")
-
-
-def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server", user: "User") -> None:
-    """Two seeds: a row for each, means and differences, a table to take along; a row opens its study."""
-    for seed in ("3", "4"):
-        user.open(small_server, "study", **QUICK, seed=seed)
-        user.press("Leave out each of 4 tests")
-        user.sees("Displacement domain", '[data-testid="stTable"]')
-        user.wait(lambda: not any("Cancel" in button.text for button in user.all("button")))
-    user.go("History")
-    user.sees("Compare two studies")
-    user.sees("mean", f"{MAIN} li")
-    table = user.sees("T4", '[data-testid="stTable"]')
-    assert "Mean" in table
-    assert "first=" in user.browser.current_url
-    written = user.downloads_file("comparison.csv")
-    assert written.startswith("left_out,held_out,approach,window_ms,first,second,difference")
-    grid = user.find('[data-testid="stDataFrame"] canvas')
-    user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
-    across, down = round(18 - grid.rect["width"] / 2), round(52 - grid.rect["height"] / 2)  # the first row's box
-    ActionChains(user.browser).move_to_element_with_offset(grid, across, down).click().perform()
-    user.wait(lambda: "/study?" in user.browser.current_url)
-    assert "seed=4" in user.browser.current_url

@@ -1,8 +1,6 @@
 """Safe on any desk: other sites, other people, and servers that ask who someone is."""
 
-import io
 import threading
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -14,15 +12,14 @@ from urllib.parse import urlsplit
 import pytest
 from selenium.webdriver.common.by import By
 
-from tests.browser.conftest import serve
+from tests.browser.conftest import SIDEBAR, serve
 from tests.browser.identity_provider import CLIENT, SECRET, identity_provider
+from tests.conftest import content_of, zipped
 
 pytestmark = pytest.mark.slow
 
 if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
-
-SIDEBAR = '[data-testid="stSidebar"]'
 
 
 class _Quiet(SimpleHTTPRequestHandler):
@@ -38,12 +35,6 @@ def another_site(folder: Path, page: str) -> Iterator[str]:
         threading.Thread(target=site.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{site.server_address[1]}/"
         site.shutdown()
-
-
-def becomes_another(user: "User") -> None:
-    """Someone else sits down, in a browser that the server has not seen."""
-    user.browser.get("about:blank")
-    user.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})
 
 
 def test_another_site_cannot_embed_the_dashboard(small_server: "Server", user: "User", tmp_path: Path) -> None:
@@ -66,23 +57,19 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
 
     def listed() -> str:
         user.press("", f'{SIDEBAR} [data-testid="stSelectbox"] input')
-        return " ".join(option.text for option in user.wait(lambda: user.all('[role="option"]')))
+        return " ".join(user.wait(lambda: user.texts('[role="option"]')))
 
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w") as archive:
-        for path in campaign_on_disk.rglob("*"):
-            archive.write(path, Path("secret-car", path.relative_to(campaign_on_disk)))
     dropped = tmp_path / "secret-car.zip"
-    dropped.write_bytes(content.getvalue())
+    dropped.write_bytes(zipped({f"secret-car/{path}": file for path, file in content_of(campaign_on_disk).items()}))
     user.open(small_server, "data")
-    user.wait(lambda: user.browser.find_elements(By.CSS_SELECTOR, 'input[type="file"]'))[0].send_keys(str(dropped))
+    user.uploads(dropped)
     user.press("Open upload")
     user.sees("secret-car", "h1")
     link = user.browser.current_url
     user.open(small_server, "data")
     assert "secret-car (upload" in listed()
 
-    becomes_another(user)
+    user.becomes_another()
     user.open(small_server, "data")
     user.sees("CAE runs")
     assert "secret-car" not in listed()
@@ -97,11 +84,11 @@ def test_nobody_cancels_what_another_waits_for(small_server: "Server", user: "Us
     first = user.find("button", "Cancel")
     assert first
     mine = user.browser.current_window_handle
-    user.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})
+    user.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})  # another browser from now on
     user.browser.switch_to.new_window("tab")
     user.open(small_server, "compare", preset="paper")
     user.sees("Started by browser ")
-    assert "Cancel" not in [button.text for button in user.all("button")]
+    assert "Cancel" not in user.texts("button")
     user.press("I want it, too")
     user.sees("Also wanted by browser ")
     user.browser.switch_to.window(mine)

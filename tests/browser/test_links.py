@@ -1,22 +1,21 @@
 """The frame in a real browser: links into a server that nobody has used, and both themes."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from tests.browser.conftest import LINK
+from tests.browser.conftest import DARK, LIGHT, LINK, SIDEBAR
 
 pytestmark = pytest.mark.slow
 
 if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
 
-SIDEBAR = '[data-testid="stSidebar"]'
 VIEW = {"campaign": "sample", "test": "T03", "window": "40", "unit": "m/s²", "sign": "Deceleration"}
 SHOWN = ["sample", "T03 · 16.7 mph", "0–40 ms", "m/s²", "Deceleration"]
 USUAL = ("The test", "mph, lb")  # what is left out and the units, where nobody chose: no part of the address
-LIGHT, DARK = "rgba(255, 255, 255, 1)", "rgba(20, 24, 31, 1)"
 
 
 def asked(user: "User") -> dict[str, str]:
@@ -26,37 +25,52 @@ def asked(user: "User") -> dict[str, str]:
 
 def shown(user: "User") -> list[str]:
     """What is chosen in the sidebar."""
-    pressed = [element.text for element in user.all(f'{SIDEBAR} [aria-checked="true"]') if element.text not in USUAL]
+    pressed = [text for text in user.texts(f'{SIDEBAR} [aria-checked="true"]') if text not in USUAL]
     chosen = [str(element.get_attribute("value")) for element in user.all(f"{SIDEBAR} input")]
     return [*chosen[:2], *pressed]
 
 
-@pytest.mark.parametrize("page", ["data", "compare"])
-def test_a_link_reproduces_the_view_on_a_cold_server(server: "Server", user: "User", page: str) -> None:
-    """Campaign, test, window, unit and sign; a reload and another page keep them, and Back leads to it again."""
+def test_links_reproduce_their_view_on_a_cold_server(cold_server: "Server", user: "User") -> None:
+    """Two at once. Campaign, test, window, unit, sign; a reload and another page keep them, and Back leads to it."""
 
-    def same() -> bool:
-        return asked(user) == VIEW and shown(user) == SHOWN
+    def same(page: str) -> bool:
+        path = urlsplit(user.browser.current_url).path
+        return path == f"/{page}" and asked(user) == VIEW and shown(user) == SHOWN
 
-    user.open(server, page, **VIEW)
-    user.wait(same)
-    pages = [link.text.split()[-1] for link in user.all(LINK)]
-    assert pages == ["Data", "Train", "Compare", "Study", "Predict", "Certify", "History"]
-    user.browser.refresh()
-    user.wait(same)
-    other = {"data": "Compare"}.get(page, "Data")
-    user.go(other)
-    user.wait(lambda: urlsplit(user.browser.current_url).path == f"/{other.lower()}" and same())
-    user.browser.back()
-    user.wait(lambda: urlsplit(user.browser.current_url).path == f"/{page}" and same())
+    for page in opened_at_once(user, cold_server, ("data", "compare"), **VIEW):
+        user.wait(lambda page=page: same(page))  # type: ignore[misc]
+        pages = [link.split()[-1] for link in user.texts(LINK)]
+        assert pages == ["Data", "Train", "Compare", "Study", "Predict", "Certify", "History"]
+        user.browser.refresh()
+        user.wait(lambda page=page: same(page))  # type: ignore[misc]
+        other = {"data": "Compare"}.get(page, "Data")
+        user.go(other)
+        user.wait(lambda other=other: same(other.lower()))  # type: ignore[misc]
+        user.browser.back()
+        user.wait(lambda page=page: same(page))  # type: ignore[misc]
 
 
-@pytest.mark.parametrize("page", ["train", "study", "predict", "certify"])
-def test_a_page_opens_by_its_link_on_a_cold_server(server: "Server", user: "User", page: str) -> None:
-    """The campaign of the link is open, and its address holds no less than it did."""
-    user.open(server, page, campaign="sample", seed="3")
-    user.wait(lambda: shown(user)[:1] == ["sample"])
-    user.wait(lambda: asked(user)["campaign"] == "sample" and asked(user)["seed"] == "3")
+def test_pages_open_by_their_links_on_a_cold_server(cold_server: "Server", user: "User") -> None:
+    """Four at once. The campaign of the link is open, and its address holds no less than it did."""
+    for page in opened_at_once(
+        user, cold_server, ("train", "study", "predict", "certify"), campaign="sample", seed="3"
+    ):
+        user.wait(lambda: shown(user)[:1] == ["sample"])
+        user.wait(lambda: asked(user)["campaign"] == "sample" and asked(user)["seed"] == "3")
+        assert urlsplit(user.browser.current_url).path == f"/{page}"
+
+
+def opened_at_once(user: "User", server: "Server", pages: tuple[str, ...], **view: str) -> Iterator[str]:
+    """Open each page in a tab of its own before any has answered, then turn to one after the other."""
+    tabs = [user.browser.current_window_handle]
+    for page in pages:
+        if page != pages[0]:
+            user.browser.switch_to.new_window("tab")
+            tabs.append(user.browser.current_window_handle)
+        user.open(server, page, **view)
+    for page, tab in zip(pages, tabs, strict=True):
+        user.browser.switch_to.window(tab)
+        yield page
 
 
 def test_back_undoes_the_last_choice_and_no_more(server: "Server", user: "User") -> None:

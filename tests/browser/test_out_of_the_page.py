@@ -19,6 +19,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study
 from crashfuse.units import G
+from tests.browser.conftest import FIGURE
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
@@ -28,27 +29,7 @@ if TYPE_CHECKING:
 
     from tests.browser.conftest import Server, User
 
-FIGURE = ".js-plotly-plot"
 BANDED = ("time_domain", "displacement_domain", "fused")
-
-
-@pytest.fixture
-def engineer(small_server: "Server", user: "User") -> "User":
-    """Someone who looks at a test of the small campaign, and at two quick predictions of it."""
-    user.open(small_server, "train", test="T1")
-    user.choose_approaches("CAE", "Displacement domain")
-    user.go("Compare")
-
-    def begun() -> bool:
-        for button in user.all('[data-testid="stMain"] button'):
-            if "Predict test T1" in button.text:
-                button.click()
-                return True
-        return bool(user.all(FIGURE))
-
-    user.wait(begun)
-    user.sees("Velocity (mph)", FIGURE)
-    return user
 
 
 def press_tool(user: "User", name: str) -> None:
@@ -74,7 +55,7 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     engineer.sees("Corridor of the rating, inner", FIGURE)
     engineer.press("Curves", '[data-testid="stMain"] [data-testid="stPopover"] button')
     engineer.press("CAE", '[data-testid="stPopoverBody"] [data-testid="stButtonGroup"] button')
-    engineer.wait(lambda: "CAE" not in [entry.text for entry in engineer.all(f"{FIGURE} .legendtext")])
+    engineer.wait(lambda: "CAE" not in engineer.texts(f"{FIGURE} .legendtext"))
     press_tool(engineer, "csv")
     file = engineer.downloads / "T1_pulses_0-60ms_g.csv"
     engineer.wait(file.is_file, "The numbers never arrived.")
@@ -119,9 +100,9 @@ def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
     engineer.wait(lambda: not (campaign_on_disk / "notes.csv").exists())
 
 
-@pytest.mark.parametrize(("form", "most"), [("short", 3), ("whole", 26)])
-def test_a_report_on_the_sample_fits_its_pages(user: "User", tmp_path: "Path", form: ReportForm, most: int) -> None:
-    """Eleven tests and five approaches, printed by Chromium: short on three pages of A4, whole on about 25."""
+@pytest.fixture(scope="module")
+def sample_study() -> Study:
+    """Eleven tests and five approaches."""
     campaign, config = load_campaign(ROOT / "sample_data"), StudyConfig()
     folds = []
     for test in campaign.tests:
@@ -130,10 +111,17 @@ def test_a_report_on_the_sample_fits_its_pages(user: "User", tmp_path: "Path", f
         predictions = {name: with_draws if name in BANDED else Prediction(test.condition, accel) for name in APPROACHES}
         estimates = [Estimate(name, own, {}, 0.1, {test.id: accel}) for name, own in predictions.items()]
         folds.append(Fold.of(test, estimates, config.windows_ms))
+    return Study(campaign, config, tuple(folds))
+
+
+@pytest.mark.parametrize(("form", "most"), [("short", 3), ("whole", 26)])
+def test_a_report_on_the_sample_fits_its_pages(
+    user: "User", tmp_path: "Path", sample_study: Study, form: ReportForm, most: int
+) -> None:
+    """Printed by Chromium: short on three pages of A4, whole on about 25."""
     path = tmp_path / f"{form}.html"
     notes = (Note("T01", "Third hump comes early: check the record", 25.0, 40.0), Note("T02", "Barrier face replaced"))
-    report = study_report(Study(campaign, config, tuple(folds)), options=ReportOptions(form, notes=notes))
-    path.write_text(report, encoding="utf-8")
+    path.write_text(study_report(sample_study, options=ReportOptions(form, notes=notes)), encoding="utf-8")
     user.browser.get(path.as_uri())
     user.wait(lambda: user.all(FIGURE))
     printed = user.browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})

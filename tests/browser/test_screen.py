@@ -3,16 +3,15 @@
 from typing import TYPE_CHECKING
 
 import pytest
-from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
+
+from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, TABLE
 
 pytestmark = pytest.mark.slow
 
 if TYPE_CHECKING:
-    from tests.browser.conftest import Server, User
+    from tests.browser.conftest import User
 
-FIGURE = '[data-testid="stPlotlyChart"]'
-SIDEBAR = '[data-testid="stSidebar"]'
 LEGIBLE_PX, TEXT, LARGE = 11, 4.5, 3.0
 
 # Of every visible word: its size, and its contrast (WCAG 2.1) to what lies under it. Words of an SVG that stand on a
@@ -44,23 +43,10 @@ return found;
 
 
 @pytest.fixture
-def predicted(small_server: "Server", user: "User") -> "User":
+def predicted(engineer: "User") -> "User":
     """Someone before the comparison of the small campaign's first test."""
-    user.sits_at(1440, 1000)
-    user.open(small_server, "train", test="T1")
-    user.choose_approaches("CAE", "Displacement domain")
-    user.go("Compare")
-    user.wait(lambda: user.all(".cf-ratings") or _press_if_there(user, "Predict test T1"))
-    user.find(".cf-ratings")
-    return user
-
-
-def _press_if_there(user: "User", label: str) -> bool:
-    """Start what has not been computed yet; False, so that one waits for it."""
-    for button in user.all('[data-testid="stMain"] button'):
-        if label in button.text:
-            button.click()
-    return False
+    engineer.find(".cf-ratings")
+    return engineer
 
 
 def top_of(user: "User", css: str) -> float:
@@ -74,8 +60,8 @@ def test_compare_shows_its_figure_on_the_first_screen_and_one_tab_at_a_time(pred
     assert top_of(predicted, FIGURE) <= 350
     tops = {element.rect["y"] for element in predicted.all(".cf-ratings > div")}
     assert len(tops) == 1
-    assert predicted.find(".cf-best").text.startswith(("CAE", "Displacement domain"))
-    assert "The raw CAE model rated" not in predicted.find('[data-testid="stMain"]').text
+    assert predicted.texts(".cf-best")[0].startswith(("CAE", "Displacement domain"))
+    assert not predicted.all(MAIN, "The raw CAE model rated")
     predicted.press("Why", '[data-testid="stPopover"] button')
     predicted.sees("rated", '[data-testid="stPopoverBody"]')
     predicted.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
@@ -84,14 +70,14 @@ def test_compare_shows_its_figure_on_the_first_screen_and_one_tab_at_a_time(pred
     predicted.wait(lambda: not predicted.all(FIGURE))
     predicted.open_tab("Networks")
     predicted.sees("No approach with a network")
-    predicted.wait(lambda: not predicted.all('[data-testid="stTable"]'))
+    predicted.wait(lambda: not predicted.all(TABLE))
 
 
 def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(predicted: "User") -> None:
     """By itself; a narrow window can open it, over the page."""
 
     def shown() -> bool:
-        links = predicted.all(f'{SIDEBAR} [data-testid="stPageLink-NavLink"]')
+        links = predicted.all(LINK)
         return any(0 <= link.rect["x"] < 300 for link in links)
 
     predicted.wait(shown)
@@ -108,36 +94,17 @@ def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(predi
     predicted.wait(shown)
 
 
-def test_a_test_of_the_study_is_opened_by_keyboard(predicted: "User") -> None:
-    """The heat map is for the mouse; a field beside it does the same. Whatever has the focus shows it."""
-    predicted.go("Study")
-    predicted.sees("each left out in turn")
-    predicted.wait(lambda: predicted.all(FIGURE) or _press_if_there(predicted, "Leave out each of 4 tests"))
-    predicted.sees("Mean over the tests")
-    predicted.browser.execute_script("document.activeElement.blur(); window.focus()")
-    keyboard = ActionChains(predicted.browser)
-
-    def reached(label: str) -> bool:
-        keyboard.send_keys(Keys.TAB).perform()
-        focused = predicted.browser.switch_to.active_element
-        if focused.tag_name == "a":
-            assert focused.value_of_css_property("outline-style") == "solid"
-        return focused.get_attribute("aria-label") == label
-
-    assert any(reached("Open a test on Compare") for _ in range(80))
-    keyboard.send_keys("T3").pause(0.5).send_keys(Keys.ENTER).perform()
-    predicted.sees("Test T3: 26.0 mph")
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_every_word_can_be_read_at_900_px(predicted: "User", theme: str) -> None:
+def test_every_word_can_be_read_at_900_px(predicted: "User") -> None:
     """Nothing below 11 px, in figures neither; contrast of 4.5, of large words 3, in both themes."""
     predicted.sits_at(900, 1000)
-    predicted.prefers(theme)
-    for tab in ("Pulses", "Ratings and metrics"):
+    for tab, shown in (("Pulses", "Corridors of the rating"), ("Ratings and metrics", "Pulse metrics")):
         predicted.open_tab(tab)
-        predicted.sees({"Pulses": "Corridors of the rating"}.get(tab, "Pulse metrics"))
-        predicted.wait(lambda: not unreadable(predicted), f"Words that cannot be read: {unreadable(predicted)}", 10)
+        predicted.sees(shown)
+        for theme, ground in (("dark", DARK), ("light", LIGHT)):
+            predicted.prefers(theme)
+            app = predicted.find('[data-testid="stApp"]')
+            predicted.wait(lambda app=app, ground=ground: app.value_of_css_property("background-color") == ground)  # type: ignore[misc]
+            predicted.wait(lambda: not unreadable(predicted), f"Words that cannot be read: {unreadable(predicted)}", 10)
 
 
 def unreadable(user: "User") -> list[str]:

@@ -4,18 +4,18 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.browser.conftest import FIGURE, TABLE
+
 pytestmark = pytest.mark.slow
 
 if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
 
-FIGURE, TABLE = ".js-plotly-plot", '[data-testid="stTable"]'
-
 
 def test_all_of_predict_follows_the_units(small_server: "Server", user: "User") -> None:
     """The condition stays the very same: 56 km/h come back as 56.0, not as 34.8 mph rounded twice."""
     user.open(small_server, "predict", campaign="campaign", approaches="cae")
-    user.press("Predict")
+    user.starts("Predict", FIGURE)
     user.sees("Velocity (mph)", FIGURE)
     user.press("km/h, kg")
     user.sees("Velocity (km/h)", FIGURE)

@@ -15,6 +15,7 @@ from crashfuse.errors import DataError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import KPH, LB, MPH, G
+from tests.conftest import content_of
 
 CONDITION = Condition(30 * MPH, 2050 * LB, 1500 * LB, (("drive", "AWD"), ("colour", "red")))
 
@@ -28,11 +29,6 @@ def addition(run_id: str = "New", speed_mph: float = 30.0) -> Addition:
     return Addition(
         run_id, condition, pulse, {"source": 'a "file"\n\x7f', "steps": ("one", "two"), "time_zero_ms": 1.5}
     )
-
-
-def content_of(folder: Path) -> dict[str, bytes]:
-    """All files by their path, hidden ones too."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 @pytest.mark.parametrize("role", ["tests", "cae"])

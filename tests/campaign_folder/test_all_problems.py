@@ -1,7 +1,5 @@
 """All that is wrong with a campaign is told in one pass, however its files come."""
 
-import io
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +10,7 @@ from crashfuse import cli
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError
+from tests.conftest import content_of, zipped
 
 TOLD = {
     "a missing column": "tests.csv: expected one column rear_weight_lb or rear_weight_kg",
@@ -63,11 +62,7 @@ def the_folder(folder: Path, _: Path) -> None:
 
 def a_zip(folder: Path, into: Path) -> None:
     """Upload it zipped."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for path in folder.rglob("*"):
-            archive.write(path, path.relative_to(folder))
-    load_campaign(lay_out([("car.zip", stream.getvalue())], into))
+    load_campaign(lay_out([("car.zip", zipped(content_of(folder)))], into))
 
 
 def loose_files(folder: Path, into: Path) -> None:

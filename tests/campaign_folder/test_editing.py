@@ -19,8 +19,8 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_folder import sample_folder
 from crashfuse.errors import DataError, UsageError
 from tests.campaign_folder.test_additions import _reshape as reshape
-from tests.campaign_folder.test_additions import addition, content_of
-from tests.conftest import ROOT
+from tests.campaign_folder.test_additions import addition
+from tests.conftest import ROOT, content_of
 
 SETTINGS = '# ours\nname = "Our car"  # the red one\n\n[occupant]\nvpi_slack_mm = 20.0\n'
 SPEEDS = {"A": 30.0, "B": 35.0, "C": 22.0}  # at which no pulse is another's

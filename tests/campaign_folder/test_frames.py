@@ -1,13 +1,13 @@
 """A campaign as tables in memory: the same checks and sentences as its folder, and back without a loss."""
 
 from pathlib import Path
-from zipfile import ZipFile
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from crashfuse import Campaign, DataError, load_campaign, write_campaign
+from tests.conftest import content_of, zipped
 
 Frames = dict[str, pd.DataFrame]
 
@@ -96,10 +96,7 @@ def test_what_is_wrong_is_told_with_table_column_and_row(frames: Frames) -> None
 def test_a_zip_is_read_as_its_folder(campaign_on_disk: Path, tmp_path: Path) -> None:
     """The campaign is the same."""
     path = tmp_path / "read.zip"
-    with ZipFile(path, "w") as archive:
-        for file in sorted(campaign_on_disk.rglob("*")):
-            if file.is_file():
-                archive.write(file, file.relative_to(campaign_on_disk))
+    path.write_bytes(zipped(content_of(campaign_on_disk)))
     assert load_campaign(path).fingerprint == load_campaign(campaign_on_disk).fingerprint
 
 

@@ -10,11 +10,7 @@ from crashfuse.campaign_folder import writer
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.writer import write_campaign
 from crashfuse.errors import DataError
-
-
-def content_of(folder: Path) -> dict[str, bytes]:
-    """All files by their path, hidden ones too."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+from tests.conftest import content_of
 
 
 def test_a_campaign_survives_the_round_trip(campaign_on_disk: Path, tmp_path: Path) -> None:

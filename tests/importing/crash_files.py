@@ -1,8 +1,6 @@
 """Crashes as files of foreign formats, in memory, and how they get onto the disk."""
 
-import io
 import tomllib
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -48,15 +46,6 @@ def library(folder: Path) -> Path:
     rows = [f"Run {i};{v:.6f};950;750".replace(".", ",") for i, v in enumerate(speeds.tolist())]
     conditions = "\n".join(["Lauf;v0 [km/h];Gewicht VA [kg];Gewicht HA [kg]", *rows])
     return write(folder, {"runs.csv": table, "conditions.csv": conditions.encode()})
-
-
-def zipped(files: dict[str, bytes]) -> bytes:
-    """A zip of these files."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return stream.getvalue()
 
 
 def imported(folder: Path) -> list[dict[str, object]]:

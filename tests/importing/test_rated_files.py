@@ -17,8 +17,8 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.units import G
-from tests.conftest import SHARED, needs_shared
-from tests.importing.crash_files import german, isomme, write, zipped
+from tests.conftest import SHARED, needs_shared, zipped
+from tests.importing.crash_files import german, isomme, write
 from tests.importing.crashes import clock, half_sine_g, ringing_g, scatter_g
 
 CAMRY = SHARED / "real" / "nhtsa_10146_camry2018"

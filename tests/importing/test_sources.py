@@ -2,7 +2,6 @@
 
 import os
 import tarfile
-import zipfile
 from pathlib import Path
 from typing import Literal
 
@@ -10,6 +9,7 @@ import pytest
 
 from crashfuse.errors import DataError, UsageError
 from crashfuse.importing import ColumnChoice, Reading, format_of, import_source, read_each, read_records, settle_each
+from tests.conftest import zipped
 from tests.importing.crash_files import german, imported, isomme, write
 from tests.importing.crashes import GIVEN, clock, half_sine_g
 from tests.readers.nhtsa_files import nhtsa_files
@@ -23,9 +23,7 @@ def test_formats_are_found_by_their_names(tmp_path: Path) -> None:
     write(tmp_path / "t", {"x.tdms": b""})
     write(tmp_path / "c", {"x.XLSX": b""})
     write(tmp_path / "e", {"x.pdf": b""})
-    with zipfile.ZipFile(tmp_path / "i.zip", "w") as archive:
-        for name, content in isomme("M1").items():
-            archive.writestr(name, content)
+    write(tmp_path, {"i.zip": zipped(isomme("M1"))})
     found = {name: format_of(tmp_path / name) for name in ("n", "i", "d", "t", "c", "i.zip")}
     assert found == {"n": "nhtsa", "i": "isomme", "d": "lsdyna", "t": "tdms", "c": "csv", "i.zip": "isomme"}
     for path, message in (("e", "none of these"), ("nowhere", "nothing there")):
@@ -84,9 +82,7 @@ def test_a_zip_of_several_gives_them_all(tmp_path: Path) -> None:
     """Tables, or tests of a format whose reader takes one: unpacked, read, and nothing of it stays."""
     tables = {f"{name}.csv": german(clock(), half_sine_g(clock())) for name in ("A", "B")}
     for name, files in (("tables", tables), ("isomme", {**isomme("C"), **isomme("D")})):
-        with zipfile.ZipFile(tmp_path / f"{name}.zip", "w") as archive:
-            for path, content in files.items():
-                archive.writestr(path, content)
+        (tmp_path / f"{name}.zip").write_bytes(zipped(files))
         import_source(tmp_path / f"{name}.zip", tmp_path / "campaign", GIVEN)
     assert [each["id"] for each in imported(tmp_path / "campaign")] == ["A", "B", "C", "D"]
 
@@ -97,9 +93,7 @@ def test_a_folder_of_archives_gives_the_tests_in_them(tmp_path: Path) -> None:
     downloads.mkdir()
     (downloads / "notes.pdf").write_bytes(b"")
     for number in ("M1", "M2"):
-        with zipfile.ZipFile(downloads / f"{number}.zip", "w") as archive:
-            for name, content in isomme(number).items():
-                archive.writestr(name, content)
+        (downloads / f"{number}.zip").write_bytes(zipped(isomme(number)))
     assert format_of(downloads) == "isomme"
     assert [record.id for record in read_records(Reading(downloads))] == ["M1", "M2"]
 

@@ -1,7 +1,5 @@
 """NHTSA's ASCII form: conditions, the choice of channels, and what is wrong with a test that is not whole."""
 
-import io
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +12,7 @@ from crashfuse.importing import Choices, settle
 from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.signals.metrics import pulse_metrics
 from crashfuse.units import KPH
-from tests.conftest import SHARED, needs_shared
+from tests.conftest import SHARED, needs_shared, zipped
 from tests.importing.crashes import SPEED_MPS, clock, half_sine_g
 from tests.readers.nhtsa_files import nhtsa_files, samples
 
@@ -46,11 +44,8 @@ def test_conditions_and_channels_are_found(tmp_path: Path) -> None:
 def test_a_zip_its_file_and_its_folder_are_one_test(tmp_path: Path) -> None:
     """However the test is named, its record is the same."""
     folder = written(tmp_path / "v00005", nhtsa_files())
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in nhtsa_files().items():
-            archive.writestr(f"download/{name}", content)
-    (tmp_path / "v00005.zip").write_bytes(stream.getvalue())
+    packed = zipped({f"download/{name}": content for name, content in nhtsa_files().items()})
+    (tmp_path / "v00005.zip").write_bytes(packed)
     records = [read_nhtsa(path)[0] for path in (folder, folder / "v00005.EV5", tmp_path / "v00005.zip")]
     for record in records:
         assert (record.id, record.proposed, record.condition) == (

@@ -18,8 +18,8 @@ from crashfuse.readers.radioss.time_history import TimeHistory, Watched
 from crashfuse.readers.radioss.unnamed import with_names
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
-from tests.conftest import SHARED, needs_shared
-from tests.importing.crash_files import write, zipped
+from tests.conftest import SHARED, needs_shared, zipped
+from tests.importing.crash_files import write
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 from tests.readers.radioss_files import MASS_KG, Converter, RadiossRun
 from tests.readers.test_lsdyna import WEIGHTS

@@ -1,9 +1,7 @@
 """The page Data: opening a campaign, refusing what is none, and showing what is in it."""
 
-import io
 import json
 import shutil
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,20 +23,12 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.ui import campaigns, journal, recent, uploads
 from crashfuse.ui.problems import problem_table, short_table
 from crashfuse.units import G
+from tests.conftest import content_of, zipped
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
 
 Visit = Callable[..., "Session"]
-
-
-def zipped(folder: Path) -> bytes:
-    """A zip of all files in a folder."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for path in folder.rglob("*"):
-            archive.write(path, path.relative_to(folder))
-    return stream.getvalue()
 
 
 def upload(session: "Session", *files: tuple[str, bytes]) -> "Session":
@@ -163,7 +153,7 @@ def test_a_file_in_the_field_for_a_folder_is_said_to_be_one(
     visit: Visit, campaign_folder: Path, tmp_path: Path, name: str, found: str, advice: str
 ) -> None:
     """It is there, so nobody is to check the path."""
-    (tmp_path / name).write_bytes(zipped(campaign_folder))
+    (tmp_path / name).write_bytes(zipped(content_of(campaign_folder)))
     (table,) = open_folder(visit(), str(tmp_path / name)).tables
     assert (table["Found"].tolist(), table["What to do"].tolist()) == ([found], [advice])
 
@@ -191,7 +181,7 @@ def test_a_campaign_whose_files_change_is_read_anew(visit: Visit, open_campaign:
 @pytest.mark.slow
 def test_a_zip_is_opened_under_its_name(visit: Visit, campaign_folder: Path) -> None:
     """The same data as in the folder; dropped twice it is one campaign."""
-    content = zipped(campaign_folder)
+    content = zipped(content_of(campaign_folder))
     session = visit()
     for _ in range(2):
         upload(session, ("sled.zip", content))
@@ -220,7 +210,7 @@ def test_a_bad_upload_is_refused_row_by_row_and_not_kept(visit: Visit, campaign_
         lines[row - 1] = lines[row - 1].split(",")[0] + ",=oops"
     pulse.write_text("\n".join(lines))
     (campaign_folder / "tests" / "T2.csv").unlink()
-    session = upload(visit(), ("bad.zip", zipped(campaign_folder)))
+    session = upload(visit(), ("bad.zip", zipped(content_of(campaign_folder))))
     (table,) = session.tables
     (cells,) = table[table["Column"] == "acceleration_g"].to_dict("records")
     assert (cells["File"], cells["Row"], cells["Found"]) == ("tests/T3.csv", "5–6", "'=oops'")
@@ -271,7 +261,7 @@ def test_a_full_disk_is_a_sentence(visit: Visit, campaign_folder: Path, monkeypa
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(uploads, "lay_out", full)
-    session = upload(visit(), ("a.zip", zipped(campaign_folder)))
+    session = upload(visit(), ("a.zip", zipped(content_of(campaign_folder))))
     assert session.tables[0]["Found"].tolist() == ["No space left on device"]
     assert kept() == []
 

@@ -1,9 +1,7 @@
 """Two people on one server: what belongs to whom, and which folders pages may touch."""
 
-import io
 import os
 import threading
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +12,7 @@ from crashfuse.errors import DataError
 from crashfuse.ui import campaigns, journal
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.visitors import Visitor
+from tests.conftest import content_of, zipped
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
@@ -24,11 +23,7 @@ ANNA = Visitor("k1", "anna@example.com")
 
 def _upload(session: "Session", folder: Path, name: str) -> str:
     """Drop a zip of a campaign; returns the name that its link has."""
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w") as archive:
-        for path in folder.rglob("*"):
-            archive.write(path, path.relative_to(folder))
-    session.app.file_uploader[0].set_value([(f"{name}.zip", content.getvalue(), "application/zip")])
+    session.app.file_uploader[0].set_value([(f"{name}.zip", zipped(content_of(folder)), "application/zip")])
     session.press("Open upload")
     opened = session.app.sidebar.selectbox(key="campaign").value
     assert isinstance(opened, str)

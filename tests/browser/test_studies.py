@@ -1,0 +1,120 @@
+"""Studies in a real browser: a test opened by mouse and by keyboard, two studies compared, a worst test explained."""
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from selenium.common.exceptions import TimeoutException
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+from tests.browser.conftest import FIGURE, MAIN, QUICK, SOON, TABLE
+from tests.conftest import write_campaign
+from tests.study.test_departure import at_one_speed
+
+pytestmark = pytest.mark.slow
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from crashfuse.campaign import Campaign
+    from tests.browser.conftest import Server, User
+
+
+def study(user: "User", server: "Server", **view: str) -> None:
+    """The study of the small campaign by two quick approaches; the first test that asks for it has it made."""
+    user.open(server, "study", approaches=QUICK, **view)
+    user.starts("Leave out each of 4 tests", FIGURE)
+    user.sees("Mean over the tests")  # the end of the page: until then the figures move
+    user.wait(lambda: not user.all("button", "Cancel"))
+
+
+def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: "Server", user: "User") -> None:
+    """Anywhere in the cell, not only on the words; the frame then holds that test out."""
+    study(user, small_server)
+
+    def opened() -> bool:
+        figure = user.find(FIGURE, "Test T3")
+        user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", figure)
+        cells = figure.find_element(By.CSS_SELECTOR, ".nsewdrag")  # 2 columns; 5 rows: the tests, and their mean
+        right, down = round(0.15 * cells.rect["width"]), round((2.3 / 5 - 0.5) * cells.rect["height"])  # of the centre
+        ActionChains(user.browser).move_to_element_with_offset(cells, right, down).pause(0.5).click().perform()
+        with suppress(TimeoutException):
+            return bool(user.sees("Test T3: 26.0 mph", timeout_s=15))
+        return False
+
+    user.wait(opened)
+    assert "test=T3" in user.browser.current_url
+
+
+def test_a_test_is_opened_by_keyboard(small_server: "Server", user: "User") -> None:
+    """The heat map is for the mouse; a field beside it does the same. Whatever has the focus shows it."""
+    study(user, small_server)
+    user.browser.execute_script("document.activeElement.blur(); window.focus()")
+    keyboard = ActionChains(user.browser)
+
+    def reached(label: str) -> bool:
+        keyboard.send_keys(Keys.TAB).perform()
+        focused = user.browser.switch_to.active_element
+        if focused.tag_name == "a":
+            assert focused.value_of_css_property("outline-style") == "solid"
+        return focused.get_attribute("aria-label") == label
+
+    assert any(reached("Open a test on Compare") for _ in range(80))
+    keyboard.send_keys("T3").pause(0.5).send_keys(Keys.ENTER).perform()
+    user.sees("Test T3: 26.0 mph")
+
+
+def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server", user: "User") -> None:
+    """Two seeds: a row for each, means and differences, a table to take along; a row opens its study."""
+    study(user, small_server)
+    study(user, small_server, seed="4")
+    user.go("History")
+    user.sees("Compare two studies")
+    user.sees("mean", f"{MAIN} li")
+    table = user.sees("T4", TABLE)
+    assert "Mean" in table
+    assert "first=" in user.browser.current_url
+    written = user.downloads_file("comparison.csv")
+    assert written.startswith("left_out,held_out,approach,window_ms,first,second,difference")
+    grid = user.find('[data-testid="stDataFrame"] canvas')
+    user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
+    across, down = round(18 - grid.rect["width"] / 2), round(52 - grid.rect["height"] / 2)  # the first row's box
+    ActionChains(user.browser).move_to_element_with_offset(grid, across, down).click().perform()
+    user.wait(lambda: "/study?" in user.browser.current_url)
+    assert "seed=4" in user.browser.current_url
+
+
+def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
+    server: "Server", user: "User", campaign: "Campaign", tmp_path: "Path"
+) -> None:
+    """The study names the odd test, Compare how its expectation came out; one click on Why: scores, shift, curves.
+
+    Of the six tests four are at one speed, and of these S4 lasts 30 % longer.
+    """
+    group = at_one_speed(campaign, [1.0, 1.02, 0.95, 1.3])
+    tests = (campaign.test("T1"), *group.tests, campaign.test("T4"))
+    user.open_folder(server, write_campaign(replace(campaign, tests=tests), tmp_path / "odd"))
+    user.open(server, "study", campaign="odd", test="S4", approaches=QUICK)
+    user.press("Leave out each of 6 tests")
+    said = user.sees("without its neighbours and", timeout_s=4 * SOON)  # known last, after twelve fits
+    assert "S4, 25.0 mph: expected " in said
+    assert "far below what was expected. S4 differs from the tests at its speed more than they do from each" in said
+    assert "Check its record and its condition, or expect bifurcation" in said
+    user.go("Compare")
+    user.sees("far below what was expected.")
+    pill = '[data-testid="stButtonGroup"] button'
+    user.press("Why", pill)
+    told = user.sees("costs most")
+    assert "S4 differs from the tests at its speed" in told
+    assert all(f"{part} 0." in told for part in ("Corridor", "Phase", "Magnitude", "Slope"))
+    user.sees("Corridor (40 %)", FIGURE)
+    assert "moved" in user.sees("curves as they stand", FIGURE)
+    user.press("CAE", pill)
+    user.sees("CAE 0.")
+    user.wait(lambda: "explained=cae" in user.browser.current_url)
+    user.browser.refresh()
+    user.sees("CAE 0.")
+    assert "explained=cae" in user.browser.current_url
