@@ -2,6 +2,7 @@
 
 import io
 import os
+import shutil
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -39,6 +40,7 @@ def pytest_configure() -> None:
     """Where tests run side by side, each keeps to one core: contended threads cost more than they gain."""
     if "PYTEST_XDIST_WORKER" in os.environ:
         os.environ["OMP_NUM_THREADS"] = "1"  # for processes that tests start
+        os.environ["LOKY_MAX_CPU_COUNT"] = "1"  # for studies that are not told how many processes to take
         torch.set_num_threads(1)
 
 
@@ -107,9 +109,9 @@ def campaign() -> Campaign:
 
 
 @pytest.fixture
-def campaign_folder(campaign: Campaign, tmp_path: Path) -> Path:
+def campaign_folder(campaign_on_disk: Path, tmp_path: Path) -> Path:
     """The small campaign as a folder of the test's own."""
-    return write_campaign(campaign, tmp_path / "campaign")
+    return shutil.copytree(campaign_on_disk, tmp_path / "campaign")
 
 
 @pytest.fixture(scope="session")

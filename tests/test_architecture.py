@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -49,11 +50,18 @@ def _name(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
-def _imports(path: Path) -> Iterator[str]:
+NAMES = {_name(module): module for module in PACKAGE.rglob("*.py")}
+
+
+@cache
+def _imports(path: Path) -> frozenset[str]:
     """Modules of the package that a file imports, at its top or, but for the doors, within a function."""
-    names = {_name(module) for module in PACKAGE.rglob("*.py")}
+    return frozenset(_found(path))
+
+
+def _found(path: Path) -> Iterator[str]:
+    names, door = NAMES, path.relative_to(PACKAGE).as_posix() in DOORS
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    door = path.relative_to(PACKAGE).as_posix() in DOORS
     for node in tree.body if door else ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node.module:
             candidates = [f"{node.module}.{alias.name}" for alias in node.names]
@@ -88,7 +96,7 @@ def test_imports_run_one_way(path: Path) -> None:
 
 def test_no_module_imports_itself_in_a_circle() -> None:
     """Whoever changes a module has to look at those above it, and at no other."""
-    graph = {_name(path): set(_imports(path)) - {_name(path)} for path in PACKAGE.rglob("*.py")}
+    graph = {name: _imports(path) - {name} for name, path in NAMES.items()}
     assert len(list(TopologicalSorter(graph).static_order())) >= len(graph)  # raises CycleError where there is one
 
 

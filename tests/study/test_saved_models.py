@@ -1,6 +1,7 @@
 """A saved model predicts as on the day it was saved; a file that is not one is refused, and nothing in it runs."""
 
 import json
+import os
 import pickle
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save, save_file
 
+from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -180,16 +182,19 @@ def test_an_unfitted_approach_cannot_be_saved(campaign: Campaign, tmp_path: Path
     assert not list(tmp_path.iterdir())
 
 
-def test_a_model_of_one_process_is_read_by_another(campaign_on_disk: Path, tmp_path: Path) -> None:
-    """Trained and used by two calls of the command line: CAE and displacement domain, the same numbers each time."""
+def test_a_model_of_one_process_is_read_by_another(
+    campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Trained by a call of the command line and used by another: the same numbers as without the model."""
+    monkeypatch.chdir(tmp_path)
     condition = ["--speed-mph", "22", "--front-weight-lb", "2060", "--rear-weight-lb", "1520"]
     chosen = ["--approach", "cae", "displacement_domain"]
-    for command in (
-        ["train", str(campaign_on_disk), "--out", str(tmp_path / "models"), *chosen],
-        ["predict", str(campaign_on_disk), *condition, "--out", str(tmp_path / "saved"), "--models", "models"],
-        ["predict", str(campaign_on_disk), *condition, "--out", str(tmp_path / "trained"), *chosen],
-    ):
-        subprocess.run([sys.executable, "-m", "crashfuse", *command], check=True, cwd=tmp_path, capture_output=True)
+    predict = ["predict", str(campaign_on_disk), *condition, "--out"]
+    assert cli.main([*predict, str(tmp_path / "trained"), *chosen]) == cli.DONE
+    train = [sys.executable, "-m", "crashfuse", "train", str(campaign_on_disk), "--out", "models", *chosen]
+    environment = {**os.environ, "CRASHFUSE_CACHE": str(tmp_path / "another")}
+    subprocess.run(train, check=True, env=environment, capture_output=True)
+    assert cli.main([*predict, str(tmp_path / "saved"), "--models", "models"]) == cli.DONE
     names = {path.name for path in (tmp_path / "models").iterdir()}
     assert names == {"cae.safetensors", "displacement_domain.safetensors"}
     for name in ("pulses.csv", "metrics.csv"):
