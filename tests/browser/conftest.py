@@ -27,7 +27,7 @@ from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
 ROOT = Path(__file__).resolve().parents[2]
-SOON = 60.0  # s, where other things run too
+SOON = 120.0  # s, where many other things run too
 _FLAGS = (
     "--headless",
     "--no-sandbox",
@@ -156,7 +156,7 @@ class User:
             return bool(self.all(shown))
 
         self.wait(begun, f"There is neither {label!r} to click nor {shown}.")
-        self.find(shown)
+        self.wait(lambda: self.all(shown), f"{label!r} never came to {shown}.", 4 * SOON)
 
     def go(self, page: str) -> None:
         """Turn to a page by the link in the sidebar."""

@@ -27,8 +27,8 @@ def study(user: "User", server: "Server", **view: str) -> None:
     """The study of the small campaign by two quick approaches; the first test that asks for it has it made."""
     user.open(server, "study", approaches=QUICK, **view)
     user.starts("Leave out each of 4 tests", FIGURE)
+    user.wait(lambda: not user.all("button", "Cancel"), "The study never ended.", 4 * SOON)
     user.sees("Mean over the tests")  # the end of the page: until then the figures move
-    user.wait(lambda: not user.all("button", "Cancel"))
 
 
 def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: "Server", user: "User") -> None:

@@ -124,7 +124,7 @@ def test_workers_end_with_who_started_them(tmp_path: Path, number: signal.Signal
         workers = workers_of(parent)
         assert len(workers) == 2
         parent.send_signal(number)
-        assert not psutil.wait_procs(workers, timeout=20)[1]
+        assert not psutil.wait_procs(workers, timeout=40)[1]
 
 
 @pytest.mark.slow
@@ -139,11 +139,11 @@ def test_ctrl_c_is_one_sentence_and_leaves_no_process(campaign_on_disk: Path, tm
         _wait((Cache().folder / "predictions").exists)
         workers = workers_of(study)
         os.killpg(study.pid, signal.SIGINT)
-        _, said = study.communicate(timeout=30)
+        _, said = study.communicate(timeout=120)
     assert study.returncode == cli.INTERRUPTED
     assert b"continues there" in said
     assert b"Traceback" not in said
-    assert not psutil.wait_procs(workers, timeout=20)[1]
+    assert not psutil.wait_procs(workers, timeout=60)[1]
 
 
 @dataclass

@@ -11,7 +11,7 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 
 APP = Path(__file__).parents[2] / "app.py"
-SOON = 30.0
+SOON = 60.0
 _ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")  # punctuation that is kept from being Markdown
 
 

@@ -12,7 +12,7 @@ from crashfuse.execution.progress import Watch
 from crashfuse.ui.jobs import Job, Jobs
 from crashfuse.ui.visitors import Visitor
 
-SOON = 10.0
+SOON = 60.0
 
 
 @pytest.fixture

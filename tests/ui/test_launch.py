@@ -43,7 +43,7 @@ def _answers(port: int) -> bool:
 
 def _opened(port: int, host: str, origin: str) -> bool:
     """Whether a page of this origin may open, under this name, the socket that all of the dashboard goes through."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
     asked = {
         "Host": f"{host}:{port}",
         "Origin": f"http://{origin}:{port}",
@@ -58,7 +58,7 @@ def _opened(port: int, host: str, origin: str) -> bool:
 
 def _headers(port: int, path: str) -> dict[str, str]:
     """Names, in lower case, and values of what comes before an answer."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
     connection.request("GET", path)
     with contextlib.closing(connection):
         return {name.lower(): value for name, value in connection.getresponse().getheaders()}
@@ -111,7 +111,7 @@ def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, 
         opened = {(host, page): answered and _opened(port, host, page) for host in names for page in names}
         headers = [_headers(port, path) for path in ("/", "/compare", "/_stcore/health", "/%2e%2e/x")]
         server.terminate()
-        server.wait(20)
+        server.wait(60)
     assert answered, (tmp_path / "log").read_text()
     assert not _answers(port)
     assert "Traceback" not in (tmp_path / "log").read_text()

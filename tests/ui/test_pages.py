@@ -39,7 +39,7 @@ from tests.conftest import ROOT
 
 APP = ROOT / "app.py"
 PAGES = ("data", "train", "compare", "study", "predict", "certify")
-SOON = 30.0
+SOON = 60.0
 FAST = ("cae", "lf_tcn")
 FITS: dict[str, dict[str, object]] = {
     "displacement_domain": {
