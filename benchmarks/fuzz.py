@@ -173,7 +173,7 @@ def _sound(real: Path | None) -> dict[str, Files]:
     import openpyxl
     import pandas as pd
 
-    from tests.importing.crash_files import zipped
+    from tests.conftest import zipped
     from tests.readers.test_contract import EVERY, GOOD, IDS
 
     kinds = {name: files for name, (_, files) in zip(IDS, EVERY, strict=True)}

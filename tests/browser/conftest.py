@@ -98,7 +98,7 @@ class User:
         self.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})
 
     def _shown(self, css: str, words: str) -> list[tuple[WebElement, str]]:
-        return [(element, text) for element, text in self.browser.execute_script(_SHOWN, css, words)]  # type: ignore[no-untyped-call]
+        return [(element, text) for element, text in self.browser.execute_script(_SHOWN, css, words)]
 
     def all(self, css: str, words: str = "") -> list[WebElement]:
         """All elements of this kind, with these words, that can be seen."""
