@@ -107,10 +107,11 @@ def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     user.sees("far below what was expected.")
     pill = '[data-testid="stButtonGroup"] button'
     user.press("Why", pill)
-    told = user.sees("costs most")
+    user.sees("Corridor (40 %)", FIGURE)
+    told = user.sees("curves as they stand")
+    assert "costs most" in told
     assert "S4 differs from the tests at its speed" in told
     assert all(f"{part} 0." in told for part in ("Corridor", "Phase", "Magnitude", "Slope"))
-    user.sees("Corridor (40 %)", FIGURE)
     assert "moved" in user.sees("curves as they stand", FIGURE)
     user.press("CAE", pill)
     user.sees("CAE 0.")

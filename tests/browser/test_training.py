@@ -42,17 +42,17 @@ def test_fitting_on_all_tests_hands_out_a_model_and_predict_answers_at_once(
     user.open(small_server, "train", seed="2")
     user.press("Fit on all tests")
     user.sees("as crashfuse train does")
-    user.choose_approaches("CAE")
+    user.choose_approaches("Displacement domain")
     user.press("Start")
     user.sees("Learned from 4 tests")
     user.press("models.zip", '[data-testid="stDownloadButton"] button')
     file = user.downloads / "models.zip"
     user.wait(file.is_file, "The model never arrived.")
     with zipfile.ZipFile(file) as archive:
-        model_file = archive.extract("cae.safetensors", user.downloads)
+        model_file = archive.extract("displacement_domain.safetensors", user.downloads)
     with safetensors.safe_open(model_file, framework="numpy") as model:
         record = json.loads(model.metadata()["crashfuse"])
-    assert (record["approach"], record["preset"], record["seed"]) == ("cae", "fast", 2)
+    assert (record["approach"], record["preset"], record["seed"]) == ("displacement_domain", "fast", 2)
     user.go("Predict")
     user.sees("Use the")
     assert "Predict" not in user.texts("button")
