@@ -20,7 +20,6 @@ from crashfuse.readers.members import files_below
 from crashfuse.testing import ReaderContract
 from crashfuse.testing.readers import refusal
 from crashfuse.units import MS
-from tests.conftest import zipped
 from tests.importing.crash_files import german, isomme, write
 from tests.importing.crashes import GIVEN, PEAK_MPS2, clock, half_sine_g
 from tests.readers.lsdyna_files import Run, lsda
