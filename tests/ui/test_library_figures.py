@@ -11,8 +11,7 @@ import pytest
 from crashfuse import Condition, Display, StudyConfig, load_campaign, next_test, predict, run_study
 from crashfuse.reporting.figures import Further
 from crashfuse.ui.computation import jobs
-from crashfuse.wording import IN_SI
-from crashfuse.wording import KPH_KG
+from crashfuse.wording import IN_SI, KPH_KG
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
@@ -118,13 +117,10 @@ def test_on_predict(open_campaign: Path, visit: "Visit") -> None:
         session.app.button_group(key="predicted").set_value(choice).run()
         assert drawn(session) == traces(prediction.plot(figure, also=also, band="displacement_domain", display=SHOWN))
     session.app.button_group(key="predict_tab").set_value("Next test").run()
-    low, high = zip(
-        *(_ends(session.app.session_state[f"{axis}_range"]) for axis in ("speed", "front", "rear")), strict=True
-    )
+    chosen = [_ends(session.app.session_state[f"{axis}_range"]) for axis in ("speed", "front", "rear")]
     kind = campaign.tests[0].condition.factors
-    assert drawn(session) == traces(
-        next_test(campaign, Condition(*low, factors=kind), Condition(*high, factors=kind)).plot(display=SHOWN)
-    )
+    low, high = (Condition(v0, front, rear, kind) for v0, front, rear in zip(*chosen, strict=True))
+    assert drawn(session) == traces(next_test(campaign, low, high).plot(display=SHOWN))
 
 
 def _ends(chosen: str) -> tuple[float, float]:
