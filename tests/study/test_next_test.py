@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
+from crashfuse.approaches.displacement_domain.cae_force import CaeStop
 from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.campaign import Campaign, CrashTest
@@ -93,7 +94,8 @@ def test_the_band_now_is_that_of_the_predictions(domain: DisplacementDomain) -> 
     assert domain.calibration_.widening >= 1
     rng = np.random.default_rng(0)
     s, share = points.displacement_m, points.speed_share
-    drawn = domain.bias_.sample(low, s, points.cae, np.append(share, stopping), 6000, rng)
+    stop = CaeStop(np.append(share, stopping), np.zeros(s.size + 1), s[-1])
+    drawn = domain.bias_.sample(low, s, points.cae, stop, 6000, rng)
     total = drawn.over_displacement_mps2[1:] + drawn.over_speed_mps2[1:, : s.size]
     lower, upper = np.quantile(total, [0.025, 0.975], axis=0)
     assert moving.any()

@@ -18,7 +18,7 @@ from crashfuse.approaches.displacement_domain.bias import (
     bijective_projection,
     uniform_points,
 )
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
 from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
 from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
@@ -190,7 +190,8 @@ class DisplacementDomain(Approach):
         """Mean and draws of the bias at a condition, over displacement and over shares of the impact speed."""
         grid = cae.grid_m[::FINER]
         force = CaeForce.at(grid, partial(cae.curve.accel_at, end_share=model.end_share))
-        bias = model.sample(cae.condition, grid, force, _SHARES, n_draws, rng)
+        stop = CaeStop(_SHARES, cae.curve.stopping_accel(_SHARES, model.end_share), cae.curve.own.crush_m)
+        bias = model.sample(cae.condition, grid, force, stop, n_draws, rng)
         if not cae.paired and self._paired:
             # The bias of tests without a paired run already includes the emulator's error, in each test's own part.
             # Only the share of tests with paired runs has to be added.

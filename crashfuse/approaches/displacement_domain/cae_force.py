@@ -39,3 +39,19 @@ class CaeForce(NamedTuple):
             for values in (accel_at(grid), np.ones_like(grid))
         )
         return cls(accel_at(displacement_m), np.interp(displacement_m, grid, smooth / share))
+
+
+class CaeStop(NamedTuple):
+    """What the CAE vehicle's acceleration does besides while it stops: a hump too, of which tests may show nothing.
+
+    Attributes
+    ----------
+    speed_share, accel_mps2 : ndarray, shape (n,)
+        Velocity as a share of the impact speed, and what is added there to the acceleration over displacement.
+    crush_m : float
+        Displacement at which that vehicle stops.
+    """
+
+    speed_share: FloatArray
+    accel_mps2: FloatArray
+    crush_m: float

@@ -19,7 +19,7 @@ from crashfuse.approaches.displacement_domain.bias_parts import (
     TEST,
     bias_parts,
 )
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.draws import student_draws
 from crashfuse.condition import Condition
@@ -174,19 +174,20 @@ class HierarchicalBias:
         condition: Condition,
         displacement_m: FloatArray,
         cae: CaeForce,
-        speed_share: FloatArray,
+        stop: CaeStop,
         n_draws: int,
         rng: np.random.Generator,
     ) -> BiasDraws:
         """Mean and draws of a new test's bias, including its specific deviation and stop, without noise.
 
         The draws follow Student's t distribution, as hyperparameters are estimated from a handful of tests. Arguments
-        are displacements with the CAE model's acceleration there, and velocities as shares of the impact speed.
+        are displacements with the CAE model's acceleration there, and what it adds while the vehicle stops, over
+        velocity: whatever share of its humps the tests take out, they take out of these.
         """
-        zero = np.zeros_like(speed_share)
         moving = self._rows(condition, displacement_m, cae, np.ones_like(displacement_m))
-        stop = self._rows(condition, zero, CaeForce(zero, zero), speed_share, crushing=False)
-        mean, covariance = self.process_.posterior(np.vstack([moving, stop]))
+        crush, hump = np.full_like(stop.speed_share, stop.crush_m), CaeForce(stop.accel_mps2, 0 * stop.accel_mps2)
+        stopping = self._rows(condition, crush, hump, stop.speed_share, crushing=False)
+        mean, covariance = self.process_.posterior(np.vstack([moving, stopping]))
         functions = np.vstack([mean, student_draws(mean, covariance, self.freedom_, n_draws, rng)])
         return BiasDraws(functions[:, : displacement_m.size], functions[:, displacement_m.size :])
 

@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 
 from crashfuse.approaches.base import FittedState
 from crashfuse.approaches.displacement_domain.bias import BiasDraws, BiasPoints
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
 from crashfuse.approaches.draws import draw
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import SILENT, Watch
@@ -113,7 +113,7 @@ class Table4Bias:
         condition: Condition,
         displacement_m: FloatArray,
         cae: CaeForce,  # noqa: ARG002 - common to all bias models
-        speed_share: FloatArray,
+        stop: CaeStop,
         n_draws: int,
         rng: np.random.Generator,
     ) -> BiasDraws:
@@ -124,7 +124,7 @@ class Table4Bias:
         x = (_columns(condition, displacement_m) - self.centre_) / self.spread_
         mean, covariance = self.process_.predict(x, return_cov=True)
         functions = np.vstack([mean, draw(mean, covariance, n_draws, rng)])
-        return BiasDraws(functions, np.zeros((1 + n_draws, speed_share.size)))
+        return BiasDraws(functions, np.zeros((1 + n_draws, stop.speed_share.size)))
 
     @property
     def state(self) -> dict[str, object]:

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import stdtrit
 
 from crashfuse.approaches.displacement_domain.bias import BiasPoints
-from crashfuse.approaches.displacement_domain.cae_force import CaeForce
+from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
@@ -18,6 +18,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 S = np.linspace(0, 0.5, 26)
 SHARE = np.sqrt(1 - S / 0.5)
 SHARES = np.linspace(0, 1, 101)
+NO_HUMP = CaeStop(SHARES, np.zeros(101), 0.4)
 
 
 def condition(speed_mps: float) -> Condition:
@@ -52,7 +53,7 @@ def with_factor(values: str, effect: FloatArray) -> HierarchicalBias:
 def mean_and_width(model: HierarchicalBias, speed_mps: float) -> tuple[FloatArray, FloatArray]:
     """Mean bias and the standard deviation of the draws at a speed."""
     rng = np.random.default_rng(0)
-    draws = model.sample(condition(speed_mps), S, force(speed_mps), SHARES, 400, rng).over_displacement_mps2
+    draws = model.sample(condition(speed_mps), S, force(speed_mps), NO_HUMP, 400, rng).over_displacement_mps2
     return draws[0], draws[1:].std(axis=0)
 
 
@@ -128,7 +129,9 @@ def test_the_parts_add_up_to_what_is_expected() -> None:
     model = fit({v: v / 10 * shared(S) + 0.1 * cae(v) for v in (6.0, 8.0, 12.0, 14.0)})
     *parts, total = model.parts(condition(10.0), S, force(10.0))
     assert [part.name for part in parts] == ["shared", "by speed", "by weight", "ratio", "humps", "own"]
-    draws = model.sample(condition(10.0), S, force(10.0), SHARES, 8000, np.random.default_rng(0)).over_displacement_mps2
+    draws = model.sample(
+        condition(10.0), S, force(10.0), NO_HUMP, 8000, np.random.default_rng(0)
+    ).over_displacement_mps2
     np.testing.assert_allclose(sum(part.mean_mps2 for part in parts), draws[0], atol=1e-6)
     np.testing.assert_allclose(total.mean_mps2, draws[0], atol=1e-9)
     lower, upper = np.quantile(draws[1:], [0.025, 0.975], axis=0)
@@ -146,6 +149,28 @@ def test_nothing_is_known_of_what_a_new_test_has_alone_but_its_size() -> None:
     assert own.upper_mps2[0] > 3 * alike.upper_mps2[0]
 
 
+def test_humps_of_the_cae_model_that_no_test_shows_are_taken_out_of_its_stop_too() -> None:
+    """It swings by up to 40 m/s² while it stops, now up, now down; tests have its trend alone, so has a new one."""
+    s = np.linspace(0, 0.5, 101)
+    share = np.sqrt(1 - s / 0.5)
+    swing = np.maximum(1 - SHARES / HierarchicalBias.end_share, 0.0)
+
+    def beside(speed_mps: float, size: float) -> BiasPoints:
+        trend, humps = -15 * speed_mps * np.ones_like(s), 50 * np.sin(60 * s)
+        accel = trend + humps + size * np.interp(share, SHARES, swing)
+        return BiasPoints(condition(speed_mps), s, share, CaeForce(accel, trend), trend - accel)
+
+    sizes = {7.0: 40.0, 8.0: -30.0, 9.0: 35.0, 11.0: -40.0, 12.0: 30.0, 13.0: -35.0}
+    model = HierarchicalBias().fit([beside(speed, size) for speed, size in sizes.items()])
+    for size in (40.0, -40.0):
+        new = beside(10.0, 0.0)
+        bias = model.sample(
+            condition(10.0), s, new.cae, CaeStop(SHARES, size * swing, 0.5), 2, np.random.default_rng(0)
+        )
+        np.testing.assert_allclose(bias.over_speed_mps2[0], -size * swing, atol=8.0)
+        np.testing.assert_allclose(bias.over_displacement_mps2[0], new.bias_mps2, atol=5.0)
+
+
 @pytest.mark.slow
 def test_a_factor_that_tells_tests_apart_is_used() -> None:
     """The bias of vehicles with the other powertrain is predicted for a new test with it, and no other."""
@@ -155,7 +180,7 @@ def test_a_factor_that_tells_tests_apart_is_used() -> None:
     assert model.densities_["powertrain"] > model.densities_["none"]
     for value, expected in (("A", shared(S)), ("B", shared(S) + effect)):
         at = Condition(10.0, 950.0, 700.0, factors=(("powertrain", value),))
-        mean = model.sample(at, S, force(10.0), SHARES, 4, np.random.default_rng(0)).over_displacement_mps2[0]
+        mean = model.sample(at, S, force(10.0), NO_HUMP, 4, np.random.default_rng(0)).over_displacement_mps2[0]
         np.testing.assert_allclose(mean, expected, atol=6.0)
     assert model.unknown_factors(at) == ()
     assert model.unknown_factors(condition(10.0)) == ("powertrain",)
