@@ -11,7 +11,7 @@ from crashfuse.approaches.calibration import WIDENINGS, Calibration, Coverage, c
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
 from crashfuse.approaches.fused.components import COMPONENTS, Component, Tests, Unseen, mixed, thinned_out
-from crashfuse.approaches.fused.prior import SPREAD, STRENGTH, prior
+from crashfuse.approaches.fused.prior import PRIOR, SPREAD, STRENGTH
 from crashfuse.approaches.fused.weights import Pool, Scores, spread
 from crashfuse.approaches.left_out import STRIDE, predicted, speed_groups
 from crashfuse.approaches.settings import Device, Settings
@@ -122,7 +122,7 @@ class Fused(Approach):
 
     def _begin(self, campaign: Campaign) -> None:
         self._tests = Tests.of(campaign, self.displacement_domain_.model_)
-        self.pool_ = Pool(prior(len(campaign.tests)), spread=SPREAD, strength=STRENGTH)
+        self.pool_ = Pool(PRIOR, spread=SPREAD, strength=STRENGTH)
 
     def _alone(self) -> list[Unseen]:
         """Components for each test left out alone, where both approaches predicted it from the others."""

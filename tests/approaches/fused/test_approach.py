@@ -8,7 +8,7 @@ import pytest
 
 from crashfuse.approaches.calibration import Coverage
 from crashfuse.approaches.fused.approach import Fused
-from crashfuse.approaches.fused.prior import SPREAD, STRENGTH, prior
+from crashfuse.approaches.fused.prior import PRIOR, SPREAD, STRENGTH
 from crashfuse.approaches.fused.weights import Pool, Scores, spread
 from crashfuse.campaign import Campaign, CrashTest
 from crashfuse.condition import Condition
@@ -130,7 +130,7 @@ def test_a_single_test_is_enough(campaign: Campaign) -> None:
     prediction = fused.predict(condition)
     assert np.isfinite(prediction.accel_mps2).all()
     assert "weights of other vehicles" in prediction.notes[0]
-    np.testing.assert_array_equal(fused.pool_.logits_, prior(1))
+    np.testing.assert_array_equal(fused.pool_.logits_, PRIOR)
     told = {part: int(share) for share, part in re.findall(r"(\d+) % (time|displacement|raw)", prediction.notes[0])}
     told_in_order = [told[part] for part in ("time", "displacement", "raw")]
     np.testing.assert_allclose(told_in_order, 100 * _weights(fused, condition), atol=1)
@@ -158,7 +158,7 @@ def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign
         scores.append(Scores.of(test.pulse.accel_mps2[:750:10], [draws[:, :75] for draws in drawn]))
         spreads.append(scores[-1].spreads)
         means.append([*(left.mean_mps2[row] for left, row in rows), pulse[::10]])
-    again = Pool(prior(3), spread=SPREAD, strength=STRENGTH).fit(scores)
+    again = Pool(PRIOR, spread=SPREAD, strength=STRENGTH).fit(scores)
     np.testing.assert_allclose(fused.pool_.logits_, again.logits_, atol=1e-3)
     expected = fused.left_out(rest)
     assert tuple(expected) == rest.test_ids
