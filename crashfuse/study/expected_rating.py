@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import stdtrit
@@ -126,10 +127,7 @@ def expected_rating(
         return abs(test.condition.speed_mps - condition.speed_mps)
 
     near = [test for i, test in enumerate(sorted(tests, key=away)) if i < _LEAST or away(test) <= _REACH_MPS]
-    ratings = [
-        rate_windows(test.pulse, Pulse(GRID_S, left_out_mps2[test.id]), [window_ms])[float(window_ms)].overall
-        for test in near
-    ]
+    ratings = [_overall(test.pulse, left_out_mps2[test.id].astype(np.float64).tobytes(), float(window_ms)) for test in near]
     gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test
     return ExpectedRating(
         float(np.mean(ratings)),
@@ -142,6 +140,13 @@ def expected_rating(
         away(near[-1]),
         bool(np.abs(speeds - condition.speed_mps).min() > max(*gaps, _BESIDE_MPS)),
     )
+
+
+@lru_cache(maxsize=512)  # at every condition the same tests are asked about; up to 10 kB each
+def _overall(measured: Pulse, predicted_mps2: bytes, window_ms: float) -> float:
+    """Overall rating over one window of a prediction in m/s², given as bytes of float64 so that it can be a key."""
+    predicted = Pulse(GRID_S, np.frombuffer(predicted_mps2))
+    return rate_windows(measured, predicted, [window_ms])[window_ms].overall
 
 
 def rating_range(lower: float, upper: float) -> str:

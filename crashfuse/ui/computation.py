@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 from weakref import WeakValueDictionary
 
+import numpy as np
 import streamlit as st
 
 from crashfuse.approaches.fit_cache import is_cached
@@ -206,7 +207,8 @@ class FitRequest(Request[Fitted]):
             if set(fits) > {BASELINE}:  # the raw CAE model alone answers nothing
                 watch.show_part(Fitted(tuple(fits[name] for name in names if name in fits)))
         fitted = Fitted(tuple(fits[name] for name in names))
-        fitted.estimates(self.campaign.tests[0].condition)  # computes what all later answers share
+        at_no_test = np.median(self.campaign.cae.vectors, axis=0)  # where nothing is known from earlier
+        fitted.estimates(Condition(*at_no_test.tolist()))  # computes what all later answers share
         return fitted
 
     def in_cache(self) -> bool:  # noqa: D102

@@ -12,10 +12,12 @@ def kept_choice(key: str, options: Sequence[str], draw: Callable[[str, Callable[
     approach that has not been fitted yet, a test of another campaign.
     """
     state, widget = st.session_state, f"{key} here"
-    state[widget] = [name for name in options if name in state[key]]
+    whole = state[key]
+    state[widget] = [name for name in options if name in whole]
 
     def keep() -> None:
         state[key] = [*(name for name in state[key] if name not in options), *state[widget]]
 
     draw(widget, keep)
-    return [name for name in options if name in state[widget]]
+    here = state[widget]
+    return [name for name in options if name in here]

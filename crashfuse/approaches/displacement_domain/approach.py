@@ -19,7 +19,7 @@ from crashfuse.approaches.displacement_domain.bias import (
     uniform_points,
 )
 from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
-from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
+from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView, refined
 from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
@@ -212,7 +212,7 @@ class DisplacementDomain(Approach):
         speed, curve, end_share, fine = cae.condition.speed_mps, cae.curve, self.bias_.end_share, cae.grid_m
         wide = bias.widened(widening)
         force = curve.accel_at(fine, end_share)
-        over_displacement = force + [np.interp(fine, fine[::FINER], f) for f in wide.over_displacement_mps2]
+        over_displacement = force + refined(wide.over_displacement_mps2)
         over_speed = curve.stopping_accel(_SHARES, end_share) + wide.over_speed_mps2
         dt_s, n_times = stride * DT_S, N_SAMPLES // stride
         motion = integrate(over_displacement, fine[1], over_speed, speed, dt_s=dt_s, n_times=n_times)

@@ -53,3 +53,10 @@ class CaeView:
     def beside(self, test: CrashTest) -> Unloading:
         """Pair a test at this condition with the CAE pulse, for the rebound."""
         return Unloading(self.condition.speed_mps, test.pulse.accel_mps2, self.accel_mps2, self.curve.own)
+
+
+def refined(functions: FloatArray) -> FloatArray:
+    """Functions on the grid of a bias, shape (n, m + 1), on that of the CAE model, (n, FINER m + 1): linear between."""
+    shares = np.arange(FINER) / FINER
+    between = functions[:, :-1, None] + np.diff(functions)[..., None] * shares
+    return np.hstack([between.reshape(len(functions), -1), functions[:, -1:]])

@@ -51,29 +51,37 @@ def integrate(
     dt_s, n_times : float, int
         Time step and number of times, the first being contact.
     """
-    n_draws = len(over_displacement_mps2)
-    by_displacement = _Table(over_displacement_mps2, step_m)
-    by_speed = _Table(over_speed_mps2, speed_mps / (over_speed_mps2.shape[1] - 1))
-
+    # In units of the grid and of the time step: the first samples are then the places in the tables, and the scheme is
+    # s += v + a / 2, then v += (a + a') / 2. Halves of accelerations are kept; the overhead of each call dominates.
+    half = 0.5 * dt_s**2 / step_m
+    by_displacement = _Table(half * over_displacement_mps2, 1.0)
+    start = speed_mps * dt_s / step_m
+    by_speed = _Table(half * over_speed_mps2, start / (over_speed_mps2.shape[1] - 1))
     adding = np.flatnonzero(over_speed_mps2.any(axis=0))  # usually near the stop only
-    slow_mps = by_speed.step * (adding[-1] + 1) if adding.size else -np.inf
+    slow = by_speed.step * (adding[-1] + 1) if adding.size else -np.inf
 
-    def accel_at(s: FloatArray, v: FloatArray) -> FloatArray:
-        accel = by_displacement(s)
-        return accel + by_speed(v) if v.min() < slow_mps else accel
-
+    n_draws = len(over_displacement_mps2)
     accel, velocity, displacement = (np.empty((n_times, n_draws)) for _ in range(3))
-    s, v = np.zeros(n_draws), np.full(n_draws, speed_mps)
-    a = accel_at(s, v)
+    s, v = np.zeros(n_draws), np.full(n_draws, start)
+    a = by_displacement(s)
+    if start < slow:
+        a += by_speed(v)
     for i in range(n_times):
         accel[i], velocity[i], displacement[i] = a, v, s
         if i % _LOOK_STEPS == 0 and v.max() < 0:  # all have stopped
             accel[i:], velocity[i:], displacement[i:] = a, v, s
             break
-        s = s + (v + 0.5 * a * dt_s) * dt_s
-        a_next = accel_at(s, v + a * dt_s)
-        v = v + 0.5 * (a + a_next) * dt_s
-        a = a_next
+        s += v
+        s += a
+        v += a
+        ahead = by_displacement(s)
+        if (expected := v + a).min() < slow:
+            ahead += by_speed(expected)
+        v += ahead
+        a = ahead
+    accel *= 2 * step_m / dt_s**2
+    velocity *= step_m / dt_s
+    displacement *= step_m
     return SimulatedMotion(accel.T, velocity.T, displacement.T)
 
 
@@ -103,7 +111,8 @@ class _Table:
     def __call__(self, x: FloatArray) -> FloatArray:
         """Interpolate one value of each row."""
         place = x / self.step
-        np.minimum(np.maximum(place, 0.0, out=place), self.n - 1.0, out=place)
+        np.maximum(place, 0.0, out=place)
+        np.minimum(place, self.n - 1.0, out=place)
         line = place.astype(np.intp)
         line += self.first
         place *= self.slopes.take(line)

@@ -11,7 +11,7 @@ from crashfuse.approaches.base import MOST_TESTS
 from crashfuse.approaches.displacement_domain.bias import BiasPoints, uniform_points
 from crashfuse.approaches.displacement_domain.bias_parts import FIRST_FACTOR, GROWTH_UNIT_M, scatter_parts
 from crashfuse.approaches.displacement_domain.cae_force import CaeForce
-from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
+from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView, refined
 from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
@@ -125,7 +125,7 @@ class Scatter:
         grid = np.minimum(fine[::FINER], _BEYOND * phase.crush_m)
         with threadpool_limits(1):
             differences = self.bias_.differences(condition, grid, n, rng)
-            crushing = own.accel_at(fine, end_share) + [np.interp(fine, fine[::FINER], each) for each in differences]
+            crushing = own.accel_at(fine, end_share) + refined(differences)
             stopping = np.tile(own.stopping_accel(_SHARES, end_share), (n, 1))
             motion = integrate(crushing, fine[1], stopping, speed)
             return self.rebound_.repeat(motion.accel_mps2, speed, accel, rng)

@@ -6,9 +6,11 @@ study, all subsets of a learning curve and all predictions share it.
 
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import torch
 from torch import Tensor
 
 from crashfuse.approaches.time_domain.config import TcnConfig
@@ -23,6 +25,7 @@ from crashfuse.signals.pulse import FloatArray
 _KIND = "tangent kernel"  # of cache entry: all pairs that are known for these networks
 _MOST = 64  # conditions whose pairs are kept, 33 MB
 
+T = TypeVar("T")
 Vector = tuple[float, ...]
 Pair = tuple[Vector, Vector]
 
@@ -53,15 +56,15 @@ class KernelBlocks:
         settings = {"config": config.lf_settings, "code": code_digest(__name__)}
         self._key = {"library": library, "weights": weights, **settings}
         self._blocks: dict[Pair, npt.NDArray[np.float32]] = {}
-        # of each member at the tests, for predictions at any number of conditions
-        self._tangents: list[dict[Vector, Tangent]] = [{} for _ in range(network.members)]
+        # of each member at the tests, 3 MB a test, for predictions at any number of conditions
+        self._at_tests: tuple[list[Vector], list[Tangent]] = [], []
 
     def among(self, vectors: FloatArray) -> FloatArray:
         """Kernel between all of these conditions, shape (n, n_times, n, n_times)."""
         ours = _tuples(vectors)
         pairs = {_pair(one, two) for one in ours for two in ours}
         self._look_up(pairs)
-        if missing := sorted(pairs - self._blocks.keys()):
+        if missing := pairs - self._blocks.keys():
             self._blocks |= self._computed(missing)
             self._keep(ours)
         return self._joined(ours, ours)
@@ -71,26 +74,50 @@ class KernelBlocks:
         ours, (new,) = _tuples(vectors), _tuples(vector[None])
         pairs = {_pair(one, new) for one in (*ours, new)}
         self._look_up(pairs)
-        known = self._blocks
-        if missing := sorted(pairs - self._blocks.keys()):
-            self._blocks = known | self._computed(missing, ours)
-        across, own = self._joined(ours, [new])[:, :, 0], self._joined([new], [new])[0, :, 0]
-        self._blocks = known
-        return across, own
+        if self._blocks.keys() >= pairs:
+            return self._joined(ours, [new])[:, :, 0], self._joined([new], [new])[0, :, 0]
+        if self._at_tests[0] != ours:
+            at_tests = self._inputs(vectors)
+            self._at_tests = ours, self._of_members(lambda _, alone: Tangent.of(alone, at_tests))
+        tests, inputs = self._at_tests[1], self._inputs(vector[None])
 
-    def _computed(self, pairs: Sequence[Pair], tests: Sequence[Vector] = ()) -> dict[Pair, npt.NDArray[np.float32]]:
-        """Blocks of these pairs, one member a thread; of the tangents, 3 MB each, those at the tests are kept."""
-        needed = {vector for pair in pairs for vector in pair}
+        def of_member(member: int, alone: Tcn) -> npt.NDArray[np.float32]:
+            here = Tangent.of(alone, inputs)
+            return torch.cat([here.kernel_with(other) for other in (tests[member], here)], dim=1).cpu().numpy()
 
-        def of_member(member: int) -> list[npt.NDArray[np.float32]]:
-            alone, kept = self._network.alone(member, self._config), self._tangents[member]
-            at = kept | {v: Tangent.of(alone, self._inputs(np.array([v]))) for v in needed - kept.keys()}
-            kept.update({vector: at[vector] for vector in needed.intersection(tests)})
-            return [at[one].kernel_with(at[two]).cpu().numpy() for one, two in pairs]
+        kernel = _mean(self._of_members(of_member)).astype(np.float64)
+        blocks = np.ascontiguousarray(kernel.T.reshape(len(ours) + 1, -1, len(kernel)))
+        return blocks[:-1], blocks[-1]
+
+    def _computed(self, pairs: set[Pair]) -> dict[Pair, npt.NDArray[np.float32]]:
+        """Blocks of these pairs."""
+        conditions = sorted({vector for pair in pairs for vector in pair})
+        partners = [[n for n, two in enumerate(conditions) if (one, two) in pairs] for one in conditions]
+        inputs = self._inputs(np.array(conditions))
+
+        def of_member(_: int, alone: Tcn) -> list[npt.NDArray[np.float32]]:
+            at, n_times, found = Tangent.of(alone, inputs), len(inputs), []
+            for number, own in enumerate(partners):
+                if own:
+                    first, last = own[0], own[-1] + 1
+                    here, beyond = (
+                        at.part(slice(a * n_times, b * n_times)) for a, b in ((number, number + 1), (first, last))
+                    )
+                    blocks = here.kernel_with(beyond).cpu().numpy().reshape(n_times, -1, n_times)
+                    found += [blocks[:, other - first] for other in own]
+            return found
+
+        order = [(conditions[one], conditions[two]) for one, own in enumerate(partners) for two in own]
+        return dict(zip(order, _mean(self._of_members(of_member)), strict=True))
+
+    def _of_members(self, work: Callable[[int, Tcn], T]) -> list[T]:
+        """Do something with each member, one a thread."""
+
+        def of_member(member: int) -> T:
+            return work(member, self._network.alone(member, self._config))
 
         with quick_threads(self._network), Crew(self._network.members) as crew:
-            by_member = np.array(crew.map(of_member, range(self._network.members)))
-        return dict(zip(pairs, by_member.mean(axis=0, dtype=np.float64).astype(np.float32), strict=True))
+            return crew.map(of_member, range(self._network.members))
 
     def _joined(self, ours: Sequence[Vector], theirs: Sequence[Vector]) -> FloatArray:
         blocks = np.array([[self._block(one, two) for two in theirs] for one in ours], dtype=np.float64)
@@ -114,6 +141,10 @@ class KernelBlocks:
         if len(conditions) <= _MOST:
             chosen = set(conditions)
             self._cache.put(_KIND, self._key, _packed({p: b for p, b in self._blocks.items() if chosen >= set(p)}))
+
+
+def _mean(by_member: Sequence[npt.ArrayLike]) -> npt.NDArray[np.float32]:
+    return np.array(by_member).mean(axis=0, dtype=np.float64).astype(np.float32)
 
 
 def _tuples(vectors: FloatArray) -> list[Vector]:

@@ -8,6 +8,7 @@ stored: 3 MB per pulse and member.
 """
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import NamedTuple, cast
 
 import torch
@@ -18,19 +19,23 @@ from crashfuse.approaches.time_domain.network import CausalConv, ResidualBlock, 
 
 
 class Product(NamedTuple):
-    """Derivative with respect to a weight matrix, back ⊗ seen per output, both of shape (n_times, ·)."""
+    """Derivative with respect to a weight matrix, back ⊗ seen per output, both of shape (n_outputs, ·)."""
 
     back: Tensor
     seen: Tensor
 
+    def product_with(self, other: "Product") -> Tensor:
+        """Scalar products of two such derivatives, shape (n_outputs, n_outputs of the other)."""
+        return (self.back @ other.back.T) * (self.seen @ other.seen.T)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Tangent:
-    """Derivatives of a single network's outputs at one condition.
+    """Derivatives of a single network's outputs: at all times of one condition, then of the next.
 
     Attributes
     ----------
-    first : Tensor, shape (n_times, n_weights)
+    first : Tensor, shape (n_outputs, n_weights)
         With respect to the weights of the first block.
     last : tuple of tuple of Product
         For the head and each convolution of the last block, the products whose sum is the derivative.
@@ -41,23 +46,39 @@ class Tangent:
 
     @classmethod
     def of(cls, network: Tcn, inputs: Tensor) -> "Tangent":
-        """Differentiate a single network at inputs of shape (n_times, 1, n_inputs)."""
+        """Differentiate a single network at inputs of shape (n_times, n_conditions, n_inputs)."""
         inputs = inputs.to(network.device)
         with torch.no_grad():
             return cls(_by_first_block(network, inputs), _by_last_block(network, inputs))
 
+    def part(self, outputs: slice) -> "Tangent":
+        """Derivatives of some of the outputs."""
+        last = (tuple(Product(one.back[outputs], one.seen[outputs]) for one in own) for own in self.last)
+        return Tangent(self.first[outputs], tuple(last))
+
     def kernel_with(self, other: "Tangent") -> Tensor:
-        """Scalar products of derivatives here and at another condition, shape (n_times, n_times)."""
+        """Scalar products of derivatives here and elsewhere, shape (n_outputs, n_outputs of the other)."""
         kernel = self.first @ other.first.T
         for ours, theirs in zip(self.last, other.last, strict=True):
-            for one in ours:
-                for two in theirs:
-                    kernel += (one.back @ two.back.T) * (one.seen @ two.seen.T)
+            for i, j in combinations_with_replacement(range(len(ours)), 2):
+                term = ours[i].product_with(theirs[j])
+                kernel += term if i == j else term + ours[j].product_with(theirs[i])  # the same bits the other way round
         return kernel
 
 
 def _by_first_block(network: Tcn, inputs: Tensor) -> Tensor:
-    """Derivatives with respect to the first block's weights, shape (n_times, n_weights)."""
+    """Derivatives with respect to the first block's weights, shape (n_outputs, n_weights)."""
+    n_times, n_conditions, _ = inputs.shape
+    n_weights = sum(weight[0].numel() for weight in network.blocks[0].parameters())
+    derivatives = inputs.new_empty((n_conditions, n_times, n_weights))
+    for condition, own in zip(inputs.split(1, dim=1), derivatives, strict=True):
+        products = _products_of_first_block(network, condition)
+        torch.cat([(back[0].flatten(1).T @ seen[0, :, 0]).view(n_times, -1) for back, seen in products], dim=1, out=own)
+    return derivatives.flatten(0, 1)
+
+
+def _products_of_first_block(network: Tcn, inputs: Tensor) -> list[tuple[Tensor, Tensor]]:
+    """What the first block's derivatives at one condition are sums over the steps of: (step, output, ·), (step, ·)."""
     first, *later = cast(list[ResidualBlock], list(network.blocks))
     hidden = [inputs[None]]
     for block in (first, *later):
@@ -74,7 +95,7 @@ def _by_first_block(network: Tcn, inputs: Tensor) -> Tensor:
     ]
     if isinstance(first.shortcut, CausalConv):
         products.append((by_sum, _seen(first.shortcut, hidden[0])))
-    return torch.cat([torch.einsum("stc,sk->tck", b[0], s[0, :, 0]).flatten(1) for b, s in products], dim=1)
+    return products
 
 
 def _backwards(block: ResidualBlock, inputs: Tensor, back: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -88,8 +109,11 @@ def _backwards(block: ResidualBlock, inputs: Tensor, back: Tensor) -> tuple[Tens
 
 def _transposed(convolution: CausalConv, back: Tensor) -> Tensor:
     """Derivatives by the input of a convolution, from those by its output."""
-    taps = zip(convolution.weight[0], convolution.lags, strict=True)
-    return torch.stack([functional.pad(back[:, lag:], (0, 0, 0, 0, 0, lag)) @ tap.T for tap, lag in taps]).sum(dim=0)
+    *before, present = convolution.weight[0]
+    by_input = back @ present.T
+    for tap, lag in zip(before, convolution.lags, strict=False):
+        by_input[:, : max(back.shape[1] - lag, 0)] += back[:, lag:] @ tap.T
+    return by_input
 
 
 def _by_last_block(network: Tcn, inputs: Tensor) -> tuple[tuple[Product, ...], ...]:
@@ -115,8 +139,8 @@ def _by_last_block(network: Tcn, inputs: Tensor) -> tuple[tuple[Product, ...], .
 
 
 def _product(back: Tensor, seen: Tensor) -> Product:
-    """Create a product from sequences of a single member and condition, shape (1, n_times, 1, ·)."""
-    return Product(back[0, :, 0], seen[0, :, 0])
+    """Create a product from sequences of a single member, shape (1, n_times, n_conditions, ·)."""
+    return Product(*(factor[0].transpose(0, 1).flatten(0, 1) for factor in (back, seen)))
 
 
 def _seen(convolution: CausalConv, inputs: Tensor) -> Tensor:
