@@ -127,7 +127,9 @@ def expected_rating(
         return abs(test.condition.speed_mps - condition.speed_mps)
 
     near = [test for i, test in enumerate(sorted(tests, key=away)) if i < _LEAST or away(test) <= _REACH_MPS]
-    ratings = [_overall(test.pulse, left_out_mps2[test.id].astype(np.float64).tobytes(), float(window_ms)) for test in near]
+    ratings = [
+        _overall(test.pulse, left_out_mps2[test.id].astype(np.float64).tobytes(), float(window_ms)) for test in near
+    ]
     gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test
     return ExpectedRating(
         float(np.mean(ratings)),
@@ -140,6 +142,10 @@ def expected_rating(
         away(near[-1]),
         bool(np.abs(speeds - condition.speed_mps).min() > max(*gaps, _BESIDE_MPS)),
     )
+
+
+def _bytes(pulse_mps2: FloatArray) -> bytes:
+    return pulse_mps2.astype(np.float64).tobytes()
 
 
 @lru_cache(maxsize=512)  # at every condition the same tests are asked about; up to 10 kB each

@@ -5,6 +5,7 @@ study, all subsets of a learning curve and all predictions share it.
 """
 
 import hashlib
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
@@ -76,18 +77,21 @@ class KernelBlocks:
         self._look_up(pairs)
         if self._blocks.keys() >= pairs:
             return self._joined(ours, [new])[:, :, 0], self._joined([new], [new])[0, :, 0]
-        if self._at_tests[0] != ours:
-            at_tests = self._inputs(vectors)
-            self._at_tests = ours, self._of_members(lambda _, alone: Tangent.of(alone, at_tests))
+        conditions = sorted(ours)
+        if self._at_tests[0] != conditions:
+            at_tests = self._inputs(np.array(conditions))
+            self._at_tests = conditions, self._of_members(lambda _, alone: Tangent.of(alone, at_tests))
         tests, inputs = self._at_tests[1], self._inputs(vector[None])
+        n_times, before = len(inputs), bisect_right(conditions, new)
 
         def of_member(member: int, alone: Tcn) -> npt.NDArray[np.float32]:
-            here = Tangent.of(alone, inputs)
-            return torch.cat([here.kernel_with(other) for other in (tests[member], here)], dim=1).cpu().numpy()
+            here, split = Tangent.of(alone, inputs), before * n_times
+            less, more = tests[member].part(slice(split)), tests[member].part(slice(split, None))
+            blocks = less.kernel_with(here), here.kernel_with(more).T, here.kernel_with(here)  # ordered as a pair is
+            return torch.cat(blocks).cpu().numpy()
 
-        kernel = _mean(self._of_members(of_member)).astype(np.float64)
-        blocks = np.ascontiguousarray(kernel.T.reshape(len(ours) + 1, -1, len(kernel)))
-        return blocks[:-1], blocks[-1]
+        kernel = _mean(self._of_members(of_member)).astype(np.float64).reshape(-1, n_times, n_times)
+        return kernel[[conditions.index(vector) for vector in ours]], kernel[-1]
 
     def _computed(self, pairs: set[Pair]) -> dict[Pair, npt.NDArray[np.float32]]:
         """Blocks of these pairs."""

@@ -8,7 +8,6 @@ stored: 3 MB per pulse and member.
 """
 
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 from typing import NamedTuple, cast
 
 import torch
@@ -23,10 +22,6 @@ class Product(NamedTuple):
 
     back: Tensor
     seen: Tensor
-
-    def product_with(self, other: "Product") -> Tensor:
-        """Scalar products of two such derivatives, shape (n_outputs, n_outputs of the other)."""
-        return (self.back @ other.back.T) * (self.seen @ other.seen.T)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,9 +55,9 @@ class Tangent:
         """Scalar products of derivatives here and elsewhere, shape (n_outputs, n_outputs of the other)."""
         kernel = self.first @ other.first.T
         for ours, theirs in zip(self.last, other.last, strict=True):
-            for i, j in combinations_with_replacement(range(len(ours)), 2):
-                term = ours[i].product_with(theirs[j])
-                kernel += term if i == j else term + ours[j].product_with(theirs[i])  # the same bits the other way round
+            for one in ours:
+                for two in theirs:
+                    kernel += (one.back @ two.back.T) * (one.seen @ two.seen.T)
         return kernel
 
 
@@ -109,9 +104,8 @@ def _backwards(block: ResidualBlock, inputs: Tensor, back: Tensor) -> tuple[Tens
 
 def _transposed(convolution: CausalConv, back: Tensor) -> Tensor:
     """Derivatives by the input of a convolution, from those by its output."""
-    *before, present = convolution.weight[0]
-    by_input = back @ present.T
-    for tap, lag in zip(before, convolution.lags, strict=False):
+    by_input = back.new_zeros((*back.shape[:-1], convolution.weight.shape[2]))
+    for tap, lag in zip(convolution.weight[0], convolution.lags, strict=True):
         by_input[:, : max(back.shape[1] - lag, 0)] += back[:, lag:] @ tap.T
     return by_input
 

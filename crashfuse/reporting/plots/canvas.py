@@ -29,33 +29,33 @@ BAND = "band"
 def new_figure(height: int) -> go.Figure:
     """An empty figure over time in ms, in the common style: legend above it, tools beside it."""
     axis = {"gridcolor": GRID, "zerolinecolor": AXIS, "linecolor": AXIS, "automargin": True}
-    figure = go.Figure()
-    figure.update_layout(
-        template=_TEMPLATE,
-        height=height,
-        font={"family": _FONT, "size": _FONT_PX, "color": INK},
-        paper_bgcolor=PAPER,
-        plot_bgcolor=PAPER,
-        margin={"l": 64, "r": 44, "t": 40, "b": 52},
-        modebar={"orientation": "v"},
-        hovermode="x unified",
-        hoverlabel={"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
-        legend={"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},
+    over_time = {
+        "title": "Time (ms)",
+        "range": [0, 100],
+        "unifiedhovertitle": {"text": "%{x:.1f} ms"},
+        "ticks": "outside",
+        "showspikes": True,
+        "spikemode": "across",
+        "spikesnap": "cursor",
+        "spikethickness": 1,
+        "spikecolor": CURSOR,
+    }
+    return go.Figure(
+        layout={  # all at once: each update is checked anew
+            "template": _TEMPLATE,
+            "height": height,
+            "font": {"family": _FONT, "size": _FONT_PX, "color": INK},
+            "paper_bgcolor": PAPER,
+            "plot_bgcolor": PAPER,
+            "margin": {"l": 64, "r": 44, "t": 40, "b": 52},
+            "modebar": {"orientation": "v"},
+            "hovermode": "x unified",
+            "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
+            "legend": {"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},
+            "xaxis": {**axis, **over_time},
+            "yaxis": axis,
+        }
     )
-    figure.update_xaxes(
-        **axis,
-        title="Time (ms)",
-        range=[0, 100],
-        unifiedhovertitle={"text": "%{x:.1f} ms"},
-        ticks="outside",
-        showspikes=True,
-        spikemode="across",
-        spikesnap="cursor",
-        spikethickness=1,
-        spikecolor=CURSOR,
-    )
-    figure.update_yaxes(**axis)
-    return figure
 
 
 def height_under_names(count: int) -> int:
@@ -80,7 +80,7 @@ def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -
     All rows of stacked plots use the same x axis, so that one cursor runs through all of them; a lower row
     is selected by its ``yaxis``, such as ``"y2"``.
     """
-    figure.add_scatter(x=_single(x), y=_single(y), **{"mode": "lines", "hovertemplate": "%{y:.1f}", **style})
+    _add(figure, x, y, {"hovertemplate": "%{y:.1f}", **style})
 
 
 def add_band(
@@ -111,15 +111,7 @@ def add_band(
     if filled:
         alpha = f"rgba{(*hex_to_rgb(colour), _BAND_ALPHA)}"
         look = {"line": {"width": 0, "color": colour}, "fill": "toself", "fillcolor": alpha}
-    figure.add_scatter(
-        x=_single(across),
-        y=_single(up),
-        mode="lines",
-        hoverinfo="skip",
-        meta=BAND,
-        **look,
-        **style,
-    )
+    _add(figure, across, up, {"hoverinfo": "skip", "meta": BAND, **look, **style})
 
 
 def band_points(size: int) -> npt.NDArray[np.intp]:
@@ -147,6 +139,11 @@ def share_y_range(figures: Iterable[go.Figure]) -> None:
     margin = 0.05 * np.ptp(values)
     for figure in figures:
         figure.update_yaxes(range=[values.min() - margin, values.max() + margin])
+
+
+def _add(figure: go.Figure, x: FloatArray, y: FloatArray, style: dict[str, Any]) -> None:
+    """Add a curve; one given as a dict is checked once, by ``add_scatter`` twice."""
+    figure.add_trace({"type": "scatter", "mode": "lines", "x": _single(x), "y": _single(y), **style})
 
 
 def _single(values: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:

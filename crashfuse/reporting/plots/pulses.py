@@ -23,6 +23,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
+from crashfuse.signals.pulse import motion as integrals
 from crashfuse.signals.rating_scores import INNER_CORRIDOR, OUTER_CORRIDOR
 from crashfuse.units import MS
 
@@ -197,8 +198,8 @@ def _integrals(
         v_band = s_band = None
         speed = prediction.condition.speed_mps
         if prediction.draws_mps2 is not None:
-            draws = kinematics(prediction.draws_mps2, speed, DT_S)
-            v_band, s_band = _central(display.speeds(draws.velocity_mps)), _central(draws.displacement_m / _MM)
+            drawn_v, drawn_s = integrals(prediction.draws_mps2, speed, DT_S)
+            v_band, s_band = _central(drawn_v, display.speeds(1.0)), _central(drawn_s, 1 / _MM)
         own = kinematics(prediction.accel_mps2, speed, DT_S)
         velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
         displacements[name] = Curve(_GRID_MS, own.displacement_m / _MM, s_band)
@@ -209,11 +210,11 @@ def _integrals(
     return velocities, displacements
 
 
-def _central(draws: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Time in ms and the central 95 % of draws, at the points at which a band is drawn; sorting is quickest for both."""
+def _central(draws: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Time in ms and the central 95 % of draws, where a band is drawn; sorting is quickest for both edges."""
     some = band_points(draws.shape[1])
-    ordered = np.sort(draws[:, some], axis=0)
-    lower, upper = (_between(ordered, share * (len(draws) - 1)) for share in (0.025, 0.975))
+    ordered = np.sort(draws[:, some].astype(np.float32), axis=0)
+    lower, upper = (scale * _between(ordered, share * (len(draws) - 1)) for share in (0.025, 0.975))
     return _GRID_MS[some], lower, upper
 
 
