@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from crashfuse.cli.arguments import parser
 from crashfuse.cli.output import giving_back
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, DataError, UsageError, out_of_memory, printable
+from crashfuse.execution.memory import share_one_heap
 from crashfuse.readers.axes import TRAVELS
 
 __all__ = ["main", "parser"]
@@ -28,6 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say("crashfuse: one of the arguments is empty; was a variable not set?")
         return WRONG_USAGE
     command: Callable[[argparse.Namespace], None] = arguments.run
+    share_one_heap()
     try:
         with giving_back():
             command(arguments)

@@ -29,6 +29,7 @@ from joblib.externals.loky.process_executor import BrokenProcessPool
 from crashfuse.campaign import Campaign
 from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.memory import give_back
 from crashfuse.execution.progress import SILENT, Watch
 
 log = logging.getLogger(__name__)
@@ -42,7 +43,7 @@ Work = Callable[[Campaign, T, Cache, Watch], list[R]]
 RESUME = "Whatever was finished is in the cache: the same command with --resume continues from there"
 _LIVES = 3  # deaths of workers in a row, with nothing finished, before giving up
 GLANCE_S = 0.1  # interval at which pending tasks are polled
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX"), "1")
 
 
 class Workers(ABC):
@@ -147,7 +148,10 @@ class Local(Workers):
 
 
 def _in_process(work: Work[T, R], file: Path, task: T, cache: Cache) -> tuple[list[R], dict[str, bytes]]:
-    return work(_campaign(file), task, cache, SILENT), {}
+    try:
+        return work(_campaign(file), task, cache, SILENT), {}
+    finally:
+        give_back()
 
 
 # arrays are read from the campaign's file on demand, so that all processes share one copy

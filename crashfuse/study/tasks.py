@@ -18,6 +18,7 @@ from crashfuse.approaches.fit_cache import FITS
 from crashfuse.approaches.registry import APPROACHES, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.memory import give_back
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
 from crashfuse.study.config import StudyConfig
@@ -58,6 +59,7 @@ def prepare(campaign: Campaign, approaches: Set[str], config: StudyConfig, cache
     shared = Cache(cache.folder)
     for name in sorted(approaches):
         config.create(name, shared).prepare(cae_only, conditions, watch)
+    give_back()
     return shared
 
 

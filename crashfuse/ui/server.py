@@ -16,6 +16,7 @@ from streamlit import net_util
 from streamlit.runtime.pages_manager import PagesManager
 
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
+from crashfuse.execution.memory import share_one_heap
 from crashfuse.ui import journal, login
 from crashfuse.ui.starting import start_importing
 from crashfuse.ui.visitors import BROWSER
@@ -85,6 +86,7 @@ def prepare() -> tuple[Middleware, ...]:
     except (CrashfuseError, OSError) as error:
         sys.exit(f"crashfuse: {error}")
     _end_as_by_ctrl_c()
+    share_one_heap()
     return (Middleware(Guard),)
 
 
