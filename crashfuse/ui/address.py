@@ -5,7 +5,7 @@ written to the address, which the browser remembers one by one; they are read ba
 Forward.
 """
 
-from collections.abc import Mapping, MutableMapping, Sequence
+from collections.abc import Collection, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -190,12 +190,12 @@ def publish() -> None:
         st.query_params.from_dict(shown)
 
 
-def parameters(page: str) -> dict[str, list[str]]:
-    """Parameters of a link to a page that shows what this session has chosen."""
+def parameters(page: str, keys: Collection[str] = ()) -> dict[str, list[str]]:
+    """Parameters of a link to a page that shows what this session has chosen; ``keys`` are those of :func:`keys`."""
     state = _state()
     known = state.get(_DEFAULTS, {})
     shown = {}
-    for key, choice in _of(page).items():
+    for key, choice in _of(page, keys).items():
         value, usual = state.get(key), choice.default
         if value is not None and value not in (known.get(key), list(usual) if isinstance(usual, tuple) else usual):
             shown[key] = choice.texts(value)
@@ -212,12 +212,17 @@ def acts(key: str, page: str) -> bool:
     return key in _of(page)
 
 
-def _of(page: str | None) -> dict[str, Choice]:
+def keys() -> frozenset[str]:
+    """All keys of the session and of the address; Streamlit takes milliseconds to list them."""
+    return frozenset({*map(str, _state()), *st.query_params})
+
+
+def _of(page: str | None, known: Collection[str] = ()) -> dict[str, Choice]:
     """The choices that act on a page, or on any, with those of a campaign's factors that are made or asked for."""
     here = {key: choice for key, choice in CHOICES.items() if page is None or not choice.pages or page in choice.pages}
     for family in [key for key in here if key.endswith(_ANY)]:
         choice, stem = here.pop(family), family.removesuffix(_ANY)
-        here |= {key: choice for key in {*map(str, _state()), *st.query_params} if key.startswith(stem)}
+        here |= {key: choice for key in known or keys() if key.startswith(stem)}
     return here
 
 

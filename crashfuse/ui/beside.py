@@ -16,6 +16,7 @@ from crashfuse.campaign import SPEED_STEP_MPS, Campaign
 from crashfuse.condition import Condition
 from crashfuse.reporting.figures import RUN, Further, pulse_name
 from crashfuse.reporting.plots.curves import TEST, by_preference
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.nearest import nearest_tests
 from crashfuse.ui.computation import FitRequest, answers, chosen_config
@@ -129,14 +130,13 @@ def _choose_beside(view: View, condition: Condition | None, approach: str, held_
     """Further pulses; with a condition, the tests are among the choices."""
     campaign, pins = view.campaign, pinned()
     at_pins = {f"{_PIN}{text}": f"{LABELS[approach]} at {view.display.briefly(at)}" for text, at in pins.items()}
-    runs = zip(campaign.cae.ids, campaign.cae.conditions, strict=True)
-    offered = {(name := f"{RUN}{run}"): pulse_name(name, at, view.display) for run, at in runs}
+    offered = _offered_runs(campaign.fingerprint, view.display, campaign)
     if condition is not None:
         tests = [test for test in campaign.tests if test.id != held_out]
-        offered = {test.id: pulse_name(test.id, test.condition, view.display) for test in tests} | offered
+        offered = {**{test.id: pulse_name(test.id, test.condition, view.display) for test in tests}, **offered}
     unasked = "" if condition is None or held_out else condition.text  # on Predict pinned predictions are shown anyway
     if not unasked:
-        offered |= at_pins
+        offered = {**offered, **at_pins}
     also = kept_choice(
         "also", list(offered), _multiselect(offered, "Also show", "tests, CAE runs" if condition else "CAE runs")
     )
@@ -144,6 +144,13 @@ def _choose_beside(view: View, condition: Condition | None, approach: str, held_
         also += [name for name in at_pins if name != f"{_PIN}{unasked}"]
     wanted = [pins[name.removeprefix(_PIN)] for name in also if name in at_pins]
     return (*(name for name in also if name not in at_pins), *_pinned_predictions(campaign, wanted, approach))
+
+
+@st.cache_resource(max_entries=8, show_spinner=False)
+def _offered_runs(key: str, display: Display, _campaign: Campaign) -> Mapping[str, str]:  # noqa: ARG001
+    """Labels of a campaign's CAE runs by their ids, thousands of them, made once for all sessions."""
+    runs = zip(_campaign.cae.ids, _campaign.cae.conditions, strict=True)
+    return {(name := f"{RUN}{run}"): pulse_name(name, at, display) for run, at in runs}
 
 
 def _multiselect(

@@ -48,8 +48,11 @@ def navigate() -> Page:
 
 def show_links() -> None:
     """Links to all pages. Streamlit's own would drop this session's choices from the address."""
+    from crashfuse.ui import address
+
+    known, keys = pages(), address.keys()
     for name, (title, icon) in _PAGES.items():
-        show_link(name, title, icon)
+        st.page_link(known[name], label=title, icon=icon, query_params=address.parameters(name, keys))
 
 
 def show_link(name: str, label: str, icon: str = ":material/arrow_forward:") -> None:

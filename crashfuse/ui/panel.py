@@ -74,7 +74,7 @@ def show_end(job: Job[Any]) -> None:
         )
 
 
-@st.fragment(run_every=1.0)
+@st.fragment(run_every=0.5)
 def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in_full: bool = True) -> None:
     """Show the progress of a job; once it has ended, the page is redrawn.
 
