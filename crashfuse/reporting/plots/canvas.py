@@ -143,7 +143,8 @@ def share_y_range(figures: Iterable[go.Figure]) -> None:
 
 def _add(figure: go.Figure, x: FloatArray, y: FloatArray, style: dict[str, Any]) -> None:
     """Add a curve; one given as a dict is checked once, by ``add_scatter`` twice."""
-    figure.add_trace({"type": "scatter", "mode": "lines", "x": _single(x), "y": _single(y), **style})
+    panel = {name: style.pop(name) for name in ("row", "col") if name in style}
+    figure.add_trace({"type": "scatter", "mode": "lines", "x": _single(x), "y": _single(y), **style}, **panel)
 
 
 def _single(values: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
