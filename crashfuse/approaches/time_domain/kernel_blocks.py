@@ -148,7 +148,7 @@ class KernelBlocks:
 
 
 def _mean(by_member: Sequence[npt.ArrayLike]) -> npt.NDArray[np.float32]:
-    return np.array(by_member).mean(axis=0, dtype=np.float64).astype(np.float32)
+    return np.asarray(np.array(by_member).mean(axis=0, dtype=np.float64), dtype=np.float32)
 
 
 def _tuples(vectors: FloatArray) -> list[Vector]:
