@@ -66,7 +66,7 @@ def _by_first_block(network: Tcn, inputs: Tensor) -> Tensor:
     n_times, n_conditions, _ = inputs.shape
     n_weights = sum(weight[0].numel() for weight in network.blocks[0].parameters())
     derivatives = inputs.new_empty((n_conditions, n_times, n_weights))
-    for condition, own in zip(inputs.split(1, dim=1), derivatives, strict=True):
+    for condition, own in zip(torch.split(inputs, 1, dim=1), derivatives, strict=True):
         products = _products_of_first_block(network, condition)
         torch.cat([(back[0].flatten(1).T @ seen[0, :, 0]).view(n_times, -1) for back, seen in products], dim=1, out=own)
     return derivatives.flatten(0, 1)
