@@ -59,10 +59,14 @@ def test_blocks_are_those_of_the_whole_kernel() -> None:
 
 def test_a_block_does_not_depend_on_what_it_is_computed_with() -> None:
     """Beyond the rounding of products of other sizes: a test predicted in a study and alone is predicted the same."""
-    together, rounding = blocks().among(VECTORS), {"rtol": 1e-6, "atol": 1e-6}
-    np.testing.assert_allclose(blocks().among(VECTORS[1:3]), together[1:3, :, 1:3], **rounding)
-    np.testing.assert_allclose(blocks().beside(VECTORS[[2, 0]], VECTORS[1])[0], together[[2, 0], :, 1], **rounding)
-    np.testing.assert_allclose(blocks().beside(VECTORS[[2, 1]], VECTORS[1])[0], together[[2, 1], :, 1], **rounding)
+    together = blocks().among(VECTORS)
+    np.testing.assert_allclose(blocks().among(VECTORS[1:3]), together[1:3, :, 1:3], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        blocks().beside(VECTORS[[2, 0]], VECTORS[1])[0], together[[2, 0], :, 1], rtol=1e-6, atol=1e-6
+    )
+    np.testing.assert_allclose(
+        blocks().beside(VECTORS[[2, 1]], VECTORS[1])[0], together[[2, 1], :, 1], rtol=1e-6, atol=1e-6
+    )
 
 
 def test_all_parts_of_a_campaign_share_what_is_kept(tmp_path: Path, request: pytest.FixtureRequest) -> None:
