@@ -46,7 +46,9 @@ def test_it_learns_a_smooth_bias_and_passes_through_it() -> None:
     s = np.linspace(0, 0.5, 15)
     shares = np.linspace(0, 1, 5)
     condition = Condition(10.0, 970.0, 686.0)
-    draws = model.sample(condition, s, CaeForce(0 * s, 0 * s), CaeStop(shares, 0 * shares, 0.5), 50, np.random.default_rng(0))
+    draws = model.sample(
+        condition, s, CaeForce(0 * s, 0 * s), CaeStop(shares, 0 * shares, 0.5), 50, np.random.default_rng(0)
+    )
     np.testing.assert_allclose(draws.over_displacement_mps2[0], smooth(2), atol=0.5)
     assert draws.over_displacement_mps2.shape == (51, 15)
     assert not draws.over_speed_mps2.any()
