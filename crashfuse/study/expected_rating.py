@@ -144,10 +144,6 @@ def expected_rating(
     )
 
 
-def _bytes(pulse_mps2: FloatArray) -> bytes:
-    return pulse_mps2.astype(np.float64).tobytes()
-
-
 @lru_cache(maxsize=512)  # at every condition the same tests are asked about; up to 10 kB each
 def _overall(measured: Pulse, predicted_mps2: bytes, window_ms: float) -> float:
     """Overall rating over one window of a prediction in m/s², given as bytes of float64 so that it can be a key."""
