@@ -19,6 +19,7 @@ from crashfuse.units import LB, MPH, MS, G
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "tests" / "data"
+collect_ignore = ["data"]  # the tests of the example package run where it is installed
 SHARED = Path(os.environ.get("CRASHFUSE_SHARED", ROOT.parent / "shared"))
 """Vectors, worlds and real records that are not part of the project; tests of them run where they are there."""
 
