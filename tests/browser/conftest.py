@@ -123,11 +123,20 @@ class User:
             for element in self.all(css, label):
                 if element.is_enabled():
                     self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
+                    if not self._rests(element):
+                        return False
                     element.click()
                     return True
             return False
 
         self.wait(pressed, f"There is no {label!r} to click.")
+
+    @staticmethod
+    def _rests(element: WebElement) -> bool:
+        """True if nothing pushes it away: while a page is being drawn, a click would hit what comes in its place."""
+        place = element.rect
+        time.sleep(0.1)
+        return element.rect == place
 
     def fill(self, label: str, text: str) -> None:
         """Type into the field of this label, and leave it."""

