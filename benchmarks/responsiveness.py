@@ -45,8 +45,8 @@ const look = () => {
 new MutationObserver(look).observe(document, {childList: true, subtree: true});
 """
 _WATCH_MOVE = """
-const plot = () => document.querySelector('.js-plotly-plot');
-const drawn = () => JSON.stringify((plot()?.data || []).map(trace => trace.y && [...trace.y].slice(40, 44)));
+const curves = () => document.querySelector('.js-plotly-plot')?.querySelectorAll('path.js-line') || [];
+const drawn = () => [...curves()].map(curve => curve.getAttribute('d')).join();
 const app = document.querySelector('[data-testid="stApp"]');
 const before = drawn();
 window.move = {};
