@@ -22,7 +22,7 @@ from vehicles import World
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fused.components import COMPONENTS, Tests
 from crashfuse.approaches.fused.prior import PRIOR
-from crashfuse.approaches.fused.weights import spread
+from crashfuse.approaches.fused.weights import log_ratios, spread
 from crashfuse.approaches.left_out import STRIDE
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.approaches.time_domain.config import TcnConfig
@@ -45,15 +45,12 @@ _START: FloatArray = np.array([0.4, 0.6, -2.0, -1.0])
 class _Case:
     """A test predicted by all components: log ratios of their spreads, and ratings of mixtures of them."""
 
-    of_both: float
-    of_cae: float
+    log_ratios: FloatArray
     rated: RegularGridInterpolator
 
     def rating(self, told: FloatArray) -> float:
-        """Rating of the mixture; the logit of the time domain is 0 where the spreads are equal."""
-        equal, slope, cae, cae_slope = told
-        either = slope / 2 * self.of_both
-        weights = softmax([-either, equal + either, cae + cae_slope * self.of_cae])
+        """Rating of the mixture."""
+        weights = softmax(_logits(told) @ self.log_ratios)
         return float(self.rated([weights[2], weights[0] / (weights[0] + weights[1])])[0])
 
 
@@ -92,14 +89,20 @@ def _predicted(campaign: Campaign, held_out: Sequence[str], cache: Cache) -> Ite
         said = [part.predict(test.condition) for part in parts]
         raw = tests.raw(domain.model_.pulse(test.condition).accel_mps2, test.condition.speed_mps)
         draws = [*(each.draws_mps2 for each in said if each.draws_mps2 is not None), raw.draws]
-        time, displacement, cae = (np.log(spread(own[:, ::STRIDE][:, _JUDGED])) for own in draws)
+        spreads = np.array([spread(own[:, ::STRIDE][:, _JUDGED]) for own in draws])
         means = np.array([*(each.accel_mps2 for each in said), raw.mean])
         weights = [[(1 - c) * share, (1 - c) * (1 - share), c] for c in _OF_CAE for share in _SHARES]
         curves = [rated_curves(test.pulse, Pulse(GRID_S, own @ means), 60.0) for own in np.array(weights)]
         ratings = rate_many(curves[0][0], np.array([mixture for _, mixture in curves]), dt_s=RATING_DT_S)
         overall = np.reshape([rating.overall for rating in ratings], (_OF_CAE.size, _SHARES.size))
         rated = RegularGridInterpolator((_OF_CAE, _SHARES), overall)
-        yield _Case(time - displacement, cae - (time + displacement) / 2, rated)
+        yield _Case(log_ratios(spreads), rated)
+
+
+def _logits(told: FloatArray) -> FloatArray:
+    """Logits and slopes as the prior has them; the time domain's logit is 0 where the spreads are equal."""
+    equal, slope, cae, cae_slope = told
+    return np.array([[0.0, -slope / 2, 0.0], [equal, slope / 2, 0.0], [cae, 0.0, cae_slope]])
 
 
 def _mean_rating(vehicles: Sequence[Sequence[_Case]], told: FloatArray) -> float:
@@ -130,10 +133,9 @@ def main() -> None:
     shipped = np.array([displacement[0] - time[0], displacement[1] - time[1], cae[0] - time[0], cae[2]])
     halves = vehicles[::2], vehicles[1::2]
     crosswise = [_mean_rating(judged, _fitted(learned)) for learned, judged in (halves, halves[::-1])]
-    equal, slope, cae_equal, cae_slope = told = _fitted(vehicles)
+    told = _fitted(vehicles)
     print("| | logit | slope by log ratio | … of the raw CAE to both |\n|---|---:|---:|---:|")
-    rows = ((0.0, -slope / 2, 0.0), (equal, slope / 2, 0.0), (cae_equal, 0.0, cae_slope))
-    for name, row in zip(COMPONENTS, rows, strict=True):
+    for name, row in zip(COMPONENTS, _logits(told), strict=True):
         print(f"| {name} | " + " | ".join(f"{value:+.2f}" for value in row) + " |")
     ratings = [_mean_rating(vehicles, shipped), _mean_rating(vehicles, told), float(np.mean(crosswise))]
     print("\nShipped {:.4f}, fitted {:.4f}, crosswise {:.4f}.".format(*ratings))

@@ -32,6 +32,7 @@ from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_tables import read_pulse
 from crashfuse.certification.criteria_file import read_criteria
 from crashfuse.errors import CrashfuseError, DataError
+from crashfuse.files.archive import zipped
 from crashfuse.importing import Reading, read_records, settle
 
 Files = dict[str, bytes]
@@ -173,7 +174,6 @@ def _sound(real: Path | None) -> dict[str, Files]:
     import openpyxl
     import pandas as pd
 
-    from tests.conftest import zipped
     from tests.readers.test_contract import EVERY, GOOD, IDS
 
     kinds = {name: files for name, (_, files) in zip(IDS, EVERY, strict=True)}

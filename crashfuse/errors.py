@@ -114,6 +114,11 @@ class UsageError(CrashfuseError):
     """The request refers to something that does not exist, or is invalid (exit code 2)."""
 
 
+def several(given: str | Sequence[T]) -> tuple[str | T, ...]:
+    """What is given one by one, or a single name as it is."""
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
 def one_of(kind: str, name: object, choices: Mapping[str, T]) -> T:
     """The choice of this name; a UsageError names the nearest one, and all, if there is none."""
     if isinstance(name, str) and name in choices:

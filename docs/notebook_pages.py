@@ -43,7 +43,7 @@ shows below was computed when this page was built.
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add a page for each notebook, and the script that draws their figures."""
     for file in [file for file in files if file.src_uri.endswith(".ipynb")]:
-        page = str(Path(file.src_uri).with_suffix(".md").as_posix())
+        page = file.src_uri.removesuffix(".ipynb") + ".md"
         files.append(File.generated(config, page, content=_markdown(Path(str(file.abs_src_path)))))
     files.append(File.generated(config, _SCRIPT, content=get_plotlyjs()))
     return files

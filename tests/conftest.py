@@ -1,10 +1,8 @@
 """What many tests need: a small campaign with closed-form pulses, in memory and on disk, and a cache of their own."""
 
-import io
 import os
 import shutil
-import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pandas as pd
@@ -137,15 +135,6 @@ def content_of(folder: Path) -> dict[str, bytes]:
     return {
         path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()
     }
-
-
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    """A zip of these files."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return stream.getvalue()
 
 
 def condition_table(rows: object) -> pd.DataFrame:

@@ -40,21 +40,13 @@ NUMBER = re.compile(r"([+−-]?\d+\.\d+)")
 IN_THE_CHECKOUT = re.compile(r"python -m (supply_chain\.\w+)")
 
 
-@pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One cache for all pages: what one has learned the next need not learn again."""
-    return tmp_path_factory.mktemp("pages")
-
-
 @pytest.mark.slow
-@pytest.mark.usefixtures("quick_networks")
+@pytest.mark.usefixtures("quick_networks", "one_cache")
 @pytest.mark.parametrize("page", WITH_CODE)
-@pytest.mark.slow
 def test_all_code_on_a_page_runs(
-    page: str, campaign: Campaign, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    page: str, campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From top to bottom, on a small campaign with small networks."""
-    monkeypatch.setenv("CRASHFUSE_CACHE", str(cache))
     monkeypatch.chdir(tmp_path)
     accel = campaign.tests[-1].pulse.accel_mps2
     shorter = Pulse(GRID_S, 1.05 * np.interp(1.05 * GRID_S, GRID_S, accel))
@@ -217,7 +209,7 @@ def test_the_help_of_every_command_is_on_its_page() -> None:
 
 def test_no_page_holds_the_marks_of_a_merge() -> None:
     """A conflict left in a page is shown as text, and nothing else notices."""
-    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    pages = [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]
     marked = re.compile(r"^(<<<<<<< |>>>>>>> )", re.MULTILINE)
     assert not [page for page in pages if marked.search(page.read_text(encoding="utf-8"))]
 

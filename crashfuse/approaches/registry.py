@@ -3,8 +3,9 @@
 Its class defines the rest.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from math import inf
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.cae import Cae
@@ -61,6 +62,11 @@ LABELS: dict[str, str] = {name: approach.label for name, approach in CLASSES.ite
 
 BASELINE: str = Cae.name
 """Name of the baseline that every correction has to beat."""
+
+
+def by_preference(names: Iterable[str]) -> list[str]:
+    """Names, those of approaches first, the preferred one at the head; what is no approach keeps its order."""
+    return sorted(names, key=lambda name: CLASSES[name].preference if name in CLASSES else inf)
 
 
 def create(name: str, settings: Settings) -> Approach:

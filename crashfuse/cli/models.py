@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from crashfuse.study.config import StudyConfig
     from crashfuse.study.estimate import Fit
 
-_BEST = 5
-
 
 def train(arguments: argparse.Namespace) -> None:
     """Fit to all tests and save the models."""
@@ -104,6 +102,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.planning import next_test
+    from crashfuse.reporting.plots.next_test import BEST
     from crashfuse.reporting.results import write_next_tests
     from crashfuse.study.next_test import ConditionRange, next_tests_table
 
@@ -124,7 +123,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     write_next_tests(ranking, config, arguments.out, display)
     low, high = display.condition(over.low), display.condition(over.high)
     print(f"The band of the displacement domain over {low} to {high}:")
-    print(next_tests_table(ranking.ranked[:_BEST], display.units).to_string(index=False))
+    print(next_tests_table(ranking.ranked[:BEST], display.units).to_string(index=False))
     say_written(arguments.out, "ranking of next tests")
 
 

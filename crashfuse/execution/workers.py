@@ -29,7 +29,7 @@ from joblib.externals.loky.process_executor import BrokenProcessPool
 from crashfuse.campaign import Campaign
 from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
-from crashfuse.execution.memory import give_back
+from crashfuse.execution.memory import give_back, share_one_heap
 from crashfuse.execution.progress import SILENT, Watch
 
 log = logging.getLogger(__name__)
@@ -43,7 +43,7 @@ Work = Callable[[Campaign, T, Cache, Watch], list[R]]
 RESUME = "Whatever was finished is in the cache: the same command with --resume continues from there"
 _LIVES = 3  # deaths of workers in a row, with nothing finished, before giving up
 GLANCE_S = 0.1  # interval at which pending tasks are polled
-_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "MALLOC_ARENA_MAX"), "1")
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 class Workers(ABC):
@@ -159,7 +159,8 @@ _campaign = lru_cache(maxsize=1)(partial(joblib.load, mmap_mode="r"))
 
 
 def _begin(parent: int) -> None:
-    """Make a worker ignore Ctrl-C, which its parent handles, and end when its parent does."""
+    """Make a worker ignore Ctrl-C, which its parent handles, and end when its parent does; it has one heap."""
+    share_one_heap()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 

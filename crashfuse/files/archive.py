@@ -1,4 +1,4 @@
-"""Untrusted zip archives: safe names, sizes counted while unpacking.
+"""Zip archives: our own, and untrusted ones, with safe names and sizes counted while unpacking.
 
 The sizes that an archive declares are not trusted: unpacked bytes are counted chunk by chunk, and every name is checked
 before the first byte is read. Names must be valid on every platform, so that accepted files can be copied anywhere.
@@ -9,7 +9,7 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath
@@ -107,6 +107,15 @@ class Member:
         with path.open("xb") as stream:
             for chunk in self.chunks(budget):
                 stream.write(chunk)
+
+
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """A zip of files given by relative path."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
 
 
 def in_memory(name: str, content: bytes) -> Member:

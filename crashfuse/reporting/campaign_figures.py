@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from crashfuse.approaches.displacement_domain.approach import measured_bias
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign, CrashTest
-from crashfuse.errors import UsageError, one_of
+from crashfuse.errors import UsageError, one_of, several
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.figures import Further, beside
 from crashfuse.reporting.plots.bias import bias_by_speed
@@ -46,7 +46,7 @@ def campaign_figure(
         raise UsageError("A filter and further curves are for the figure tests.")
     if held_out is not None:
         campaign.test(held_out)
-    some = [campaign.test(test) for test in ([tests] if isinstance(tests, str) else tests or campaign.test_ids)]
+    some = [campaign.test(test) for test in several(tests) or campaign.test_ids]
     return draw(_Shown(campaign, some, held_out, cfc, also, Display.of(**options)))
 
 

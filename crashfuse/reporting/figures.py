@@ -7,9 +7,10 @@ from typing import Protocol, TypeVar
 import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
+from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError, one_of
+from crashfuse.errors import UsageError, one_of, several
 from crashfuse.reporting.plots.displacement import energy_over_crush, integration_check, over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import motion, overlay
@@ -87,9 +88,8 @@ def chosen(known: Mapping[str, T], approaches: Sequence[str] | None) -> dict[str
     UsageError
         If one of them did not predict.
     """
-    if isinstance(approaches, str):
-        approaches = [approaches]
-    return {name: one_of("prediction by", name, known) for name in (known if approaches is None else approaches)}
+    names = known if approaches is None else several(approaches)
+    return {name: one_of("prediction by", name, known) for name in names}
 
 
 def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dict[str, Prediction]:
@@ -100,13 +100,18 @@ def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dic
     UsageError
         If there is no such test or CAE run.
     """
-    return dict(_further(campaign, each, display) for each in ([also] if isinstance(also, str) else also))
+    return dict(_further(campaign, each, display) for each in several(also))
 
 
 def pulse_name(of: str, condition: Condition, display: Display) -> str:
     """Name of a test or CAE run in a legend."""
     run = f"CAE run {of.removeprefix(RUN)}" if of.startswith(RUN) else of
     return f"{run} · {display.speed(condition.speed_mps)}"
+
+
+def prediction_name(approach: str, condition: Condition, display: Display) -> str:
+    """Name of a prediction at another condition in a legend."""
+    return f"{LABELS[approach]} at {display.briefly(condition)}"
 
 
 def _further(campaign: Campaign, each: Further, display: Display) -> tuple[str, Prediction]:

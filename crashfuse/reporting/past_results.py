@@ -26,9 +26,8 @@ def described(result: PastResult, display: Display = DEFAULT) -> str:
 
 def comparison_table(compared: StudyComparison, approach: str, window_ms: float, left_out: str) -> pd.DataFrame:
     """Ratings of each test by one approach, as a table for readers: first, second, their difference; then the mean."""
-    table = compared.ratings
-    chosen = (table["approach"] == approach) & (table["window_ms"] == window_ms) & (table["left_out"] == left_out)
-    own = table[chosen]
+    table = compared.over(window_ms, left_out)
+    own = table[table["approach"] == approach]
     rows = own[["held_out", "first", "second", "difference"]].values.tolist()
     rows.append(["Mean", *own[["first", "second", "difference"]].mean()])
     return pd.DataFrame(
@@ -56,7 +55,7 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
 
 def comparison_tests(compared: StudyComparison, window_ms: float, left_out: str) -> pd.DataFrame:
     """Every test by every approach, as a table for readers: its rating in the second study, and the difference."""
-    table = compared.ratings[(compared.ratings["window_ms"] == window_ms) & (compared.ratings["left_out"] == left_out)]
+    table = compared.over(window_ms, left_out)
     cells = pd.DataFrame(
         {
             "Test": table["held_out"],

@@ -15,7 +15,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.notebook import card
 from crashfuse.reporting.plots.display import DEFAULT, Display, DisplayOptions
-from crashfuse.reporting.plots.next_test import next_tests
+from crashfuse.reporting.plots.next_test import BEST, next_tests
 from crashfuse.reporting.plots.sweep import sweep_figure
 from crashfuse.reporting.predicted import asked, check_factors
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
@@ -25,8 +25,6 @@ from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table
 from crashfuse.study.sweep import Sweep, speeds_between, sweep_speed, sweep_table, usual_speeds
 from crashfuse.units import MPH
 from crashfuse.wording import speed
-
-_BEST = 5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -91,7 +89,7 @@ class NextTests:
     def _repr_html_(self) -> str:
         return card(
             f"The band over {self.over.low} to {self.over.high}: which test would narrow it most",
-            self.table.head(_BEST),
+            self.table.head(BEST),
         )
 
 
@@ -158,9 +156,10 @@ def next_test(
         If the range is none, or the campaign lacks a factor of it, or does not say of which kind the vehicle is.
     """
     usual = ConditionRange.of(campaign.tests)
+    low, high = low or usual.low, high or usual.high
     for end in (low, high):
-        check_factors(campaign, end or usual.low)
-    over = ConditionRange(low or usual.low, high or usual.high)
+        check_factors(campaign, end)
+    over = ConditionRange(low, high)
     fit = Fit.of(campaign, DisplacementDomain.name, config, cache=cache, watch=watch)
     assert isinstance(fit.approach, DisplacementDomain)  # noqa: S101 - for the type checker
     return NextTests(campaign, over, rank_next_tests(fit.approach, over, candidates, planned))

@@ -9,15 +9,14 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
-from crashfuse.reporting.figures import Curves, Further, beside, chosen
+from crashfuse.reporting.figures import Curves, Further, beside, chosen, prediction_name
 from crashfuse.reporting.notebook import card
-from crashfuse.reporting.plots.curves import by_preference
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.result_tables import metrics_table, pulses_table
 from crashfuse.signals.metrics import MAIN_METRICS
@@ -105,8 +104,7 @@ class PredictedPulse:
 
     def curve(self, display: Display) -> tuple[str, Prediction]:
         """The name of the preferred approach's prediction beside others, and itself."""
-        name = f"{LABELS[self.estimate.approach]} at {display.briefly(self.condition)}"
-        return name, self.estimate.prediction
+        return prediction_name(self.estimate.approach, self.condition, display), self.estimate.prediction
 
     def __repr__(self) -> str:
         names = ", ".join(LABELS[each.approach].lower() for each in self.estimates)
@@ -154,7 +152,7 @@ def predict(
 
 def asked(approach: str | Sequence[str], config: StudyConfig) -> tuple[str, ...]:
     """Names of approaches, each once; a UsageError if there is none, or no such approach, before anything is fitted."""
-    names = tuple(dict.fromkeys([approach] if isinstance(approach, str) else approach))
+    names = tuple(dict.fromkeys(several(approach)))
     if not names:
         raise UsageError("A prediction takes an approach at least, such as fused.")
     replace(config, approaches=names).check()

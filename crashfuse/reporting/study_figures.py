@@ -12,18 +12,19 @@ from crashfuse.approaches.calibration import LEVELS
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain, measured_bias
 from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.fit_cache import fitted
+from crashfuse.approaches.registry import by_preference
 from crashfuse.campaign_folder.notes import Note
 from crashfuse.errors import UsageError, one_of
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.figures import PULSES, Curves, Further, beside, chosen
 from crashfuse.reporting.plots.bias import bias_parts
-from crashfuse.reporting.plots.curves import by_preference
 from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.learning import learning_curves, tuning_strength
 from crashfuse.reporting.plots.marks import add_marks
 from crashfuse.reporting.plots.pulses import add_corridors, residuals
 from crashfuse.reporting.plots.rating_parts import rated_curves, rating_parts
 from crashfuse.reporting.plots.ratings import calibration_curves, rating_heatmap, rating_spread
+from crashfuse.study.config import require_rated
 from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study
 
@@ -87,13 +88,11 @@ def figure_of_test(
 
 def _display(study: Study, options: DisplayOptions) -> Display:
     """The display asked for, by default over the longest window of the study."""
-    return Display.of(**({"window_ms": max(study.config.windows_ms)} if "display" not in options else {}) | options)
+    return Display.of(max(study.config.windows_ms), **options)
 
 
 def _rated(study: Study, display: Display) -> float:
-    if display.window_ms not in study.config.windows_ms:
-        windows = ", ".join(f"{window:g}" for window in study.config.windows_ms)
-        raise UsageError(f"The study was rated over 0 to {windows} ms, not to {display.window_ms:g} ms.")
+    require_rated("study", display.window_ms, study.config.windows_ms)
     return display.window_ms
 
 

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from crashfuse.approaches.registry import CLASSES, LABELS
+from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.errors import UsageError
 from crashfuse.study.history import PastResult
 
@@ -74,7 +74,7 @@ class StudyComparison:
         in how many tests the second rates higher or lower.
         """
         rows = []
-        for approach, own in self._of(window_ms, left_out).groupby("approach", sort=False):
+        for approach, own in self.over(window_ms, left_out).groupby("approach", sort=False):
             gain = own["difference"].to_numpy()
             error = gain.std(ddof=1) / np.sqrt(gain.size) if gain.size > 1 else np.nan
             rows.append(
@@ -86,12 +86,9 @@ class StudyComparison:
 
     def sentences(self, window_ms: float | None = None, left_out: str | None = None) -> tuple[str, ...]:
         """One for each approach, the preferred one first: which study rates it higher, and whether that is clear."""
-        table = self._of(window_ms, left_out)
-        means = self.means(window_ms, left_out).to_dict("records")
-        return tuple(
-            _sentence(row, table[table["approach"] == row["approach"]])
-            for row in sorted(means, key=lambda row: _preference(row["approach"]))
-        )
+        table = self.over(window_ms, left_out)
+        means = {row["approach"]: row for row in self.means(window_ms, left_out).to_dict("records")}
+        return tuple(_sentence(means[name], table[table["approach"] == name]) for name in by_preference(means))
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -107,7 +104,8 @@ class StudyComparison:
                 said.append(f"Only the {which} left out {', '.join(alone)}.")
         return tuple(said)
 
-    def _of(self, window_ms: float | None, left_out: str | None) -> pd.DataFrame:
+    def over(self, window_ms: float | None = None, left_out: str | None = None) -> pd.DataFrame:
+        """The ratings over one window (default: the longest) and one way of leaving out (default: the first)."""
         window = self.longest_ms if window_ms is None else window_ms
         way = self.ways[0] if left_out is None else left_out
         return self.ratings[(self.ratings["window_ms"] == window) & (self.ratings["left_out"] == way)]
@@ -131,7 +129,3 @@ def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
         f"{label}: {verdict}; {told} ({gain:+.3f} ± {error:.3f} over {n} tests). The second is higher in "
         f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} ({most['difference']:+.3f})."
     )
-
-
-def _preference(approach: str) -> int:
-    return CLASSES[approach].preference if approach in CLASSES else len(CLASSES) * 1000

@@ -1,6 +1,6 @@
 """Configuration of a study: approaches, preset, seed, windows, and which tests are left out together."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self, cast, get_args
 
@@ -8,6 +8,7 @@ from crashfuse.approaches.base import Approach
 from crashfuse.approaches.registry import APPROACHES, create
 from crashfuse.approaches.settings import DEVICES, PRESETS, Device, Preset, Settings
 from crashfuse.campaign import Campaign
+from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
@@ -85,3 +86,10 @@ class StudyConfig:
     def create(self, approach: str, cache: Cache | None = None) -> Approach:
         """Create the unfitted approach with this name and these settings."""
         return create(approach, settings=Settings(self.preset, self.seed, self.device, cache))
+
+
+def require_rated(what: str, window_ms: float, known: Sequence[float]) -> None:
+    """Raise a UsageError if a study or curve was not rated over this window."""
+    if window_ms not in known:
+        windows = ", ".join(f"{window:g}" for window in known)
+        raise UsageError(f"The {what} was rated over 0 to {windows} ms, not to {window_ms:g} ms.")

@@ -27,7 +27,7 @@ from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
-from crashfuse.study.config import StudyConfig
+from crashfuse.study.config import StudyConfig, require_rated
 from crashfuse.study.duration import shared_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.plan import StudyPlan
@@ -86,9 +86,7 @@ class LearningCurve:
 
     def over(self, window_ms: float) -> "LearningCurve":
         """The same curve, summarised over another of its windows; a UsageError if it was not rated over that."""
-        if window_ms not in (known := self.table["window_ms"].unique().tolist()):
-            windows = ", ".join(f"{window:g}" for window in known)
-            raise UsageError(f"The learning curve was rated over 0 to {windows} ms, not to {window_ms:g} ms.")
+        require_rated("learning curve", window_ms, self.table["window_ms"].unique().tolist())
         return replace(self, config=replace(self.config, windows_ms=(window_ms,)))
 
     @property
@@ -115,7 +113,7 @@ class LearningCurve:
         from crashfuse.reporting.plots.display import Display
         from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
 
-        shown = Display.of(**({"window_ms": self.window_ms} if "display" not in display else {}) | display)
+        shown = Display.of(self.window_ms, **display)
         return over_number_of_tests(self.over(shown.window_ms), shown)
 
     def __repr__(self) -> str:

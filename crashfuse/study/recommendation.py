@@ -4,7 +4,7 @@ A recommendation for one test rests on the other tests alone; only that for a ca
 tests. It is decided by a proper score of the whole band (CRPS), and explained in ratings.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -13,7 +13,7 @@ import numpy as np
 
 from crashfuse.approaches.fused.weights import Scores
 from crashfuse.approaches.left_out import STRIDE
-from crashfuse.approaches.registry import BASELINE, CLASSES
+from crashfuse.approaches.registry import BASELINE, CLASSES, by_preference
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -57,7 +57,7 @@ def recommend_for(
     test itself if the condition is that of a held-out test. Ratings are over [0, window_ms).
     """
     by_name = {estimate.approach: estimate for estimate in estimates}
-    names = _by_preference(by_name)
+    names = by_preference(by_name)
     expected = {
         name: found
         for name in names
@@ -157,7 +157,7 @@ class _Verdict:
     def __init__(self, study: Study) -> None:
         self.study = study
         self.window_ms = max(study.config.windows_ms)
-        self.names = _by_preference(study.config.approaches)
+        self.names = by_preference(study.config.approaches)
 
     @cached_property
     def crps_g(self) -> Mapping[str, FloatArray]:
@@ -201,7 +201,3 @@ class _Verdict:
 
 def _in_words(approach: str) -> str:
     return CLASSES[approach].in_words
-
-
-def _by_preference(approaches: Iterable[str]) -> list[str]:
-    return sorted(approaches, key=lambda name: CLASSES[name].preference)

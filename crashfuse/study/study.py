@@ -16,7 +16,7 @@ import numpy as np
 
 from crashfuse.approaches.calibration import Calibration, Coverage, shares_inside
 from crashfuse.campaign import Campaign
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.execution.workers import Local, Workers
@@ -256,14 +256,9 @@ def run_study(
         If workers die repeatedly, or the cluster cannot be reached or has other versions.
     """
     if approaches:
-        config = replace(config, approaches=_several(approaches))
-    plan = StudyPlan(campaign, config, _several(held_out))
+        config = replace(config, approaches=several(approaches))
+    plan = StudyPlan(campaign, config, several(held_out))
     return run_plan(plan, cache=cache, watch=watch, workers=workers, scheduler=scheduler, folds=folds)
-
-
-def _several(names: Sequence[str]) -> tuple[str, ...]:
-    """Names given as a sequence, or a single one as it is."""
-    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def run_plan(

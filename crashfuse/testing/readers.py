@@ -1,10 +1,8 @@
 """The contract of a reader: a sound file is recognised and read, anything else is refused in a sentence, and soon."""
 
-import io
 import random
 import time
 import tracemalloc
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
@@ -13,6 +11,7 @@ import numpy as np
 import pytest
 
 from crashfuse.errors import DataError
+from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, Reading, format_of, read_records, settle
 from crashfuse.readers.formats import FORMATS, formats_of
 from crashfuse.readers.record import ACCELERATION_UNITS, PartialCondition, Record
@@ -150,15 +149,6 @@ def written(folder: Path, files: Mapping[str, bytes]) -> Path:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
     return folder
-
-
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    """A zip of these files."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return stream.getvalue()
 
 
 def _check_record(record: Record) -> None:

@@ -49,6 +49,10 @@ class Choice:
     pages: tuple[str, ...] = ()
     of_campaign: bool = False
 
+    def acts_on(self, page: str | None) -> bool:
+        """True if it decides what a page shows, or any page if none is given."""
+        return page is None or not self.pages or page in self.pages
+
     def parse(self, texts: Sequence[str]) -> Value:
         """The value that these texts of an address stand for; the default if they stand for none."""
         if self.kind is tuple:
@@ -209,7 +213,7 @@ def given() -> dict[str, list[str]]:
 
 def acts(key: str, page: str) -> bool:
     """True if a choice decides what a page shows."""
-    return key in _of(page)
+    return CHOICES[key].acts_on(page)
 
 
 def keys() -> frozenset[str]:
@@ -219,7 +223,7 @@ def keys() -> frozenset[str]:
 
 def _of(page: str | None, known: Collection[str] = ()) -> dict[str, Choice]:
     """The choices that act on a page, or on any, with those of a campaign's factors that are made or asked for."""
-    here = {key: choice for key, choice in CHOICES.items() if page is None or not choice.pages or page in choice.pages}
+    here = {key: choice for key, choice in CHOICES.items() if choice.acts_on(page)}
     for family in [key for key in here if key.endswith(_ANY)]:
         choice, stem = here.pop(family), family.removesuffix(_ANY)
         here |= {key: choice for key in known or keys() if key.startswith(stem)}

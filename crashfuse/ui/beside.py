@@ -11,11 +11,11 @@ import plotly.graph_objects as go
 import streamlit as st
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.registry import LABELS
+from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import SPEED_STEP_MPS, Campaign
 from crashfuse.condition import Condition
-from crashfuse.reporting.figures import RUN, Further, pulse_name
-from crashfuse.reporting.plots.curves import TEST, by_preference
+from crashfuse.reporting.figures import RUN, Further, prediction_name, pulse_name
+from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.study.nearest import nearest_tests
@@ -129,7 +129,7 @@ def _choose_band(predictions: Mapping[str, Prediction], recommended: str | None)
 def _choose_beside(view: View, condition: Condition | None, approach: str, held_out: str = "") -> tuple[Further, ...]:
     """Further pulses; with a condition, the tests are among the choices."""
     campaign, pins = view.campaign, pinned()
-    at_pins = {f"{_PIN}{text}": f"{LABELS[approach]} at {view.display.briefly(at)}" for text, at in pins.items()}
+    at_pins = {f"{_PIN}{text}": prediction_name(approach, at, view.display) for text, at in pins.items()}
     offered = _offered_runs(campaign.fingerprint, view.display, campaign)
     if condition is not None:
         tests = [test for test in campaign.tests if test.id != held_out]

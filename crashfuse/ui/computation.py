@@ -18,6 +18,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import CrashfuseError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
+from crashfuse.files.archive import zipped
 from crashfuse.reporting.planning import SpeedSweep
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.duration import fit_steps
@@ -29,7 +30,6 @@ from crashfuse.study.saved_models import model_bytes, model_file
 from crashfuse.study.study import Study, fold_key, run_study
 from crashfuse.study.sweep import sweep_speed, usual_speeds
 from crashfuse.ui import address
-from crashfuse.ui.downloads import zipped
 from crashfuse.ui.jobs import Job, Jobs
 from crashfuse.ui.visitors import visitor
 

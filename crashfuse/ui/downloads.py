@@ -1,8 +1,6 @@
 """Download buttons; each file is made on request."""
 
-import io
-import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import pandas as pd
 import streamlit as st
@@ -30,12 +28,3 @@ def download_report(write: Callable[[], str], name: str = "report.html") -> None
 def download_bytes(name: str, write: Callable[[], bytes], mime: str | None = None) -> None:
     """Button that downloads a file of any kind."""
     st.download_button(name, write, file_name=name, mime=mime, icon=":material/download:", on_click="ignore")
-
-
-def zipped(files: Mapping[str, bytes]) -> bytes:
-    """Zip archive of files given by relative path."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return stream.getvalue()

@@ -8,10 +8,11 @@ import streamlit as st
 from crashfuse.approaches.registry import LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.errors import UsageError
+from crashfuse.files.archive import zipped
 from crashfuse.reporting.outgoing_pulses import LOCATION, PULSE_FORMATS, PulseExport, PulseFormat
 from crashfuse.reporting.solver_curves import LATEST_S, MOST_ID, SOLVERS, UNIT_SYSTEMS, SolverCurve
 from crashfuse.study.estimate import Estimate
-from crashfuse.ui.downloads import download_bytes, zipped
+from crashfuse.ui.downloads import download_bytes
 from crashfuse.units import MS
 
 _HELP = (

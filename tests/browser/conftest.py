@@ -1,5 +1,7 @@
 """Dashboards, most of them shared, and people in front of a real browser."""
 
+import csv
+import io
 import json
 import os
 import shutil
@@ -10,7 +12,7 @@ import sys
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -18,9 +20,14 @@ from urllib.parse import urlencode, urlsplit
 
 import pytest
 from selenium import webdriver
-from selenium.common.exceptions import ElementNotInteractableException, StaleElementReferenceException
+from selenium.common.exceptions import (
+    ElementNotInteractableException,
+    StaleElementReferenceException,
+    TimeoutException,
+)
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.chrome.webdriver import WebDriver
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
@@ -50,7 +57,8 @@ return [...document.querySelectorAll(arguments[0])].filter(shown).map(e => [e, t
 """
 _REDRAWN = (StaleElementReferenceException, ElementNotInteractableException)  # while the page changes
 FIGURE, TABLE, SIDEBAR = ".js-plotly-plot", '[data-testid="stTable"]', '[data-testid="stSidebar"]'
-MAIN, LINK = '[data-testid="stMain"]', '[data-testid="stSidebar"] [data-testid="stPageLink-NavLink"]'
+MAIN, LINK = '[data-testid="stMain"]', f'{SIDEBAR} [data-testid="stPageLink-NavLink"]'
+PILL, CURVES = '[data-testid="stButtonGroup"] button', f'{MAIN} [data-testid="stPopover"] button'
 LIGHT, DARK = "rgba(255, 255, 255, 1)", "rgba(20, 24, 31, 1)"  # the page's ground in both themes
 QUICK = ("cae", "displacement_domain")  # approaches that learn within seconds
 T = TypeVar("T")
@@ -118,18 +126,18 @@ class User:
 
     def press(self, label: str, css: str = "button") -> None:
         """Click the first element of this kind with this label."""
+        self.wait(lambda: self._pressed(label, css), f"There is no {label!r} to click.")
 
-        def pressed() -> bool:
-            for element in self.all(css, label):
-                if element.is_enabled():
-                    self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
-                    if not self._rests(element):
-                        return False
-                    element.click()
-                    return True
-            return False
-
-        self.wait(pressed, f"There is no {label!r} to click.")
+    def _pressed(self, label: str, css: str) -> bool:
+        """True if there is one that can be clicked, and now has been."""
+        for element in self.all(css, label):
+            if element.is_enabled():
+                self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", element)
+                if not self._rests(element):
+                    return False
+                element.click()
+                return True
+        return False
 
     @staticmethod
     def _rests(element: WebElement) -> bool:
@@ -157,12 +165,10 @@ class User:
 
     def starts(self, label: str, shown: str) -> None:
         """Start what another test may have started before, and wait until an element of this kind shows its result."""
+        buttons = f"{MAIN} button"
 
         def begun() -> bool:
-            for button in self.all(f"{MAIN} button", label):
-                button.click()
-                return True
-            return bool(self.all(shown))
+            return self._pressed(label, buttons) if self.all(buttons, label) else bool(self.all(shown))
 
         self.wait(begun, f"There is neither {label!r} to click nor {shown}.")
         self.wait(lambda: self.all(shown), f"{label!r} never came to {shown}.", 4 * SOON)
@@ -174,14 +180,31 @@ class User:
     def choose_approaches(self, *labels: str) -> None:
         """On Train, choose these approaches of all."""
         for label in {"CAE", "LF TCN", "Time domain", "Displacement domain", "Fused"} - set(labels):
-            self.press(label, '[data-testid="stButtonGroup"] button')
-            self.wait(
-                lambda label=label: self.all('[data-testid="stButtonGroup"] button[aria-pressed="false"]', label)  # type: ignore[misc]
-            )
+            self.press(label, PILL)
+            self.wait(lambda label=label: self.all(f'{PILL}[aria-pressed="false"]', label))  # type: ignore[misc]
 
     def open_tab(self, label: str) -> None:
         """Open a tab of the page."""
         self.press(label, '[class*="_tab"] button')
+
+    def clicks_cell(self, figure: str, where: Callable[[float, float], tuple[float, float]], words: str) -> None:
+        """Click a spot of the heat map that has ``figure`` in it until the page shows the words.
+
+        Where it lies, right of and below the centre of all cells in pixels, depends on how wide and high they are.
+        """
+
+        def told() -> bool:
+            drawn = self.find(FIGURE, figure)
+            self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", drawn)
+            cells = drawn.find_element(By.CSS_SELECTOR, ".nsewdrag")
+            right, down = where(cells.rect["width"], cells.rect["height"])
+            mouse = ActionChains(self.browser)
+            mouse.move_to_element_with_offset(cells, round(right), round(down)).pause(0.5).click().perform()
+            with suppress(TimeoutException):
+                return bool(self.sees(words, timeout_s=15))
+            return False
+
+        self.wait(told)
 
     def sits_at(self, width: int, height: int, zoom: float = 1.0) -> None:
         """Make the window so many pixels large, and zoom the page."""
@@ -195,12 +218,21 @@ class User:
         feature = {"name": "prefers-color-scheme", "value": theme}
         self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
 
+    def arrived(self, name: str) -> Path:
+        """The file of this name, once it is there."""
+        file = self.downloads / name
+        self.wait(file.is_file, f"{name} never arrived.")  # under another name until it is whole
+        return file
+
     def downloads_file(self, name: str) -> str:
         """Press the button of a file; returns what is in it once it has arrived."""
         self.press(name, '[data-testid="stDownloadButton"] button')
-        file = self.downloads / name
-        self.wait(file.is_file, f"{name} never arrived.")  # under another name until it is whole
-        return file.read_text(encoding="utf-8")
+        return self.arrived(name).read_text(encoding="utf-8")
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    """A CSV file's rows by column."""
+    return list(csv.DictReader(io.StringIO(text)))
 
 
 @contextmanager

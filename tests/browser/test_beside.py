@@ -5,15 +5,14 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import FIGURE, MAIN
+from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, SIDEBAR, TABLE
 
 pytestmark = pytest.mark.slow
 
 if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
 
-PILL = '[data-testid="stPopoverBody"] [data-testid="stButtonGroup"] button'
-QUICK = {"campaign": "campaign", "approaches": "displacement_domain"}
+ONE = {"campaign": "campaign", "approaches": "displacement_domain"}
 
 
 def legend(user: "User") -> list[str]:
@@ -31,16 +30,16 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
 ) -> None:
     """Corridors, another window and a reload change nothing of it; nothing is hidden by the legend."""
     band = "Displacement domain (95 % band)"
-    user.open(small_server, "compare", **QUICK, test="T2")
+    user.open(small_server, "compare", **ONE, test="T2")
     user.starts("Predict test T2", FIGURE)
     shows(user, "Test", band)
-    user.press("Curves", f'{MAIN} [data-testid="stPopover"] button')
-    user.press("Test", PILL)
+    user.press("Curves", CURVES)
+    user.press("Test", f'[data-testid="stPopoverBody"] {PILL}')
     shows(user, band)
     user.press("Corridors of the rating", "label")
     user.sees("Corridor of the rating, inner", FIGURE)
     assert "Test" not in legend(user)
-    user.press("0–40 ms", '[data-testid="stSidebar"] button')
+    user.press("0–40 ms", f"{SIDEBAR} button")
     user.wait(lambda: "window=40" in user.browser.current_url)
     user.press("Nearest tests")
     user.sees("T3 · 26.0 mph", FIGURE)
@@ -49,7 +48,7 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
     user.sees("T1 · 15.0 mph", FIGURE)
     assert "Test" not in legend(user)
     assert "curves=displacement_domain" in user.browser.current_url
-    user.press("Over displacement", f'{MAIN} [role="tab"], {MAIN} [data-testid="stButtonGroup"] button')
+    user.press("Over displacement", f'{MAIN} [role="tab"], {MAIN} {PILL}')
     user.sees("Displacement (mm)", FIGURE)
     user.sees("T3 · 26.0 mph", FIGURE)
     assert "Test" not in legend(user)
@@ -57,7 +56,7 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
 
 def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: "Server", user: "User") -> None:
     """Pin one speed, pin another; whoever opens the link sees the same."""
-    user.open(small_server, "predict", **QUICK, speed_mph="30")
+    user.open(small_server, "predict", **ONE, speed_mph="30")
     user.starts("Predict", FIGURE)
     user.press("Pin this prediction")
     user.wait(lambda: "pins=30mph" in user.browser.current_url)
@@ -79,9 +78,9 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     for speed in ("30.0", "34.0"):
         user.sees(f"Displacement domain at {speed} mph", FIGURE)
     assert user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "25.0"
-    user.press("Metrics", f'{MAIN} [data-testid="stButtonGroup"] button')
-    user.sees("Difference, 34.0 mph", f'{MAIN} [data-testid="stTable"]')
-    user.press("Files and report", f'{MAIN} [data-testid="stButtonGroup"] button')
+    user.press("Metrics", f"{MAIN} {PILL}")
+    user.sees("Difference, 34.0 mph", f"{MAIN} {TABLE}")
+    user.press("Files and report", f"{MAIN} {PILL}")
     report = user.downloads_file("report.html")
     assert "Beside other conditions: Displacement domain" in report
     assert "Difference, 34.0 mph" in report

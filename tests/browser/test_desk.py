@@ -12,9 +12,10 @@ from urllib.parse import urlsplit
 import pytest
 from selenium.webdriver.common.by import By
 
+from crashfuse.files.archive import zipped
 from tests.browser.conftest import SIDEBAR, serve
 from tests.browser.identity_provider import CLIENT, SECRET, identity_provider
-from tests.conftest import content_of, zipped
+from tests.conftest import content_of
 
 pytestmark = pytest.mark.slow
 

@@ -8,9 +8,10 @@ import pytest
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import MAIN, SIDEBAR, TABLE
+from crashfuse.files.archive import zipped
+from tests.browser.conftest import MAIN, PILL, SIDEBAR, TABLE
 from tests.campaign_folder.test_all_problems import spoil
-from tests.conftest import content_of, zipped
+from tests.conftest import content_of
 from tests.importing.crash_files import german
 from tests.importing.crashes import clock, half_sine_g
 
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.slow
 if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
 
-PILL = f'{MAIN} [data-testid="stButtonGroup"] button'
+IN_USE = f"{MAIN} {PILL}"  # a pill for each test
 
 
 @pytest.fixture
@@ -39,13 +40,13 @@ def held_out_choices(user: "User") -> list[str]:
 def test_a_test_is_left_out_of_use_and_used_again(server: "Server", user: "User", own: Path) -> None:
     """One click: it is gone from Compare, and every page says so; another click, or Undo, and it is back."""
     user.open_folder(server, own)
-    user.press("T3", PILL)
+    user.press("T3", IN_USE)
     user.sees("Left out of use: T3.")
     user.go("Compare")
     user.sees("Left out of use: T3", SIDEBAR)
     assert held_out_choices(user) == ["T1", "T2", "T4"]
     user.go("Data")
-    user.press("T3", PILL)
+    user.press("T3", IN_USE)
     user.sees("In use again: T3.")
     user.go("Compare")
     assert held_out_choices(user) == ["T1", "T2", "T3", "T4"]
@@ -82,7 +83,7 @@ def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(
     user.press("Add as test")
     user.sees("Added: 1 test (Versuch 12).")
     user.sees("Fingerprint")
-    assert {"T1", "T2", "T3", "T4", "Versuch 12"} < set(user.texts(PILL))
+    assert {"T1", "T2", "T3", "T4", "Versuch 12"} < set(user.texts(IN_USE))
     assert (own / "tests.csv").read_text().splitlines()[-1].startswith('"Versuch 12",34.79')
     user.press("Undo")
     user.wait(lambda: not user.all(MAIN, "Versuch 12"))

@@ -6,7 +6,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
-from tests.browser.conftest import DARK, LIGHT, LINK, SIDEBAR
+from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, SIDEBAR
 
 pytestmark = pytest.mark.slow
 
@@ -95,7 +95,7 @@ def test_the_page_and_its_figures_follow_the_theme(server: "Server", user: "User
     """Dark from the first sight where the system is, light as soon as it becomes so: page, figures, no reload."""
 
     def grounds() -> tuple[str, str]:
-        app, figure = (user.find(css) for css in ('[data-testid="stApp"]', ".js-plotly-plot .main-svg"))
+        app, figure = (user.find(css) for css in ('[data-testid="stApp"]', f"{FIGURE} .main-svg"))
         return app.value_of_css_property("background-color"), figure.value_of_css_property("background-color")
 
     user.prefers("dark")

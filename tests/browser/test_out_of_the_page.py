@@ -1,8 +1,6 @@
 """Out of the page in a real browser: the numbers of a figure, notes and marks, a report that fits on paper."""
 
 import base64
-import csv
-import io
 import re
 from typing import TYPE_CHECKING
 
@@ -19,7 +17,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study
 from crashfuse.units import G
-from tests.browser.conftest import FIGURE
+from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, rows
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
@@ -53,24 +51,21 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     """A curve is taken out, corridors are added: the file has what is left, as the library has it."""
     engineer.press("Corridors of the rating", "label")
     engineer.sees("Corridor of the rating, inner", FIGURE)
-    engineer.press("Curves", '[data-testid="stMain"] [data-testid="stPopover"] button')
-    engineer.press("CAE", '[data-testid="stPopoverBody"] [data-testid="stButtonGroup"] button')
+    engineer.press("Curves", CURVES)
+    engineer.press("CAE", f'[data-testid="stPopoverBody"] {PILL}')
     engineer.wait(lambda: "CAE" not in engineer.texts(f"{FIGURE} .legendtext"))
     press_tool(engineer, "csv")
-    file = engineer.downloads / "T1_pulses_0-60ms_g.csv"
-    engineer.wait(file.is_file, "The numbers never arrived.")
-    rows = list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8"))))
-    shown = set(rows[0])
+    numbers = rows(engineer.arrived("T1_pulses_0-60ms_g.csv").read_text(encoding="utf-8"))
+    shown = set(numbers[0])
     assert "Displacement domain: Velocity, upper (mph)" in shown
     assert any(name.startswith("Corridor of the rating, inner") for name in shown)
     assert not any(name.startswith("CAE:") for name in shown)
     measured = load_campaign(campaign_on_disk).test("T1").pulse.accel_mps2 / G
-    np.testing.assert_allclose([float(row["Test: Acceleration (g)"]) for row in rows], measured, rtol=1e-5, atol=1e-5)
+    drawn = [float(row["Test: Acceleration (g)"]) for row in numbers]
+    np.testing.assert_allclose(drawn, measured, rtol=1e-5, atol=1e-5)
     for form, start in (("svg", b"<svg"), ("png", b"\x89PNG")):
         press_tool(engineer, form)
-        image = engineer.downloads / f"T1_pulses_0-60ms_g.{form}"
-        engineer.wait(image.is_file, f"{image.name} never arrived.")
-        assert image.read_bytes().startswith(start)
+        assert engineer.arrived(f"T1_pulses_0-60ms_g.{form}").read_bytes().startswith(start)
 
 
 def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
@@ -93,7 +88,7 @@ def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
     engineer.open(small_server, "compare", **link)
     report = engineer.downloads_file("report.html")
     assert "25–40 ms</td><td>&lt;b&gt;hump&lt;/b&gt; comes early</td>" in report
-    engineer.press("Pulses", '[data-testid="stMain"] button')
+    engineer.press("Pulses", f"{MAIN} button")
     engineer.sees("<b>hump</b> comes early", FIGURE)
     engineer.press("Notes and marks on T1", "summary")
     engineer.press("Delete")

@@ -1,17 +1,12 @@
 """Results in a real browser: figures that are switched and clicked, files that arrive, answers at once."""
 
-import csv
-import io
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import pytest
-from selenium.common.exceptions import TimeoutException
-from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE
+from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE, rows
 
 pytestmark = pytest.mark.slow
 
@@ -19,11 +14,6 @@ if TYPE_CHECKING:
     from selenium.webdriver.remote.webelement import WebElement
 
     from tests.browser.conftest import Server, User
-
-
-def rows(text: str) -> list[dict[str, str]]:
-    """A CSV file's rows by column."""
-    return list(csv.DictReader(io.StringIO(text)))
 
 
 def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User") -> None:
@@ -60,18 +50,8 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
     user.uploads(criteria)
     user.press("Certify", f"{MAIN} button")
     user.sees("report.html")
-
-    def told() -> bool:
-        figure = user.find(FIGURE, "M002 · 30.0 mph")
-        user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", figure)
-        cells = figure.find_element(By.CSS_SELECTOR, ".nsewdrag")  # a column of two rows
-        down = round(0.2 * cells.rect["height"])
-        ActionChains(user.browser).move_to_element_with_offset(cells, 200, down).pause(0.5).click().perform()
-        with suppress(TimeoutException):
-            return bool(user.sees("M002 | peak: not met", timeout_s=15))
-        return False
-
-    user.wait(told)
+    # a column of two rows
+    user.clicks_cell("M002 · 30.0 mph", lambda _, height: (200, 0.2 * height), "M002 | peak: not met")
     assert "cell=M002" in user.browser.current_url
     assert "criteria=peak%7E%7E%7E25" in user.browser.current_url.replace("~", "%7E")
     assert {row["verdict"] for row in rows(user.downloads_file("certification.csv"))} == {"met", "not met"}

@@ -1,16 +1,13 @@
 """Studies in a real browser: a test opened by mouse and by keyboard, two studies compared, a worst test explained."""
 
-from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.common.action_chains import ActionChains
-from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import FIGURE, MAIN, QUICK, SOON, TABLE
+from tests.browser.conftest import FIGURE, MAIN, PILL, QUICK, SOON, TABLE
 from tests.conftest import write_campaign
 from tests.study.test_departure import at_one_speed
 
@@ -34,18 +31,8 @@ def study(user: "User", server: "Server", **view: str) -> None:
 def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: "Server", user: "User") -> None:
     """Anywhere in the cell, not only on the words; the frame then holds that test out."""
     study(user, small_server)
-
-    def opened() -> bool:
-        figure = user.find(FIGURE, "Test T3")
-        user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", figure)
-        cells = figure.find_element(By.CSS_SELECTOR, ".nsewdrag")  # 2 columns; 5 rows: the tests, and their mean
-        right, down = round(0.15 * cells.rect["width"]), round((2.3 / 5 - 0.5) * cells.rect["height"])  # of the centre
-        ActionChains(user.browser).move_to_element_with_offset(cells, right, down).pause(0.5).click().perform()
-        with suppress(TimeoutException):
-            return bool(user.sees("Test T3: 26.0 mph", timeout_s=15))
-        return False
-
-    user.wait(opened)
+    # 2 columns; 5 rows: the tests, and their mean
+    user.clicks_cell("Test T3", lambda width, height: (0.15 * width, (2.3 / 5 - 0.5) * height), "Test T3: 26.0 mph")
     assert "test=T3" in user.browser.current_url
 
 
@@ -105,15 +92,14 @@ def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     assert "Check its record and its condition, or expect bifurcation" in said
     user.go("Compare")
     user.sees("far below what was expected.")
-    pill = '[data-testid="stButtonGroup"] button'
-    user.press("Why", pill)
+    user.press("Why", PILL)
     user.sees("Corridor (40 %)", FIGURE)
     told = user.sees("curves as they stand")
     assert "costs most" in told
     assert "S4 differs from the tests at its speed" in told
     assert all(f"{part} 0." in told for part in ("Corridor", "Phase", "Magnitude", "Slope"))
     assert "moved" in user.sees("curves as they stand", FIGURE)
-    user.press("CAE", pill)
+    user.press("CAE", PILL)
     user.sees("CAE 0.")
     user.wait(lambda: "explained=cae" in user.browser.current_url)
     user.browser.refresh()

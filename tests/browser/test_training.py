@@ -46,9 +46,7 @@ def test_fitting_on_all_tests_hands_out_a_model_and_predict_answers_at_once(
     user.press("Start")
     user.sees("Learned from 4 tests")
     user.press("models.zip", '[data-testid="stDownloadButton"] button')
-    file = user.downloads / "models.zip"
-    user.wait(file.is_file, "The model never arrived.")
-    with zipfile.ZipFile(file) as archive:
+    with zipfile.ZipFile(user.arrived("models.zip")) as archive:
         model_file = archive.extract("displacement_domain.safetensors", user.downloads)
     with safetensors.safe_open(model_file, framework="numpy") as model:
         record = json.loads(model.metadata()["crashfuse"])

@@ -10,7 +10,8 @@ from crashfuse import cli
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError
-from tests.conftest import content_of, zipped
+from crashfuse.files.archive import zipped
+from tests.conftest import content_of
 
 TOLD = {
     "a missing column": "tests.csv: expected one column rear_weight_lb or rear_weight_kg",

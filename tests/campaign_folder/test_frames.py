@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from crashfuse import Campaign, DataError, load_campaign, write_campaign
-from tests.conftest import content_of, zipped
+from crashfuse.files.archive import zipped
+from tests.conftest import content_of
 
 Frames = dict[str, pd.DataFrame]
 

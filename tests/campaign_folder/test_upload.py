@@ -3,7 +3,6 @@
 import io
 import random
 import shutil
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,9 @@ from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError
+from crashfuse.files import archive
 from crashfuse.files.archive import Limits
+from tests.conftest import content_of
 
 TABLE = b"id,speed_mph,front_weight_lb,rear_weight_lb\n"
 TESTS, CAE = TABLE + b"T1,25,2000,1500\nT2,35,2000,1500\n", TABLE + b"C1,25,2000,1500\nB1,35,2000,1500\n"
@@ -24,22 +25,13 @@ PULSE = b"time_ms,acceleration_g\n0,0\n1,-1\n"
 
 def zipped(*files: tuple[str, bytes]) -> bytes:
     """Pack files as a zip."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files:
-            archive.writestr(name, content)
-    return stream.getvalue()
-
-
-def files_of(folder: Path) -> dict[str, bytes]:
-    """All files in a folder by their path in it."""
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return archive.zipped(dict(files))
 
 
 @pytest.fixture
 def content(campaign_on_disk: Path) -> dict[str, bytes]:
     """Every file of the small campaign."""
-    return files_of(campaign_on_disk)
+    return content_of(campaign_on_disk)
 
 
 @pytest.mark.parametrize("top", ["", "Our car/", "data/2024/Our car/"])
@@ -51,7 +43,7 @@ def test_a_zipped_campaign_is_the_campaign(
     folder = lay_out(
         [("Our car.zip", zipped(*((top + name, data) for name, data in content.items()), *extra))], tmp_path
     )
-    assert files_of(folder) == content
+    assert content_of(folder) == content
     assert folder.parent == tmp_path
     uploaded = load_campaign(folder)
     assert uploaded.name == "Our car"
@@ -76,7 +68,7 @@ def test_what_is_asked_of_a_campaign_comes_with_it(content: dict[str, bytes], tm
     asked = {"criteria.toml": b"confidence = 0.9", "matrix.csv": TABLE + b"M1,25,2000,1500\n"}
     files = [(Path(name).name if loose else name, data) for name, data in {**content, **asked}.items()]
     folder = lay_out(files if loose else [("Our car.zip", zipped(*files))], tmp_path)
-    assert {name: files_of(folder)[name] for name in asked} == asked
+    assert {name: content_of(folder)[name] for name in asked} == asked
     assert load_campaign(folder).warnings == ()
 
 
@@ -84,7 +76,7 @@ def test_pulses_of_both_sources_are_told_apart_by_their_ids(tmp_path: Path) -> N
     """Pulse files beside the tables go to tests/ or to cae/; an ending in capitals is read like any other."""
     uploads = [("tests.csv", TESTS), ("cae.csv", CAE), ("T1.csv", PULSE), ("T2.CSV", PULSE), ("C1.csv", PULSE)]
     folder = lay_out(uploads, tmp_path)
-    assert set(files_of(folder)) == {"tests.csv", "cae.csv", "tests/T1.csv", "tests/T2.csv", "cae/C1.csv"}
+    assert set(content_of(folder)) == {"tests.csv", "cae.csv", "tests/T1.csv", "tests/T2.csv", "cae/C1.csv"}
 
 
 def test_an_id_of_both_sources_goes_to_the_one_without_a_table_of_pulses(tmp_path: Path) -> None:

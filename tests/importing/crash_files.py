@@ -8,16 +8,14 @@ import numpy as np
 from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.testing.readers import written
 from crashfuse.units import KPH, MS, G
 from tests.importing.crashes import SPEED_MPS, clock, half_sine_g, scatter_g
 
 
 def write(folder: Path, files: dict[str, bytes]) -> Path:
     """Write files into a folder."""
-    for name, content in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)
-    return folder
+    return written(folder, files)
 
 
 def german(time_s: FloatArray, *pulses: FloatArray, header: str = "Zeit [ms];a_x [g]") -> bytes:

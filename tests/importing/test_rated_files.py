@@ -8,6 +8,7 @@ import pytest
 
 from crashfuse.campaign_folder.sample_tables import read_pulse
 from crashfuse.errors import DataError, UsageError
+from crashfuse.files.archive import zipped
 from crashfuse.importing import import_source
 from crashfuse.importing.rated_channels import rate_channels
 from crashfuse.importing.rated_files import COLUMNS, RatingChoices, rate_files, rate_pairs
@@ -17,7 +18,7 @@ from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.units import G
-from tests.conftest import SHARED, needs_shared, zipped
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crash_files import german, isomme, write
 from tests.importing.crashes import clock, half_sine_g, ringing_g, scatter_g
 

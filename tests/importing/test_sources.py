@@ -8,8 +8,8 @@ from typing import Literal
 import pytest
 
 from crashfuse.errors import DataError, UsageError
+from crashfuse.files.archive import zipped
 from crashfuse.importing import ColumnChoice, Reading, format_of, import_source, read_each, read_records, settle_each
-from tests.conftest import zipped
 from tests.importing.crash_files import german, imported, isomme, write
 from tests.importing.crashes import GIVEN, clock, half_sine_g
 from tests.readers.nhtsa_files import nhtsa_files

@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 
 from crashfuse.errors import DataError
-from crashfuse.files.archive import Limits
+from crashfuse.files.archive import Limits, zipped
 from crashfuse.importing.unpacking import lay_out_source
-from tests.conftest import zipped
 
 
 def test_uploads_become_a_file_a_folder_or_a_folder_of_all(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """ISO-MME: what is written is read again to the bit, and so is what laboratories write."""
 
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,10 +7,11 @@ import numpy as np
 import pytest
 
 from crashfuse.errors import DataError
-from crashfuse.files.archive import Limits
+from crashfuse.files.archive import Limits, zipped
 from crashfuse.readers.isomme import read_isomme
 from crashfuse.readers.isomme_channels import Channel, IsommeTest
 from crashfuse.reporting.isomme_writer import isomme_files
+from crashfuse.testing.readers import written
 
 # Written by hand after a channel of a federal laboratory's side-impact test: NOVALUE, 10 kHz from -0.1 s.
 IMPLICIT = """Channel code                :M0MBARLEMIUPACXP
@@ -62,20 +62,9 @@ def laboratory(encoding: str = "cp1252", newline: str = "\r\n", **changed: str) 
     return {name: text.replace("\n", newline).encode(encoding) for name, text in texts.items()}
 
 
-def on_disk(files: dict[str, bytes], folder: Path) -> Path:
-    """Write the files into a folder."""
-    for name, content in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)
-    return folder
-
-
 def as_zip(files: dict[str, bytes], path: Path) -> Path:
     """Write the files as a zip, a film among them."""
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-        archive.writestr("T1/Movie/T1.avi", b"film")
+    path.write_bytes(zipped({**files, "T1/Movie/T1.avi": b"film"}))
     return path
 
 
@@ -94,12 +83,12 @@ def test_with_numbers() -> IsommeTest:
 def test_what_is_written_is_read_again_to_the_bit(test_with_numbers: IsommeTest, tmp_path: Path, packed: bool) -> None:
     """Folder or zip: samples to the last bit, sampling, names, units, comments and descriptors in their order."""
     files = isomme_files(test_with_numbers)
-    again = read_isomme(as_zip(files, tmp_path / "t.zip") if packed else on_disk(files, tmp_path) / "T 1")
+    again = read_isomme(as_zip(files, tmp_path / "t.zip") if packed else written(tmp_path, files) / "T 1")
     assert (again.name, again.descriptors) == (test_with_numbers.name, test_with_numbers.descriptors)
-    for found, written in zip(again.channels, test_with_numbers.channels, strict=True):
-        np.testing.assert_array_equal(found.values, written.values)
+    for found, expected in zip(again.channels, test_with_numbers.channels, strict=True):
+        np.testing.assert_array_equal(found.values, expected.values)
         nothing = np.zeros(0)
-        assert vars(replace(found, values=nothing)) | {"values": 0} == vars(replace(written, values=nothing)) | {
+        assert vars(replace(found, values=nothing)) | {"values": 0} == vars(replace(expected, values=nothing)) | {
             "values": 0
         }
 
@@ -128,7 +117,7 @@ def test_a_line_break_in_a_name_writes_no_second_descriptor(test_with_numbers: I
     forged = replace(
         test_with_numbers, descriptors=(("Title", "x\r\nDate of the test :2024-01-01\x85Regulation :R94"),)
     )
-    again = read_isomme(on_disk(isomme_files(forged), tmp_path) / "T 1")
+    again = read_isomme(written(tmp_path, isomme_files(forged)) / "T 1")
     assert len(again.descriptors) == 1
     assert again.descriptor("Date of the test") is None
 
@@ -139,7 +128,7 @@ def test_what_laboratories_write_is_read(tmp_path: Path, encoding: str, newline:
     """Any encoding, line end and capitals; colons in values; implicit time, a time channel, or none at all."""
     files = laboratory(encoding, newline)
     inside = {f"T1/{name}": content for name, content in files.items()}
-    test = read_isomme(as_zip(inside, tmp_path / "v1.ZIP") if packed else on_disk(files, tmp_path / "T1"))
+    test = read_isomme(as_zip(inside, tmp_path / "v1.ZIP") if packed else written(tmp_path / "T1", files))
     assert test.name == "T1"
     assert test.descriptor("title") == "Wall: 40 % Überdeckung"
     assert test.descriptor("Customer name") is None
@@ -163,7 +152,7 @@ def test_times_are_in_the_unit_that_they_name(tmp_path: Path) -> None:
     for reference in ("11TIRS000000TIRP", "Zeit", "002"):
         explicit = EXPLICIT.replace(":11TIRS000000TIRP", f":{reference}")
         changed = {"CHANNEL/T1.001": in_ms, "CHANNEL/T1.002": clock, "CHANNEL/T1.010": explicit}
-        test = read_isomme(on_disk(laboratory(**changed), tmp_path / reference))
+        test = read_isomme(written(tmp_path / reference, laboratory(**changed)))
         by_code = {channel.code: channel for channel in test.channels}
         implicit, timed = by_code["M0MBARLEMIUPACXP"], by_code["11HEADCG0000ACXP"]
         assert [implicit.interval_s, implicit.start_s] == pytest.approx([1e-4, -0.1])
@@ -174,16 +163,16 @@ def test_a_start_that_nobody_tells_is_none(tmp_path: Path) -> None:
     """Neither its absence nor NOVALUE means that recording began at 0, and so it is written again."""
     for number, line in enumerate(("", "Time of first sample        :NOVALUE\n")):
         changed = IMPLICIT.replace("Time of first sample        :-0.1\n", line)
-        test = read_isomme(on_disk(laboratory(**{"CHANNEL/T1.001": changed}), tmp_path / str(number)))
+        test = read_isomme(written(tmp_path / str(number), laboratory(**{"CHANNEL/T1.001": changed})))
         assert test.channels[0].start_s is None
-        again = read_isomme(on_disk(isomme_files(test), tmp_path / f"again{number}") / "T1")
+        again = read_isomme(written(tmp_path / f"again{number}", isomme_files(test)) / "T1")
         assert (again.channels[0].start_s, again.channels[0].interval_s) == (None, 1e-4)
 
 
 def test_the_header_file_chooses_among_tests_in_one_folder(tmp_path: Path) -> None:
     """A folder of two tests is refused, the .mme file of one of them is not."""
-    on_disk({f"A/{name}": content for name, content in laboratory().items()}, tmp_path)
-    on_disk({f"B/{name}": content for name, content in laboratory().items()}, tmp_path)
+    written(tmp_path, {f"A/{name}": content for name, content in laboratory().items()})
+    written(tmp_path, {f"B/{name}": content for name, content in laboratory().items()})
     with pytest.raises(DataError, match=r"one \.mme file, found 2 of them"):
         read_isomme(tmp_path)
     assert len(read_isomme(tmp_path / "B" / "T1.MME").channels) == 4
@@ -209,7 +198,7 @@ def test_a_file_that_is_wrong_is_named_with_what_is_wrong(
 ) -> None:
     """The sentence says which file, what was expected and what was found."""
     with pytest.raises(DataError, match=expected):
-        read_isomme(on_disk(laboratory("utf-8", **changed), tmp_path))
+        read_isomme(written(tmp_path, laboratory("utf-8", **changed)))
 
 
 def test_a_test_without_its_parts_is_refused(tmp_path: Path) -> None:
@@ -218,10 +207,10 @@ def test_a_test_without_its_parts_is_refused(tmp_path: Path) -> None:
         read_isomme(tmp_path / "nowhere")
     with pytest.raises(DataError, match=r"one \.mme file, found none"):
         read_isomme(tmp_path)
-    on_disk({"T1.mme": MME.encode()}, tmp_path)
+    written(tmp_path, {"T1.mme": MME.encode()})
     with pytest.raises(DataError, match="channel files"):
         read_isomme(tmp_path)
-    on_disk(laboratory(**{"T1.mme": MME}), tmp_path / "T1")
+    written(tmp_path / "T1", laboratory(**{"T1.mme": MME}))
     (tmp_path / "T1" / "T1.MME").unlink()
     for limits in (Limits(members=3), Limits(total_bytes=500), Limits(member_bytes=200)):
         with pytest.raises(DataError, match="at most"):

@@ -2,7 +2,6 @@
 
 import re
 import struct
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +10,12 @@ import pytest
 
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import DataError
+from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, import_source, settle
 from crashfuse.readers.lsdyna.runs import read_lsdyna
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.units import LB
+from tests.conftest import content_of
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 from tests.readers.lsdyna_files import MASS_KG, SYSTEMS, Layout, Run, chars, lsda
 
@@ -211,9 +212,8 @@ def test_a_folder_of_runs_becomes_a_library_with_conditions_from_a_table(tmp_pat
     run = Run(end_s=0.12, step_s=2e-4)
     for run_id in ids:
         saved(tmp_path / "doe" / run_id, binout0000=run.binout(), messag=b"normal termination")
-    with zipfile.ZipFile(tmp_path / "doe.zip", "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in (tmp_path / "doe").rglob("binout*"):
-            archive.write(path, path.relative_to(tmp_path / "doe"))
+    binouts = {name: content for name, content in content_of(tmp_path / "doe").items() if "binout" in name}
+    (tmp_path / "doe.zip").write_bytes(zipped(binouts))
     table = tmp_path / "cae.csv"
     rows = "".join(f"{run_id},{2000 + number},1500\n" for number, run_id in enumerate(ids))
     table.write_text("id,front_weight_lb,rear_weight_lb\n" + rows)

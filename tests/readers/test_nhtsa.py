@@ -7,24 +7,17 @@ import numpy as np
 import pytest
 
 from crashfuse.errors import DataError
-from crashfuse.files.archive import Limits
+from crashfuse.files.archive import Limits, zipped
 from crashfuse.importing import Choices, settle
 from crashfuse.readers.nhtsa import read_nhtsa
 from crashfuse.signals.metrics import pulse_metrics
+from crashfuse.testing.readers import written
 from crashfuse.units import KPH
-from tests.conftest import SHARED, needs_shared, zipped
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crashes import SPEED_MPS, clock, half_sine_g
 from tests.readers.nhtsa_files import nhtsa_files, samples
 
 CAMRY = SHARED / "real/nhtsa_10146_camry2018"
-
-
-def written(folder: Path, files: dict[str, bytes]) -> Path:
-    """Write files into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, content in files.items():
-        (folder / name).write_bytes(content)
-    return folder
 
 
 def test_conditions_and_channels_are_found(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from crashfuse.errors import DataError, Problem, collecting
+from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, Reading, Settled, format_of, import_source, read_records, settle
 from crashfuse.readers.formats import formats_of
 from crashfuse.readers.radioss.binary import read_binary
@@ -18,7 +19,7 @@ from crashfuse.readers.radioss.time_history import TimeHistory, Watched
 from crashfuse.readers.radioss.unnamed import with_names
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
-from tests.conftest import SHARED, needs_shared, zipped
+from tests.conftest import SHARED, needs_shared
 from tests.importing.crash_files import write
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S
 from tests.readers.radioss_files import MASS_KG, Converter, RadiossRun

@@ -2,7 +2,6 @@
 
 import struct
 import time
-import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -15,11 +14,13 @@ import pytest
 from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
 from crashfuse.errors import DataError
+from crashfuse.files.archive import zipped
 from crashfuse.importing import Choices, format_of, settle
 from crashfuse.readers.record import PartialCondition
 from crashfuse.readers.tdms import read_tdms
 from crashfuse.readers.tdms_container import parse_tdms
 from crashfuse.signals.pulse import FloatArray
+from tests.conftest import content_of
 from tests.importing.crashes import CRUSH_M, PEAK_MPS2, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g
 
 WEIGHTS = Choices(condition=PartialCondition(front_weight_kg=950.0, rear_weight_kg=750.0))
@@ -126,9 +127,7 @@ def test_folders_and_zips_hold_a_record_a_file(tmp_path: Path) -> None:
     """Every file of a folder or zip is a test; a file that was chosen stands for itself."""
     for name in ("v1", "v2"):
         saved(tmp_path / "tests" / f"{name}.tdms", nhtsa_test())
-    with zipfile.ZipFile(tmp_path / "tests.zip", "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in (tmp_path / "tests").iterdir():
-            archive.write(path, path.name)
+    (tmp_path / "tests.zip").write_bytes(zipped(content_of(tmp_path / "tests")))
     for source, ids in (("tests", ["1", "2"]), ("tests.zip", ["1", "2"]), ("tests/v2.tdms", ["2"])):
         assert sorted(record.id for record in read_tdms(tmp_path / source)) == ids
 

@@ -10,6 +10,8 @@ import pytest
 import streamlit as st
 from streamlit.testing.v1 import AppTest
 
+from crashfuse.ui.computation import jobs
+
 APP = Path(__file__).parents[2] / "app.py"
 SOON = 60.0
 _ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")  # punctuation that is kept from being Markdown
@@ -26,6 +28,12 @@ class Session:
         self.app.run()
         assert not self.app.exception
         return self
+
+    def finish(self, timeout_s: float = SOON) -> "Session":
+        """Wait for all jobs, so long for each, and draw the page anew."""
+        for job in jobs().active:
+            assert job.wait(timeout_s)
+        return self.run()
 
     def go(self, page: str) -> "Session":
         """Turn to another page."""

@@ -8,7 +8,6 @@ import pytest
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.history import PastResult, keep
-from crashfuse.ui import computation
 from tests.ui.conftest import Session
 
 Visit = Callable[..., Session]
@@ -17,10 +16,7 @@ ONE = {"campaign": "campaign", "approaches": "cae"}
 
 def predicted(session: Session, test: str) -> Session:
     """The page once the test is predicted."""
-    session.press(f"Predict test {test}")
-    for job in computation.jobs().active:
-        assert job.wait(60.0)
-    return session.run()
+    return session.press(f"Predict test {test}").finish()
 
 
 @pytest.mark.usefixtures("open_campaign")

@@ -16,7 +16,6 @@ from crashfuse.reporting.certification_sentences import to_test
 from crashfuse.reporting.certification_tables import certification_table, matrix_table, verdict_counts
 from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui.certify import matrix as matrix_ui
-from crashfuse.ui.computation import jobs
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
@@ -60,9 +59,7 @@ def certified(session: "Session") -> "Session":
     """Press Certify, unless that was done before, and wait for the verdicts."""
     if "Certify" in session.buttons:
         session.press("Certify")
-    for job in jobs().active:
-        assert job.wait(60)
-    return session.run()
+    return session.finish()
 
 
 def of_library(folder: Path, confidence: float = 0.9) -> Verdicts:

@@ -17,13 +17,14 @@ from crashfuse.campaign_folder import sample_folder
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.errors import Problem
 from crashfuse.execution.cache import default_folder
+from crashfuse.files.archive import zipped
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.ui import campaigns, journal, recent, uploads
 from crashfuse.ui.problems import problem_table, short_table
 from crashfuse.units import G
-from tests.conftest import content_of, zipped
+from tests.conftest import content_of
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session

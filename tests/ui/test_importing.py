@@ -14,9 +14,9 @@ from openpyxl import Workbook
 
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.campaign_folder.sample_folder import sample_folder
+from crashfuse.files.archive import zipped
 from crashfuse.ui import uploads, visitors
 from crashfuse.units import KPH, MPH
-from tests.conftest import zipped
 from tests.files.test_tarball import tarred
 from tests.importing.crash_files import german, isomme, library
 from tests.importing.crashes import SPEED_MPS, STOP_S, clock, half_sine_g, scatter_g

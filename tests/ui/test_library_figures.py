@@ -10,7 +10,6 @@ import pytest
 
 from crashfuse import Condition, Display, StudyConfig, load_campaign, next_test, predict, run_study
 from crashfuse.reporting.figures import Further
-from crashfuse.ui.computation import jobs
 from crashfuse.wording import IN_SI, KPH_KG
 
 if TYPE_CHECKING:
@@ -40,9 +39,7 @@ def opened(visit: "Visit", page: str, press: str, **parameters: object) -> "Sess
     session = visit(page, **OPTIONS, **parameters)
     if press in session.buttons:
         session.press(press)
-    for job in jobs().active:
-        assert job.wait(100)
-    return session.run()
+    return session.finish(100)
 
 
 def test_on_data(open_campaign: Path, visit: "Visit") -> None:

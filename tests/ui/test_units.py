@@ -7,9 +7,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from crashfuse.ui.computation import jobs
 from crashfuse.units import KPH, LB, MPH
-from tests.ui.conftest import SOON, Session
+from tests.ui.conftest import Session
 
 Visit = Callable[..., Session]
 pytestmark = pytest.mark.usefixtures("open_campaign")
@@ -100,10 +99,7 @@ def test_results_are_in_the_units_that_were_chosen(visit: Visit, system: str, fo
         for tab in tabs:
             session = visit(page, system=system, approaches="cae", **{f"{page}_tab": tab})
             if button in session.buttons:
-                session.press(button)
-                for job in jobs().active:
-                    job.wait(SOON)
-                session.run()
+                session.press(button).finish()
             assert button not in session.buttons
             figures = [chart.proto.spec for chart in session.app.get("plotly_chart")]
             drawn = re.sub(r'"bdata":"[^"]*"', "", "\n".join(figures)).replace(r"\u002f", "/")

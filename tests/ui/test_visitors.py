@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from crashfuse.errors import DataError
+from crashfuse.files.archive import zipped
 from crashfuse.ui import campaigns, journal
 from crashfuse.ui.computation import jobs
 from crashfuse.ui.visitors import Visitor
-from tests.conftest import content_of, zipped
+from tests.conftest import content_of
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session

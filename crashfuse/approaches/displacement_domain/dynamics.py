@@ -60,12 +60,16 @@ def integrate(
     adding = np.flatnonzero(over_speed_mps2.any(axis=0))  # usually near the stop only
     slow = by_speed.step * (adding[-1] + 1) if adding.size else -np.inf
 
+    def accel_at(s: FloatArray, v: FloatArray) -> FloatArray:
+        accel = by_displacement(s)
+        if v.min() < slow:
+            accel += by_speed(v)
+        return accel
+
     n_draws = len(over_displacement_mps2)
     accel, velocity, displacement = (np.empty((n_times, n_draws)) for _ in range(3))
     s, v = np.zeros(n_draws), np.full(n_draws, start)
-    a = by_displacement(s)
-    if start < slow:
-        a += by_speed(v)
+    a = accel_at(s, v)
     for i in range(n_times):
         accel[i], velocity[i], displacement[i] = a, v, s
         if i % _LOOK_STEPS == 0 and v.max() < 0:  # all have stopped
@@ -74,9 +78,7 @@ def integrate(
         s += v
         s += a
         v += a
-        ahead = by_displacement(s)
-        if (expected := v + a).min() < slow:
-            ahead += by_speed(expected)
+        ahead = accel_at(s, v + a)
         v += ahead
         a = ahead
     accel *= 2 * step_m / dt_s**2

@@ -58,17 +58,16 @@ def follow_unloading(
 
 def _unloaded(pulses: Kinematics, cae: FloatArray, cae_loading: LoadingPhase) -> FloatArray:
     """As :func:`follow_unloading`, for pulses at any time step."""
-    whole, t0, some = pulses.accel_mps2.copy(), pulses.t0_s[:, None], _after_first_stop(pulses.t0_s, pulses.dt_s)
-    accel_mps2, time = whole[:, some], np.arange(whole.shape[-1])[some] * pulses.dt_s
-    after = np.maximum(time - t0, 0.0)  # NaN where the vehicle does not stop
-    at_t0 = _at(pulses.accel_mps2, t0 / pulses.dt_s)
+    whole = pulses.accel_mps2.copy()
+    some, after = _since_stop(pulses.t0_s, pulses.dt_s, whole.shape[-1])
+    accel_mps2, at_t0 = whole[:, some], _at(pulses.accel_mps2, pulses.t0_s[:, None] / pulses.dt_s)
     if np.isnan(cae_loading.t0_s):
         branch, end = np.zeros_like(accel_mps2), 0.0
     else:
         branch, end = np.interp(cae_loading.t0_s + after, np.arange(cae.size) * DT_S, cae), cae_loading.accel_mps2[-1]
     scale = np.clip(at_t0 / end, *_SCALES) if end < 0 else np.ones_like(at_t0)
     unloading = scale * branch + (at_t0 - scale * end) * np.exp(-after / _JOIN_S)
-    np.copyto(accel_mps2, unloading, where=time > t0)
+    np.copyto(accel_mps2, unloading, where=after > 0)
     return whole
 
 
@@ -176,17 +175,20 @@ class Rebound:
 
 def _with(extra: FloatArray, pulses_mps2: FloatArray, t0_s: FloatArray, dt_s: float) -> FloatArray:
     """Add corrections at the times after zero velocity, one row for each pulse, from zero velocity on."""
-    t0, some = t0_s[:, None], _after_first_stop(t0_s, dt_s)  # NaN where the vehicle does not stop
-    time = np.arange(pulses_mps2.shape[-1])[some] * dt_s
-    own = _at(extra, np.maximum((time - t0) / _STEP_S, 0.0))
-    pulses_mps2[:, some] += np.where(t0 < time, _unit(_at(pulses_mps2, t0 / dt_s)) * own, 0.0)
+    some, after = _since_stop(t0_s, dt_s, pulses_mps2.shape[-1])
+    scale = _unit(_at(pulses_mps2, t0_s[:, None] / dt_s))
+    pulses_mps2[:, some] += np.where(after > 0, scale * _at(extra, after / _STEP_S), 0.0)
     return pulses_mps2
 
 
-def _after_first_stop(t0_s: FloatArray, dt_s: float) -> slice:
-    """The samples from just before any of these times of zero velocity on; none if there is none."""
+def _since_stop(t0_s: FloatArray, dt_s: float, n_times: int) -> tuple[slice, FloatArray]:
+    """The samples from just before any of these times of zero velocity on, and the times since each, 0 before it.
+
+    Both are empty if there is none; the times are NaN where a vehicle does not stop.
+    """
     earliest = float(np.fmin.reduce(t0_s, initial=np.inf)) / dt_s
-    return slice(int(earliest), None) if np.isfinite(earliest) else slice(0)
+    some = slice(int(earliest), None) if np.isfinite(earliest) else slice(0)
+    return some, np.maximum(np.arange(n_times)[some] * dt_s - t0_s[:, None], 0.0)
 
 
 def _at(rows: FloatArray, place: FloatArray) -> FloatArray:

@@ -106,7 +106,7 @@ class Pool:
             return self
         away = np.array([score.away for score in scores])
         apart = np.array([score.apart for score in scores])
-        inputs = np.array([_inputs(score.spreads) for score in scores])
+        inputs = np.array([log_ratios(score.spreads) for score in scores])
         size = np.array([score.crps(np.full(len(self.prior), 1 / len(self.prior))) for score in scores])[:, None]
 
         def loss(flat: FloatArray) -> tuple[float, FloatArray]:
@@ -126,9 +126,10 @@ class Pool:
 
     def weights(self, spreads: FloatArray) -> FloatArray:
         """Weights of the components where they have these spreads, shape (n_components,); they add up to 1."""
-        return np.asarray(softmax(self.logits_ @ _inputs(spreads)))
+        return np.asarray(softmax(self.logits_ @ log_ratios(spreads)))
 
 
-def _inputs(spreads: FloatArray) -> FloatArray:
+def log_ratios(spreads: FloatArray) -> FloatArray:
+    """What logits are linear in: 1, and the log ratios of the first two spreads and of the last to both."""
     first, second, *others = np.log(np.maximum(spreads, _LEAST_MPS2))
     return np.array([1.0, first - second, others[-1] - (first + second) / 2 if others else 0.0])

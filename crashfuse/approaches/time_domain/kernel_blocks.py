@@ -6,7 +6,7 @@ study, all subsets of a learning curve and all predictions share it.
 
 import hashlib
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -64,8 +64,7 @@ class KernelBlocks:
         """Kernel between all of these conditions, shape (n, n_times, n, n_times)."""
         ours = _tuples(vectors)
         pairs = {_pair(one, two) for one in ours for two in ours}
-        self._look_up(pairs)
-        if missing := pairs - self._blocks.keys():
+        if missing := self._missing(pairs):
             self._blocks |= self._computed(missing)
             self._keep(ours)
         return self._joined(ours, ours)
@@ -74,10 +73,9 @@ class KernelBlocks:
         """Kernel between tests and one condition, shape (n, n_times, n_times), and of the latter alone."""
         ours, (new,) = _tuples(vectors), _tuples(vector[None])
         pairs = {_pair(one, new) for one in (*ours, new)}
-        self._look_up(pairs)
-        if self._blocks.keys() >= pairs:
+        if not self._missing(pairs):
             return self._joined(ours, [new])[:, :, 0], self._joined([new], [new])[0, :, 0]
-        conditions = sorted(ours)
+        conditions = sorted(set(ours))
         if self._at_tests[0] != conditions:
             at_tests = self._inputs(np.array(conditions))
             self._at_tests = conditions, self._of_members(lambda _, alone: Tangent.of(alone, at_tests))
@@ -130,10 +128,11 @@ class KernelBlocks:
     def _block(self, one: Vector, two: Vector) -> npt.NDArray[np.float32]:
         return self._blocks[one, two] if one <= two else self._blocks[two, one].T
 
-    def _look_up(self, pairs: Iterable[Pair]) -> None:
-        """Read what is kept, unless all of these pairs are at hand."""
-        if self._cache and not self._blocks.keys() >= set(pairs):
-            self._blocks = (self._cache.find(_KIND, self._key, _unpacked) or {}) | self._blocks
+    def _missing(self, pairs: set[Pair]) -> set[Pair]:
+        """Those of these pairs that are neither at hand nor kept; what is kept is read once."""
+        if self._cache and not self._blocks:
+            self._blocks = self._cache.find(_KIND, self._key, _unpacked) or {}
+        return pairs - self._blocks.keys()
 
     def _keep(self, latest: Sequence[Vector]) -> None:
         """Keep the blocks at hand, if they are too many those between the latest conditions."""

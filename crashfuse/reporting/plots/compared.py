@@ -16,7 +16,7 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
 
     The bars of the mean are two standard errors over the tests.
     """
-    table = compared.ratings[(compared.ratings["window_ms"] == window_ms) & (compared.ratings["left_out"] == left_out)]
+    table = compared.over(window_ms, left_out)
     tests, means = list(table["held_out"].unique()), compared.means(window_ms, left_out).set_index("approach")
     figure = new_figure(height=380)
     for place, name in enumerate(means.index):

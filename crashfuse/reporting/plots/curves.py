@@ -1,13 +1,12 @@
 """Curves common to figures over any axis: a test with its predictions, whatever is put beside, and tests by speed."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
 from typing import Any
 
 import plotly.graph_objects as go
 
-from crashfuse.approaches.registry import CLASSES, LABELS
+from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import CrashTest
 from crashfuse.reporting.plots.canvas import add_band, add_line
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -72,11 +71,6 @@ def curve_lines(names: Collection[str]) -> dict[str, dict[str, Any]]:
     """Lines of several curves by name, whatever is put beside approaches and test among them."""
     further = [name for name in names if name != TEST and name not in COLOURS]
     return {name: further_line(further.index(name)) if name in further else curve_line(name) for name in names}
-
-
-def by_preference(names: Iterable[str]) -> list[str]:
-    """Names of curves, those of approaches first, in the order in which approaches are preferred."""
-    return sorted(names, key=lambda name: CLASSES[name].preference if name in CLASSES else inf)
 
 
 def by_speed(

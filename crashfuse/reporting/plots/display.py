@@ -57,8 +57,8 @@ class Display:
     system: UnitSystem = MPH_LB
 
     @classmethod
-    def of(cls, **options: Unpack[DisplayOptions]) -> Self:
-        """The display that these options ask for.
+    def of(cls, usual_ms: float = WINDOWS_MS[-1], /, **options: Unpack[DisplayOptions]) -> Self:
+        """The display that these options ask for, by default over the window of ``usual_ms``.
 
         Raises
         ------
@@ -73,7 +73,7 @@ class Display:
             changed["unit"] = one_of("unit of accelerations", given["unit"], _UNITS)
         if "units" in given:
             changed["system"] = one_of("system of units", given["units"], SYSTEMS)
-        shown: Self = given.get("display", DEFAULT)
+        shown: Self = given.get("display", replace(DEFAULT, window_ms=usual_ms))
         return replace(shown, **changed)
 
     @property

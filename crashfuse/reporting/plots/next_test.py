@@ -11,7 +11,8 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, MEASURED_COLOUR
 from crashfuse.study.next_test import NextTest
 
-_BEST = 5
+BEST = 5
+"""How many of the best candidates are numbered in the figure, and listed beside it."""
 
 
 def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: Display = DEFAULT) -> go.Figure:
@@ -27,7 +28,7 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
     figure.add_scatter(
         x=np.array([display.speeds(c.condition.speed_mps) for _, c in by_speed], dtype=np.float32),
         y=np.array([100 * c.gain for _, c in by_speed], dtype=np.float32),
-        text=[f"{rank}" if rank <= _BEST else "" for rank, _ in by_speed],
+        text=[f"{rank}" if rank <= BEST else "" for rank, _ in by_speed],
         customdata=[
             [*w, c.before_mps2 * wide, c.after_mps2 * wide] for w, (_, c) in zip(weights, by_speed, strict=True)
         ],
@@ -39,7 +40,7 @@ def next_tests(ranked: Sequence[NextTest], tests: Sequence[CrashTest], display: 
         line={"color": colour, "width": 2},
         marker={
             "color": colour,
-            "size": [11 if rank <= _BEST else 7 for rank, _ in by_speed],
+            "size": [11 if rank <= BEST else 7 for rank, _ in by_speed],
             "symbol": ["circle-open" if c.extrapolation else "circle" for _, c in by_speed],
             "line": {"width": 1.5},
         },

@@ -69,14 +69,18 @@ class Comparison:
         return self.view.display.window_ms
 
     @property
+    def recommended(self) -> str | None:
+        """The approach to use, once it is known."""
+        return None if self.advice is None else self.advice.approach
+
+    @property
     def predictions(self) -> Mapping[str, Prediction]:
         """By approach."""
         return {estimate.approach: estimate.prediction for estimate in self.fold.estimates}
 
     def choose_curves(self) -> Shown:
         """Let the user choose the curves of a figure, and what is shown beside them."""
-        recommended = None if self.advice is None else self.advice.approach
-        return choose_curves(self.view, self.predictions, recommended, self.test.condition, self.test.id)
+        return choose_curves(self.view, self.predictions, self.recommended, self.test.condition, self.test.id)
 
     def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
         """A figure of the test with the curves that were chosen."""

@@ -34,14 +34,13 @@ def _row(comparison: Comparison) -> str:
     """HTML list: by approach its rating, the change from the raw CAE model and the grade; then that of a repeat."""
     window_ms = comparison.window_ms
     overall = {name: by_window[window_ms] for name, by_window in comparison.fold.ratings.items()}
-    best = None if comparison.advice is None else comparison.advice.approach
     items = []
     for name, rating in overall.items():
         values = f"<b>{rating.overall:.3f}</b>"
         if BASELINE in overall and name != BASELINE:
             values += _change(rating.overall - overall[BASELINE].overall)
         values += explanations.grade_chip(rating.grade)
-        items.append(_item(escape(LABELS[name]), values, recommended=name == best))
+        items.append(_item(escape(LABELS[name]), values, recommended=name == comparison.recommended))
     if (repeat := comparison.repeats.get(window_ms)) is not None:
         values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f}</small>"
         items.append(_item(f"<i>{REPEAT}</i>", values))

@@ -1,5 +1,6 @@
 """The networks before and after fine-tuning on tests, and how they were trained."""
 
+from functools import partial
 from typing import Any
 
 import plotly.graph_objects as go
@@ -37,10 +38,11 @@ def show(comparison: Comparison) -> None:
                 _show_beside_the_cae(comparison, name)
         return
     st.caption("Both learning curves are kept with the predictions, and written to study.json.")
-    network = states.get("time_domain", states.get("lf_tcn", {}))
+    name = "time_domain" if "time_domain" in states else "lf_tcn"
+    network, plot = states[name], partial(comparison.study.plot, fold.held_out, approaches=[name])
     with columns[0]:
         st.markdown("**Training on CAE runs**")
-        show_figure(comparison.study.plot(fold.held_out, "training"), alt="Mean square error over epochs")
+        show_figure(plot("training"), alt="Mean square error over epochs")
         st.caption(
             f"Mean square error, averaged over {network['members']} network{'s' if network['members'] != 1 else ''}; "
             "validation is on the tenth of the runs that is not trained on."
@@ -49,7 +51,7 @@ def show(comparison: Comparison) -> None:
         if "left_out_rmse" in network:
             st.markdown("**Fine-tuning on tests**")
             show_figure(
-                comparison.study.plot(fold.held_out, "fine-tuning"),
+                plot("fine-tuning"),
                 alt="Error for each strength of the fine-tuning, on tests fitted to and on tests left out in turn",
             )
             st.caption(
@@ -58,7 +60,7 @@ def show(comparison: Comparison) -> None:
             )
         elif "tuning_curve" in network:
             st.markdown("**Fine-tuning on tests**")
-            show_figure(comparison.study.plot(fold.held_out, "fine-tuning"), alt="Loss over steps")
+            show_figure(plot("fine-tuning"), alt="Loss over steps")
 
 
 def _show_beside_the_cae(comparison: Comparison, name: str) -> None:

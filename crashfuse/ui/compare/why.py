@@ -46,7 +46,7 @@ def show(comparison: Comparison) -> None:
 
 def _choose_approach(comparison: Comparison) -> str:
     names = list(comparison.fold.ratings)
-    first = names[-1] if comparison.advice is None else comparison.advice.approach
+    first = comparison.recommended or names[-1]
     return choose("Approach", names, key="explained", default=first, label_of=LABELS.__getitem__)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
@@ -50,7 +51,7 @@ class Answer:
         """True once every approach is known."""
         return len(self.fitted.fits) == len(self.config.approaches)
 
-    @property
+    @cached_property
     def advice(self) -> Recommendation | None:
         """Which of them to use; None while approaches are still missing."""
         if not self.whole:

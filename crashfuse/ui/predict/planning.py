@@ -13,6 +13,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.reporting.glossary import TTZV
 from crashfuse.reporting.planning import NextTests
+from crashfuse.reporting.plots.next_test import BEST
 from crashfuse.reporting.report import next_test_report, sweep_report
 from crashfuse.reporting.report.prediction import NEXT_TEST_MEANING
 from crashfuse.signals.metrics import METRIC_LABELS
@@ -22,17 +23,28 @@ from crashfuse.ui import address, page_tables
 from crashfuse.ui.computation import SweepRequest
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figures import show_figure
+from crashfuse.ui.frame import View
 from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.predict.answer import Answer
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 from crashfuse.wording import IN_SI
 
-_BEST = 5
+
+@dataclass(frozen=True)
+class _Axis:
+    """A quantity of which a range is chosen: label and key of its widget, its usual unit, and the step in any unit."""
+
+    label: str
+    key: str
+    unit: str
+    step: float
+
+
 _AXES = (
-    ("Speeds", "speed_range", "mph", 0.5),
-    ("Front weights", "front_range", "lb", 10.0),
-    ("Rear weights", "rear_range", "lb", 10.0),
+    _Axis("Speeds", "speed_range", "mph", 0.5),
+    _Axis("Front weights", "front_range", "lb", 10.0),
+    _Axis("Rear weights", "rear_range", "lb", 10.0),
 )
 
 
@@ -76,10 +88,9 @@ def show_next_test(answer: Answer) -> None:
     st.markdown(NEXT_TEST_MEANING)
     usual = ConditionRange.of(campaign.tests)
     ends, display = [], answer.view.display
-    for place, (column, (label, key, unit, step)) in enumerate(zip(st.columns(3), _AXES, strict=True)):
-        axis = _Axis(display.title(label, unit), key, step, campaign.units.unit(unit), display.units.unit(unit))
+    for place, (column, axis) in enumerate(zip(st.columns(3), _AXES, strict=True)):
         tests = [float(end.vector[place]) for end in (usual.low, usual.high)]
-        ends.append(_range(column, axis, campaign.cae.vectors[:, place], tests))
+        ends.append(_range(column, axis, answer.view, campaign.cae.vectors[:, place], tests))
     kind = answer.condition.factors or usual.low.factors
     low, high = (Condition(v0, front, rear, kind) for v0, front, rear in zip(*ends, strict=True))
     try:
@@ -89,8 +100,8 @@ def show_next_test(answer: Answer) -> None:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
     show_figure(found.plot(display=display), alt="How much each candidate would narrow the band, over its speed")
-    st.markdown(f"**The best {_BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
-    show_table(page_tables.next_tests(found.ranked[:_BEST], display), "next tests")
+    st.markdown(f"**The best {BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
+    show_table(page_tables.next_tests(found.ranked[:BEST], display), "next tests")
     with st.container(horizontal=True):
         download_table("next_tests.csv", lambda: found.table)
         download_report(lambda: next_test_report(found, request.config, display), "next_test.html")
@@ -101,39 +112,32 @@ def _ranked(key: object, over: ConditionRange, _domain: DisplacementDomain) -> t
     return rank_next_tests(_domain, over)
 
 
-@dataclass(frozen=True)
-class _Axis:
-    """A quantity of which a range is chosen: its widget's label, key and step, and the campaign's and reader's unit."""
-
-    label: str
-    key: str
-    step: float
-    own_unit: str
-    unit: str
-
-
-def _range(column: DeltaGenerator, axis: _Axis, runs: np.ndarray, tests: Sequence[float]) -> tuple[float, float]:
+def _range(
+    column: DeltaGenerator, axis: _Axis, view: View, runs: np.ndarray, tests: Sequence[float]
+) -> tuple[float, float]:
     """Slider for the ends of a range in SI, at first that of the tests.
 
     The session and the address have the ends with the unit that they were chosen in, such as ``20:35 mph``: they stay
     the same when another unit is chosen.
     """
-    state, slider, step = st.session_state, f"{axis.key} in {axis.unit}", axis.step
-    own, in_si = IN_SI[axis.own_unit], IN_SI[axis.unit]
+    own_unit, unit = (units.unit(axis.unit) for units in (view.campaign.units, view.display.units))
+    state, slider, step = st.session_state, f"{axis.key} in {unit}", axis.step
+    own, in_si = IN_SI[own_unit], IN_SI[unit]
     least, most = min(float(runs.min()), *tests), max(float(runs.max()), *tests)
     low, high = _down(max(least / in_si, step), step), _up(most / in_si, step)
     if not _lies_in(state[axis.key], least / 2, 2 * most):  # nothing yet, a link that was cut, or another campaign's
         state[axis.key] = None
-    address.default(axis.key, f"{_down(tests[0] / own, step):g}:{_up(tests[1] / own, step):g} {axis.own_unit}")
+    address.default(axis.key, f"{_down(tests[0] / own, step):g}:{_up(tests[1] / own, step):g} {own_unit}")
     ends = _ends(state[axis.key])
     state[slider] = tuple(min(max(end / in_si, low), high) for end in ends)
 
     def take() -> None:
         first, last = state[slider]
-        state[axis.key] = f"{first:.12g}:{last:.12g} {axis.unit}"
+        state[axis.key] = f"{first:.12g}:{last:.12g} {unit}"
 
+    label = view.display.title(axis.label, axis.unit)
     column.slider(
-        axis.label, low, high, step=step, format="%.1f" if step < 1 else "%.0f", key=slider, on_change=take,
+        label, low, high, step=step, format="%.1f" if step < 1 else "%.0f", key=slider, on_change=take,
         help="The range of interest; all conditions in it are weighted equally.",
     )  # fmt: skip
     return ends

@@ -28,12 +28,6 @@ def model(campaign: Campaign) -> CaeModel:
 
 
 @pytest.fixture
-def test(campaign: Campaign) -> CrashTest:
-    """A test at 25 mph."""
-    return campaign.test("T2")
-
-
-@pytest.fixture
 def predictions(test: CrashTest) -> dict[str, Prediction]:
     """Constant decelerations: 250 m/s², and 201 draws from 150 to 350 m/s²."""
     draws = np.repeat(-np.linspace(150.0, 350.0, 201)[:, None], GRID_S.size, axis=1)
