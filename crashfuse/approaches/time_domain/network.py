@@ -1,21 +1,23 @@
 """The temporal convolutional network (TCN; Figs. 3 and 4, Eq. 4; after Bai et al. 2018).
 
-Sequences are time-major, shape (n_members, n_times, n_pulses, n_channels): a short causal convolution is then one
-matrix product, and the independent members of an ensemble share each product as a batch, which is a fifth
+Sequences are time-major, shape (n_members, n_times, n_pulses, n_channels): a tap of a short causal convolution is then
+a matrix product with a view of them, and the independent members of an ensemble share it as a batch, which is a fifth
 faster than computing them one by one.
 There is no weight normalisation, as it costs 15 % on a CPU.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
 from torch.nn import functional
 
 from crashfuse.approaches.time_domain.config import TcnConfig
 
-_MOST_TAPS = 8  # in one product: it keeps a copy of its input for each tap for the gradient, gigabytes for 20
+_MOST_TAPS = 8  # with more, torch's own convolution is as quick on a CPU, and has a GPU's matrix units
 
 
 class Tcn(nn.Module):
@@ -137,18 +139,58 @@ class CausalConv(nn.Module):
     def forward(self, inputs: Tensor) -> Tensor:
         """Map sequences of shape (n_members, n_times, n_pulses, n_in) to as many of n_out channels."""
         members, kernel, n_in, n_out = self.weight.shape
+        if kernel <= _MOST_TAPS:
+            outputs: Tensor = _TapByTap.apply(inputs, self.weight, self.bias, self.lags)  # type: ignore[no-untyped-call]
+            return outputs
         n_times, n_pulses = inputs.shape[1:3]
-        past = (kernel - 1) * self._dilation
-        if kernel > _MOST_TAPS:
-            sequences = inputs.permute(2, 0, 3, 1).reshape(n_pulses, members * n_in, n_times)
-            weights = self.weight.permute(0, 3, 2, 1).reshape(members * n_out, n_in, kernel)
-            outputs = functional.conv1d(
-                functional.pad(sequences, (past, 0)), weights, self.bias.flatten(), dilation=self._dilation,
-                groups=members,
-            )  # fmt: skip
-            return outputs.view(n_pulses, members, n_out, n_times).permute(1, 3, 0, 2)
-        padded = functional.pad(inputs, (0, 0, 0, 0, past, 0)) if past else inputs
-        shifted = [padded[:, tap * self._dilation : tap * self._dilation + n_times] for tap in range(kernel)]
-        columns = torch.cat(shifted, dim=-1).reshape(members, -1, kernel * n_in)
-        outputs = torch.baddbmm(self.bias[:, None], columns, self.weight.view(members, -1, n_out))
-        return outputs.view(members, n_times, n_pulses, n_out)
+        sequences = inputs.permute(2, 0, 3, 1).reshape(n_pulses, members * n_in, n_times)
+        weights = self.weight.permute(0, 3, 2, 1).reshape(members * n_out, n_in, kernel)
+        convolved = functional.conv1d(
+            functional.pad(sequences, (self.lags[0], 0)), weights, self.bias.flatten(), dilation=self._dilation,
+            groups=members,
+        )  # fmt: skip
+        return convolved.view(n_pulses, members, n_out, n_times).permute(1, 3, 0, 2)
+
+
+class _TapByTap(torch.autograd.Function):
+    """A causal convolution as one product per tap, with views of its input, and its derivatives likewise.
+
+    Without copies of the input for each tap, a step of the training takes a quarter less time.
+    """
+
+    @staticmethod
+    def forward(  # torch declares no type for what it keeps in between
+        ctx: Any,  # noqa: ANN401
+        inputs: Tensor,
+        weight: Tensor,
+        bias: Tensor,
+        lags: tuple[int, ...],
+    ) -> Tensor:
+        members, n_times, n_pulses, _ = inputs.shape
+        rows = inputs.flatten(1, 2)
+        outputs = torch.baddbmm(bias[:, None], rows, weight[:, -1])
+        for tap, blind in _earlier(lags, n_times, n_pulses):
+            outputs[:, blind:].baddbmm_(rows[:, : n_times * n_pulses - blind], weight[:, tap])
+        ctx.save_for_backward(rows, weight)
+        ctx.lags, ctx.shape = lags, inputs.shape
+        return outputs.view(members, n_times, n_pulses, -1)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, by_output: Tensor) -> tuple[Tensor | None, Tensor, Tensor, None]:  # noqa: ANN401
+        rows, weight = ctx.saved_tensors
+        back = by_output.flatten(1, 2)
+        by_weight = torch.zeros_like(weight)
+        by_weight[:, -1] = rows.mT @ back
+        by_input = back @ weight[:, -1].mT if ctx.needs_input_grad[0] else None
+        for tap, blind in _earlier(ctx.lags, *ctx.shape[1:3]):
+            seen, later = rows[:, : rows.shape[1] - blind], back[:, blind:]
+            by_weight[:, tap] = seen.mT @ later
+            if by_input is not None:
+                by_input[:, : rows.shape[1] - blind].baddbmm_(later, weight[:, tap].mT)
+        return by_input if by_input is None else by_input.view(ctx.shape), by_weight, back.sum(dim=1), None
+
+
+def _earlier(lags: tuple[int, ...], n_times: int, n_pulses: int) -> Iterator[tuple[int, int]]:
+    """The taps that see the past within a sequence, and how many of its rows come too early to see any of it."""
+    return ((tap, lag * n_pulses) for tap, lag in enumerate(lags[:-1]) if lag < n_times)

@@ -62,6 +62,19 @@ def test_a_convolution_is_the_sum_of_eq_4() -> None:
     torch.testing.assert_close(convolution(inputs).flatten(), torch.tensor(expected))
 
 
+@pytest.mark.parametrize(("kernel", "dilation"), [(1, 1), (3, 2), (4, 5)])
+def test_the_derivatives_are_those_of_the_sum(kernel: int, dilation: int) -> None:
+    """By input, weights and biases, as small steps say, also for taps that reach back beyond the sequence."""
+    convolution = tcn.CausalConv(2, 3, 2, kernel, dilation, torch.Generator().manual_seed(0)).double()
+    inputs = torch.randn(2, 9, 2, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1)).requires_grad_()
+
+    def convolved(inputs: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
+        outputs: torch.Tensor = tcn._TapByTap.apply(inputs, weight, bias, convolution.lags)  # type: ignore[no-untyped-call]
+        return outputs
+
+    assert torch.autograd.gradcheck(convolved, (inputs, convolution.weight, convolution.bias))
+
+
 def test_many_taps_are_convolved_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     """The way for long kernels and the way for short ones give the same numbers."""
     convolution = tcn.CausalConv(2, 3, 4, 10, 2, torch.Generator().manual_seed(0)).double()
