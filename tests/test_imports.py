@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 HEAVY = {"numpy", "numba", "scipy", "pandas", "sklearn", "pyarrow", "torch", "plotly", "streamlit", "pytest"}
+HEAVY |= {"torch._dynamo"}  # the compiler
 RATE = "import numpy as np, crashfuse; t = np.sin(np.arange(600) / 90); crashfuse.rate_iso18571(t, 0.9 * t, dt_s=1e-4)"
 PREDICT = (
     "import sys, crashfuse; campaign = crashfuse.load_campaign(sys.argv[1]); at = campaign.tests[0].condition; "

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from crashfuse.approaches.time_domain.adam import Adam
 from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.threads import Crew, quick_threads
 from crashfuse.errors import Cancelled
@@ -108,7 +109,7 @@ class _Run:
 
     def __init__(self, network: Tcn, objective: TrainingObjective) -> None:
         self.network, self._objective, self._epoch = network, objective, 0
-        self.optimiser = torch.optim.Adam(network.parameters(), betas=(0.9, 0.95), fused=True)
+        self.optimiser = Adam(network.parameters())
         shape = (network.members, objective.n_steps // objective.steps_an_epoch, len(objective.columns))
         self.curve = torch.zeros(shape, dtype=torch.float64, device=network.device)
 
@@ -116,11 +117,8 @@ class _Run:
         """Take a step; returns True if it ends an epoch."""
         network, objective = self.network, self._objective
         network.train()
-        self.optimiser.param_groups[0]["lr"] = objective.rate(number)
         total, losses = objective.loss(network, number)
-        self.optimiser.zero_grad(set_to_none=True)
-        torch.autograd.backward(total)
-        self.optimiser.step()
+        self.optimiser.step(torch.autograd.grad(total, self.optimiser.weights), objective.rate(number))
         self._epoch = number // objective.steps_an_epoch
         self.curve[:, self._epoch, 0] += losses.detach() / objective.steps_an_epoch
         network.eval()
@@ -141,8 +139,7 @@ def _state(runs: Sequence[_Run], done: int) -> Entry:
     for number, run in enumerate(runs):
         state[f"{number} curve"] = run.curve.cpu().numpy()
         state |= {f"{number} weight {name}": value for name, value in weights_of(run.network).items()}
-        for place, moments in run.optimiser.state_dict()["state"].items():
-            state |= {f"{number} moment {place} {name}": value.cpu().numpy() for name, value in moments.items()}
+        state |= {f"{number} moment {place}": each.cpu().numpy() for place, each in enumerate(run.optimiser.moments)}
     return state
 
 
@@ -160,7 +157,7 @@ def _resume(runs: Sequence[_Run], checkpoint: Checkpoint, n_steps: int) -> int:
         for run, (weights, curve) in zip(runs, begun, strict=True):
             load_weights(run.network, weights)
             run.curve.copy_(curve)
-            run.optimiser.load_state_dict({**run.optimiser.state_dict(), "state": {}})
+            run.optimiser = Adam(run.network.parameters())
         checkpoint.drop()
         return 0
     return done
@@ -172,15 +169,9 @@ def _restore(runs: Sequence[_Run], state: Entry) -> int:
         own = {key.removeprefix(f"{number} "): value for key, value in state.items() if key.startswith(f"{number} ")}
         run.curve.copy_(torch.from_numpy(own["curve"]))
         load_weights(run.network, {k.removeprefix("weight "): v for k, v in own.items() if k.startswith("weight ")})
-        moments: dict[int, dict[str, Tensor]] = {}
-        for key, value in own.items():
-            if key.startswith("moment "):
-                _, place, name = key.split(" ")
-                weight = run.optimiser.param_groups[0]["params"][int(place)]
-                if name != "step" and value.shape != tuple(weight.shape):
-                    raise ValueError(f"{key}: shape {value.shape}")
-                moments.setdefault(int(place), {})[name] = torch.from_numpy(value)
-        run.optimiser.load_state_dict({**run.optimiser.state_dict(), "state": moments})
+        for place, moment in enumerate(run.optimiser.moments):
+            moment[:] = torch.from_numpy(own[f"moment {place}"]).view_as(moment)
+        run.optimiser.taken = int(state["done"])
     return int(state["done"])
 
 
