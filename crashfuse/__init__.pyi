@@ -9,7 +9,6 @@ from .condition import Condition as Condition
 from .errors import CrashfuseError as CrashfuseError
 from .errors import DataError as DataError
 from .errors import UsageError as UsageError
-from .execution.progress_bar import watching as watching
 from .importing.campaign_import import import_source as import_source
 from .importing.rated_channels import rate_channels as rate_channels
 from .importing.rated_files import RatingChoices as RatingChoices
@@ -37,6 +36,7 @@ from .reporting.results import write_study as write_study
 from .reporting.solver_curves import SolverCurve as SolverCurve
 from .reporting.verdicts import Verdicts as Verdicts
 from .reporting.verdicts import certify as certify
+from .reporting.watched import watching as watching
 from .signals.energy import energy_crush as energy_crush
 from .signals.metrics import pulse_metrics as pulse_metrics
 from .signals.pulse import Pulse as Pulse

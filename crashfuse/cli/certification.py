@@ -17,10 +17,10 @@ def certify(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.certification.certify import APPROACH, certify_matrix
     from crashfuse.certification.criteria_file import read_criteria
-    from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.certification_sentences import summary
     from crashfuse.reporting.certification_tables import counts_table
     from crashfuse.reporting.results import write_certification
+    from crashfuse.reporting.watched import watching
 
     require_output(arguments.out, arguments.campaign, "certification")
     arguments.approach = [arguments.approach or APPROACH]

@@ -12,9 +12,9 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.certification.criteria_file import read_criteria
     from crashfuse.certification.decided import with_decided
-    from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.result_tables import gains_table
     from crashfuse.reporting.results import write_learning_curve
+    from crashfuse.reporting.watched import watching
     from crashfuse.study import learning_curve as curves
     from crashfuse.study.cost import Cost
     from crashfuse.study.one_more_test import sentences

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def train(arguments: argparse.Namespace) -> None:
     """Fit to all tests and save the models."""
     from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.execution.progress_bar import watching
+    from crashfuse.reporting.watched import watching
     from crashfuse.study.estimate import Fit
     from crashfuse.study.saved_models import model_file, save_model
 
@@ -67,9 +67,9 @@ def predict(arguments: argparse.Namespace) -> None:
 def sweep(arguments: argparse.Namespace) -> None:
     """Predict the metrics over speed."""
     from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.planning import SpeedSweep
     from crashfuse.reporting.results import write_pulses, write_sweep
+    from crashfuse.reporting.watched import watching
     from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
     from crashfuse.wording import speed
 
@@ -100,10 +100,10 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     """Rank tests to run next."""
     from crashfuse.campaign_folder.condition_tables import read_candidates
     from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.planning import next_test
     from crashfuse.reporting.plots.next_test import BEST
     from crashfuse.reporting.results import write_next_tests
+    from crashfuse.reporting.watched import watching
     from crashfuse.study.next_test import ConditionRange, next_tests_table
 
     require_output(arguments.out, arguments.campaign, "ranking of next tests")
@@ -145,7 +145,7 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     """Fits of the requested approaches, loaded from a folder of saved models if given, else trained."""
     from crashfuse.approaches.registry import APPROACHES
     from crashfuse.execution.cache import Cache
-    from crashfuse.execution.progress_bar import watching
+    from crashfuse.reporting.watched import watching
     from crashfuse.study.estimate import Fit
     from crashfuse.study.saved_models import load_model, model_file
 

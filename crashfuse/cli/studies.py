@@ -124,9 +124,9 @@ def _named(campaigns: Sequence[Path]) -> dict[str, Path]:
 
 def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     """Compute a study, write it and print its results; returns its means."""
-    from crashfuse.execution.progress_bar import watching
     from crashfuse.reporting.result_tables import studies_table
     from crashfuse.reporting.results import begin_study, write_study
+    from crashfuse.reporting.watched import watching
     from crashfuse.study.account import worst_test
     from crashfuse.study.history import PastResult, keep
     from crashfuse.study.recommendation import recommend

@@ -1,26 +1,14 @@
 """Progress: a bar per step on a terminal or in a notebook, otherwise a few plain lines suitable for a log."""
 
 import sys
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 
 from tqdm.auto import tqdm
 from tqdm.notebook import tqdm as in_notebook
 
-from crashfuse.execution.progress import Progress, Watch
+from crashfuse.execution.progress import Progress
 
 _LINES = 4  # parts of a step written as lines: one at its start, and one after each part
-
-
-@contextmanager
-def watching() -> Iterator[Watch]:
-    """Show the progress of the computations that are given this watch.
-
-    >>> with watching() as watch:
-    ...     study = run_study(campaign, watch=watch)
-    """
-    with ProgressBar() as bar:
-        yield Watch(bar.show)
 
 
 class ProgressBar(AbstractContextManager["ProgressBar"]):

@@ -9,12 +9,12 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, TypeVar
 
 from crashfuse.errors import OUT_OF_MEMORY, Cancelled, CrashfuseError, out_of_memory
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.execution.time_left import TimeLeft
+from crashfuse.reporting.watched import Step, Watched
 from crashfuse.ui import journal
 from crashfuse.ui.address import Place
 from crashfuse.ui.visitors import Visitor
@@ -23,33 +23,8 @@ State = Literal["waiting", "running", "done", "failed", "cancelled"]
 T = TypeVar("T")
 
 _KEPT = 24  # finished jobs; a whole study takes about 120 MB, one test 5 MB
-_CURVE_POINTS = 1000
 
 log = logging.getLogger(__name__)
-
-
-@dataclass
-class Step:
-    """One step of a job: its progress, start time and reported values."""
-
-    progress: Progress
-    started: float
-    updated: float
-    curves: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
-    """By the value's name: ``done`` and the value, thinned to at most 1000 points."""
-
-    @property
-    def finished(self) -> bool:
-        """True if the whole step is done."""
-        return self.progress.done >= self.progress.total
-
-    def _take(self, progress: Progress) -> None:
-        self.progress, self.updated = progress, time.monotonic()
-        for name, value in progress.values.items():
-            points = self.curves.setdefault(name, [])
-            if len(points) >= _CURVE_POINTS:
-                self.curves[name] = points = points[::2]
-            points.append((progress.done, float(value)))
 
 
 class Job(Generic[T]):
@@ -60,7 +35,6 @@ class Job(Generic[T]):
         self.wanted_by: set[Visitor] = set()
         self.places: dict[Visitor, Place] = {}  # where each of them asked for it, and will look for the result
         self.state: State = "waiting"
-        self.steps: dict[str, Step] = {}  # every step so far, in order of start
         self.part: T | None = None  # while it runs: what is known of the result, replaced as more is known
         self.result: T | None = None  # what the work returned, once done
         self.message = ""  # one sentence on why it failed
@@ -69,6 +43,7 @@ class Job(Generic[T]):
         self._joining = threading.Lock()
         self._cancel = threading.Event()
         self._ended = threading.Event()
+        self._watch = Watched(self._report, self._cancel, self._show_part, self._expect)
 
     @property
     def active(self) -> bool:
@@ -79,6 +54,11 @@ class Job(Generic[T]):
     def cancelling(self) -> bool:
         """True if it was told to stop but has not stopped yet."""
         return self.active and self._cancel.is_set()
+
+    @property
+    def steps(self) -> dict[str, Step]:
+        """Every step so far, in order of start."""
+        return self._watch.steps
 
     @property
     def left_s(self) -> float | None:
@@ -118,7 +98,7 @@ class Job(Generic[T]):
             if self._cancel.is_set():
                 raise Cancelled("Stopped before it began.")
             if work is not None:
-                self.result = work(Watch(self._report, self._cancel, self._show_part, self._expect))
+                self.result = work(self._watch)
             self.state = "done"
         except Cancelled:
             self.state = "cancelled"
@@ -144,12 +124,6 @@ class Job(Generic[T]):
         self._time = TimeLeft(seconds, time.monotonic())
 
     def _report(self, progress: Progress) -> None:
-        step = self.steps.get(progress.step)
-        if step is None or progress.done < step.progress.done:  # a new step, or the same step for the next test
-            self.steps.pop(progress.step, None)
-            now = time.monotonic()
-            step = self.steps[progress.step] = Step(progress, now, now)
-        step._take(progress)
         if self._time is not None:
             self._time.take(progress, time.monotonic())
 

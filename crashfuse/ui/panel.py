@@ -9,10 +9,10 @@ import streamlit as st
 
 from crashfuse.campaign import Campaign
 from crashfuse.execution.time_left import rounded
-from crashfuse.reporting.plots.learning import learning_curves
+from crashfuse.reporting.watched import Step
 from crashfuse.ui.computation import Request, jobs
 from crashfuse.ui.figures import show_figure
-from crashfuse.ui.jobs import Job, Step
+from crashfuse.ui.jobs import Job
 from crashfuse.ui.navigation import show_link
 from crashfuse.ui.text import plain
 from crashfuse.ui.visitors import names, visitor
@@ -102,16 +102,11 @@ def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in
             with st.expander("Steps", icon=":material/checklist:"):
                 for name, step in steps:
                     _show_step(name, step)
-        told = [
-            (name, step) for name, step in steps if in_full and any(len(points) > 1 for points in step.curves.values())
-        ]
+        told = [(name, step) for name, step in steps if in_full and step.learns]
         for column, (name, step) in zip(st.columns(max(len(told), 1)), told, strict=False):
-            curves = {what.replace("_", " "): list(points) for what, points in list(step.curves.items())}
             column.caption(name)
             with column:
-                value = "Loss" if all(what.endswith("loss") for what in curves) else "Error"
-                figure = learning_curves(curves, value=value, total=step.progress.total)
-                show_figure(figure, alt=f"{name}, so far", key=f"{name} {id(job)}")
+                show_figure(step.plot(), alt=f"{name}, so far", key=f"{name} {id(job)}")
 
 
 def title_of(job: Job[Any]) -> str:
