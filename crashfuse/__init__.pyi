@@ -24,6 +24,8 @@ from .reporting.planning import sweep as sweep
 from .reporting.plots.display import Display as Display
 from .reporting.predicted import PredictedPulse as PredictedPulse
 from .reporting.predicted import predict as predict
+from .reporting.previews import Preview as Preview
+from .reporting.previews import preview_source as preview_source
 from .reporting.rating_tables import excursions_table as excursions_table
 from .reporting.rating_tables import humps_table as humps_table
 from .reporting.report import ReportOptions as ReportOptions

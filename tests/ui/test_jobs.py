@@ -185,34 +185,6 @@ def test_time_left_is_that_of_the_whole_job(monkeypatch: pytest.MonkeyPatch) -> 
     assert left == [pytest.approx(60.0, rel=0.1)]
 
 
-def test_a_step_that_starts_over_starts_a_new_curve() -> None:
-    """The next test's fit is not drawn onto the last one's."""
-
-    def work(watch: Watch) -> None:
-        for _ in range(2):
-            for i in range(3):
-                watch.report("Fit", i, 3, loss=float(i))
-
-    job = Job("A", work)
-    job.run()
-    assert job.steps["Fit"].curves["loss"] == [(0, 0), (1, 1), (2, 2)]
-
-
-def test_a_long_curve_is_thinned_but_keeps_its_end() -> None:
-    """Whatever is reported, the page gets at most about a thousand points."""
-
-    def work(watch: Watch) -> None:
-        for i in range(5000):
-            watch.report("Train", i, 5000, loss=float(i))
-
-    job = Job("A", work)
-    job.run()
-    points = job.steps["Train"].curves["loss"]
-    assert len(points) <= 1000
-    assert points[0] == (0, 0)
-    assert points[-1] == (4999, 4999)
-
-
 def test_only_the_last_outcomes_are_kept() -> None:
     """The memory of a server that runs for weeks stays bounded."""
     jobs = Jobs()

@@ -8,9 +8,24 @@ from typing import TYPE_CHECKING, Any
 import plotly.graph_objects as go
 import pytest
 
-from crashfuse import Condition, Display, StudyConfig, load_campaign, next_test, predict, run_study
+from crashfuse import (
+    Condition,
+    Display,
+    StudyConfig,
+    certify,
+    load_campaign,
+    next_test,
+    predict,
+    preview_source,
+    run_study,
+    sweep,
+)
+from crashfuse.files.archive import zipped
 from crashfuse.reporting.figures import Further
+from crashfuse.reporting.plots.canvas import share_y_range
 from crashfuse.wording import IN_SI, KPH_KG
+from tests.readers.nhtsa_files import nhtsa_files
+from tests.ui.test_certify import CRITERIA, MATRIX
 
 if TYPE_CHECKING:
     from tests.ui.conftest import Session
@@ -84,6 +99,47 @@ def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
     assert drawn(session) == library("scores") + library("rating", approaches=["cae"])
 
 
+@pytest.mark.usefixtures("quick_networks")
+def test_on_the_networks(open_campaign: Path, visit: "Visit") -> None:
+    """Before and after the tests, side by side on one scale, and how they learned."""
+    names = ["cae", "lf_tcn", "time_domain"]
+    study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=names, workers=1)
+    session = visit("compare", test="T2", **{**OPTIONS, "approaches": names}).finish()
+    session.app.button_group(key="compare_tab").set_value("Networks").run()
+    beside = [
+        study.plot("T2", "acceleration", approaches=["cae", network], display=SHOWN)
+        for network in ("lf_tcn", "time_domain")
+    ]
+    share_y_range(beside)
+    assert drawn(session) == traces(*beside)
+    session.app.button_group(key="networks").set_value("Learning curves").run()
+    learning = [study.plot("T2", figure, approaches=["time_domain"]) for figure in ("training", "fine-tuning")]
+    assert drawn(session) == traces(*learning)
+
+
+def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
+    """Verdicts, what left-out tests showed, whether the probabilities are right, and where predictions are checked."""
+    (open_campaign / "criteria.toml").write_text(CRITERIA)
+    (open_campaign / "matrix.csv").write_text(MATRIX)
+    session = opened(visit, "certify", "Certify", approach="displacement_domain")
+    paths = open_campaign / "criteria.toml", open_campaign / "matrix.csv"
+    verdicts = certify(load_campaign(open_campaign), *paths, approach="displacement_domain", workers=1)
+    names = "verdicts", "record", "reliability", "domain"
+    assert drawn(session) == traces(*(verdicts.plot(name, display=SHOWN) for name in names))
+
+
+def test_on_an_import(open_campaign: Path, visit: "Visit", tmp_path: Path) -> None:
+    """The pulse over what was recorded."""
+    assert open_campaign.is_dir()
+    source = tmp_path / "v5.zip"
+    source.write_bytes(zipped(nhtsa_files()))
+    session = visit("data", **OPTIONS)
+    session.app.file_uploader[0].set_value([(source.name, source.read_bytes(), "application/zip")])
+    session.press("Open upload")
+    (preview,) = preview_source(source)
+    assert drawn(session) == traces(preview.plot(display=SHOWN))
+
+
 def test_on_study(open_campaign: Path, visit: "Visit") -> None:
     """Ratings, alone and with the speed group, and the bands."""
     session = opened(visit, "study", "Leave out each of 4 tests")
@@ -98,7 +154,7 @@ def test_on_study(open_campaign: Path, visit: "Visit") -> None:
 
 
 def test_on_predict(open_campaign: Path, visit: "Visit") -> None:
-    """Over time beside a pinned prediction and a test, over displacement, energy, and the test to run next."""
+    """Over time beside a pinned prediction and a test, over displacement, energy, over speed, the test to run next."""
     at = {"speed_mph": 30.0, "front_weight_lb": 2050.0, "rear_weight_lb": 1500.0}
     pin = Condition.of(**{**at, "speed_mph": 20.0})
     link = {name: str(value) for name, value in at.items()}
@@ -113,6 +169,11 @@ def test_on_predict(open_campaign: Path, visit: "Visit") -> None:
     ):
         session.app.button_group(key="predicted").set_value(choice).run()
         assert drawn(session) == traces(prediction.plot(figure, also=also, band="displacement_domain", display=SHOWN))
+    session.app.button_group(key="predict_tab").set_value("Over speed").run()
+    session.press("Predict over speed").finish()
+    session.app.selectbox(key="sweep_metric").set_value("peak").run()
+    swept = sweep(campaign, Condition.of(**at), approach=APPROACHES)
+    assert drawn(session) == traces(swept.plot("peak", display=SHOWN))
     session.app.button_group(key="predict_tab").set_value("Next test").run()
     chosen = [_ends(session.app.session_state[f"{axis}_range"]) for axis in ("speed", "front", "rear")]
     kind = campaign.tests[0].condition.factors

@@ -199,7 +199,9 @@ def test_training_shows_progress_and_can_be_cancelled() -> None:
     app.run()
     assert "LF TCN: 3 of 10" in words(app)
     assert charts(app) == 1
-    layout = json.loads(app.get("plotly_chart")[0].proto.spec)["layout"]
+    drawn = json.loads(app.get("plotly_chart")[0].proto.spec)
+    assert drawn["data"] == json.loads(job.steps["LF TCN"].plot().to_json())["data"]
+    layout = drawn["layout"]
     assert [layout[axis]["title"]["text"] for axis in ("xaxis", "yaxis")] == ["Step", "Loss"]
     press(app, "Cancel")
     assert job.wait(SOON)

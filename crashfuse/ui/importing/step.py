@@ -13,7 +13,7 @@ from crashfuse.importing import Choices, Settled
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.reporting.plots.display import DEFAULT
-from crashfuse.reporting.plots.imports import imported_pulse
+from crashfuse.reporting.previews import Preview
 from crashfuse.signals.pulse import kinematics
 from crashfuse.ui import frame
 from crashfuse.ui.figures import show_figure
@@ -114,11 +114,8 @@ def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
 
 
 def _preview(record: Record, choices: Choices, settled: Settled | None, view: frame.View | None, units: Units) -> None:
-    known = {channel.name: channel for channel in record.channels}
-    names = settled.channels if settled is not None else choices.channels or record.proposed
-    channels = [known[name] for name in names if name in known] or list(record.channels)
     show_figure(
-        imported_pulse(channels, settled, DEFAULT if view is None else view.display),
+        Preview(record, choices, settled).plot(display=DEFAULT if view is None else view.display),
         alt=f"The pulse that comes of {record.id}, over its channels as recorded",
     )
     if settled is not None:

@@ -1,0 +1,109 @@
+"""Foreign files as an import would take them, before anything is added: the pulses over what was recorded."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Unpack
+
+import pandas as pd
+import plotly.graph_objects as go
+
+from crashfuse.campaign_folder.condition_tables import Role
+from crashfuse.errors import Problem
+from crashfuse.importing import ColumnChoice, Reading, Settled, read_records, settle_each
+from crashfuse.importing.choices import Choices
+from crashfuse.readers.axes import Travel
+from crashfuse.readers.record import Record
+from crashfuse.reporting.notebook import card
+from crashfuse.reporting.plots.display import Display, DisplayOptions
+from crashfuse.reporting.plots.imports import imported_pulse
+from crashfuse.units import MS
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Preview:
+    """A record of foreign files, and what comes of it.
+
+    Attributes
+    ----------
+    settled : Settled or None
+        With the pulse, the condition, and every step from the record to them; None if there are problems.
+    problems : tuple of Problem
+        What has to be given or corrected first.
+    """
+
+    record: Record
+    choices: Choices
+    settled: Settled | None
+    problems: tuple[Problem, ...] = ()
+
+    def plot(self, **display: Unpack[DisplayOptions]) -> go.Figure:
+        """The pulse over the channels that it is made of, as recorded; as the page shows it that imports.
+
+        As long as there are problems, the channels alone, in the file's own time and unit.
+
+        Raises
+        ------
+        UsageError
+            If there is no such option or unit.
+        """
+        known = {channel.name: channel for channel in self.record.channels}
+        names = self.settled.channels if self.settled is not None else self.choices.channels or self.record.proposed
+        channels = [known[name] for name in names if name in known] or self.record.channels
+        return imported_pulse(channels, self.settled, Display.of(**display))
+
+    def __repr__(self) -> str:
+        n = len(self.problems)
+        comes = f"{n} problem{'s' * (n > 1)}" if self.settled is None else str(self.settled.condition)
+        return f"<Preview of {self.record.id!r}: {comes}>"
+
+    def _repr_html_(self) -> str:
+        if (own := self.settled) is None:
+            found = ({"Channel": channel.shown, "Unit": channel.unit or ""} for channel in self.record.channels)
+            return card(f"{self.record.id}: not yet to be imported", pd.DataFrame(found), [*map(str, self.problems)])
+        cfc = "none" if own.channel_filter_class is None else f"CFC {own.channel_filter_class:g}"
+        row = {
+            "Channels": ", ".join(own.channels),
+            "Unit": own.unit,
+            "Deceleration": own.deceleration_sign,
+            "Time zero (ms)": own.time_zero_s / MS,
+            "Filtered here": cfc,
+        }
+        return card(f"{own.id}: {own.condition}", pd.DataFrame([row]), own.steps)
+
+
+def preview_source(
+    source: str | Path,
+    choices: Choices = Choices(),
+    *,
+    role: Role = "tests",
+    fmt: str | None = None,
+    record_id: str | None = None,
+    columns: Sequence[ColumnChoice] = (),
+    conditions: str | Path | None = None,
+    travel: Travel | None = None,
+) -> tuple[Preview, ...]:
+    """Look at what :func:`crashfuse.import_source` would add, one preview a record; nothing is written.
+
+    Parameters
+    ----------
+    source, choices, role, fmt, record_id, columns, conditions, travel
+        As there.
+
+    Raises
+    ------
+    DataError
+        With every problem of every record that cannot be read.
+    UsageError
+        If a choice does not exist.
+    """
+    together = record_id is not None or bool(choices.channels)
+    table = None if conditions is None else Path(conditions)
+    reading = Reading(Path(source), fmt, tuple(columns), together, table, record_id, travel)
+    return tuple(_preview(record, choices, role) for record in read_records(reading))
+
+
+def _preview(record: Record, choices: Choices, role: Role) -> Preview:
+    problems: list[Problem] = []
+    settled = settle_each([record], problems, choices, role=role)
+    return Preview(record, choices, settled[0] if settled else None, tuple(problems))

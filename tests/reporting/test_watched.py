@@ -1,0 +1,61 @@
+"""A watch keeps what steps report, and draws what networks say of their training as the pages do."""
+
+import numpy as np
+import pytest
+
+from crashfuse import StudyConfig, UsageError, run_study, watching
+from crashfuse.campaign import Campaign
+from crashfuse.reporting.watched import Watched
+
+
+def watched() -> Watched:
+    """A watch that tells nobody else."""
+    return Watched(lambda _: None)
+
+
+def test_a_step_that_starts_over_starts_a_new_curve() -> None:
+    """The next test's fit is not drawn onto the last one's."""
+    watch = watched()
+    for _ in range(2):
+        for i in range(3):
+            watch.report("Fit", i, 3, loss=float(i))
+    assert watch.steps["Fit"].curves["loss"] == [(0, 0), (1, 1), (2, 2)]
+
+
+def test_a_long_curve_is_thinned_but_keeps_its_end() -> None:
+    """Whatever is reported, a figure gets at most about a thousand points."""
+    watch = watched()
+    for i in range(5000):
+        watch.report("Train", i, 5000, loss=float(i))
+    points = watch.steps["Train"].curves["loss"]
+    assert len(points) <= 1000
+    assert points[0] == (0, 0)
+    assert points[-1] == (4999, 4999)
+
+
+def test_a_watch_says_in_a_line_what_it_saw() -> None:
+    """And in a sentence what it cannot draw."""
+    watch = watched()
+    assert repr(watch) == "<Watched: nothing yet>"
+    with pytest.raises(UsageError, match="No step has reported values to draw"):
+        watch.plot()
+    watch.report("Read", 1, 1)
+    watch.report("Train", 3, 1000)
+    assert repr(watch) == "<Watched: 'Read': 1 of 1, 'Train': 3 of 1,000>"
+    with pytest.raises(UsageError, match="There is no step 'Trian'; did you mean Train"):
+        watch.plot("Trian")
+    with pytest.raises(UsageError, match="The step Train has reported no values to draw"):
+        watch.plot("Train")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("quick_networks")
+def test_the_losses_of_a_training_are_those_of_its_result(campaign: Campaign) -> None:
+    """What is drawn while networks train is what the figure of the result draws: the mean over the networks."""
+    with watching() as watch:
+        study = run_study(campaign, StudyConfig(("lf_tcn",)), held_out=["T2"], workers=1, watch=watch)
+    result = {trace.name: trace.y for trace in study.plot("T2", "training").data}
+    live = {trace.name: trace.y for trace in watch.plot("Training LF TCN").data}
+    assert list(live) == list(result) == ["train loss", "validation loss"]
+    for name, losses in live.items():
+        np.testing.assert_allclose(losses, result[name], rtol=1e-3)  # the result keeps four digits
