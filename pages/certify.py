@@ -9,7 +9,6 @@ from crashfuse.certification.certify import APPROACH
 from crashfuse.certification.criteria_file import criteria_text
 from crashfuse.reporting.certification_tables import matrix_table
 from crashfuse.reporting.report import certification_report
-from crashfuse.reporting.verdicts import Verdicts
 from crashfuse.ui import address, explanations, frame
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.matrix import choose_matrix
@@ -40,7 +39,7 @@ if criteria is None or matrix is None:
 st.header("Verdicts")
 config = replace(chosen_config(), approaches=(approach,), leave_out="test")
 request = CertificationRequest(campaign, criteria, matrix, config)
-certification = result_of(
+verdicts = result_of(
     request,
     invitation="These conditions have not been judged yet. "
     + explanations.patience(
@@ -50,7 +49,7 @@ certification = result_of(
     ),
     button="Certify",
 )
-verdicts = Verdicts(certification)
+certification = verdicts.certification
 show_verdicts(verdicts, view.display)
 with st.expander("All verdicts as a table", icon=":material/table:"):
     show_table(certification, view.display)

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 def certify(arguments: argparse.Namespace) -> None:
     """Give a verdict on every criterion at every condition of a matrix."""
     from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.certification.certify import APPROACH, certify_matrix
+    from crashfuse.certification.certify import APPROACH
     from crashfuse.certification.criteria_file import read_criteria
+    from crashfuse.reporting import verdicts
     from crashfuse.reporting.certification_sentences import summary
     from crashfuse.reporting.certification_tables import counts_table
     from crashfuse.reporting.results import write_certification
@@ -29,16 +30,11 @@ def certify(arguments: argparse.Namespace) -> None:
     campaign = load_campaign(arguments.campaign)
     matrix = _matrix(arguments, campaign)
     with watching() as watch:
-        certification = certify_matrix(
-            campaign,
-            criteria,
-            matrix,
-            config,
-            watch=watch,
-            workers=arguments.workers,
-            scheduler=arguments.scheduler,
-        )
-    display = display_of(arguments)
+        judged = verdicts.certify(
+            campaign, criteria, matrix, approach=config.approaches[0], config=config,
+            watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
+        )  # fmt: skip
+    certification, display = judged.certification, display_of(arguments)
     with replacing(arguments.out, "certification"), writing(arguments.out, "certification.json") as folder:
         write_certification(certification, folder, display)
     print(counts_table(certification, display.units).to_string(index=False))

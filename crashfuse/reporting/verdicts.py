@@ -1,7 +1,7 @@
-"""Certification as the library offers it: files, mappings or tables in, tables out."""
+"""Certification as commands, pages and scripts call it: files, mappings or tables in, tables and figures out."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
-from crashfuse.certification.criteria import CONFIDENCE
+from crashfuse.certification.criteria import CONFIDENCE, Criteria
 from crashfuse.certification.criteria_file import criteria_of, read_criteria
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import one_of
@@ -89,15 +89,16 @@ FIGURES: dict[str, Callable[[Certification, Display], go.Figure]] = {
 
 def certify(
     campaign: Campaign,
-    criteria: str | Path | Sequence[Mapping[str, Any]],
-    matrix: str | Path | pd.DataFrame,
+    criteria: str | Path | Sequence[Mapping[str, Any]] | Criteria,
+    matrix: str | Path | pd.DataFrame | Matrix,
     *,
     confidence: float = CONFIDENCE,
     approach: str = APPROACH,
-    seed: int = 0,
+    config: StudyConfig = StudyConfig(),
     cache: Cache | None = None,
     watch: Watch = SILENT,
     workers: int | None = None,
+    scheduler: str | None = None,
 ) -> Verdicts:
     """Judge acceptance criteria at every condition of a matrix, and the record of the tests, left out in turn.
 
@@ -108,15 +109,30 @@ def certify(
     matrix : path or DataFrame
         ``matrix.csv``, or its columns: id, speed, weights, factors, each name ending in its unit.
     confidence : float
-        Of criteria that are not in a file.
+        Of criteria in a list of mappings.
+    approach : str
+        Whose predictions are judged.
+    config : StudyConfig
+        Preset, seed and device; its approaches do not matter.
+    workers, scheduler
+        As in :func:`crashfuse.study.study.run_study`.
 
     Raises
     ------
     DataError, UsageError
         If the criteria or the matrix are wrong, or the campaign cannot be judged by them.
     """
-    frame = isinstance(matrix, pd.DataFrame)
-    asked = Matrix.of(matrix, campaign.factors) if frame else Matrix.read(Path(matrix), campaign.factors)
-    declared = read_criteria(Path(criteria)) if isinstance(criteria, str | Path) else criteria_of(criteria, confidence)
-    config = StudyConfig(approaches=(approach,), seed=seed)
-    return Verdicts(certify_matrix(campaign, declared, asked, config, cache=cache, watch=watch, workers=workers))
+    if isinstance(matrix, pd.DataFrame):
+        matrix = Matrix.of(matrix, campaign.factors)
+    elif not isinstance(matrix, Matrix):
+        matrix = Matrix.read(Path(matrix), campaign.factors)
+    if isinstance(criteria, str | Path):
+        criteria = read_criteria(Path(criteria))
+    elif not isinstance(criteria, Criteria):
+        criteria = criteria_of(criteria, confidence)
+    config = replace(config, approaches=(approach,))
+    return Verdicts(
+        certify_matrix(
+            campaign, criteria, matrix, config, cache=cache, watch=watch, workers=workers, scheduler=scheduler
+        )
+    )

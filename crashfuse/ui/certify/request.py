@@ -4,17 +4,18 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.certify import Certification, certify_matrix, is_computed
+from crashfuse.certification.certify import is_computed
 from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.matrix import Matrix
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
+from crashfuse.reporting.verdicts import Verdicts, certify
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui.computation import Request
 
 
 @dataclass(frozen=True)
-class CertificationRequest(Request[Certification]):
+class CertificationRequest(Request[Verdicts]):
     """Judge criteria at the conditions of a matrix, by the first approach of the settings."""
 
     campaign: Campaign
@@ -32,8 +33,9 @@ class CertificationRequest(Request[Certification]):
     def title(self) -> str:  # noqa: D102
         return f"{self.campaign.name}: verdicts at {len(self.matrix.ids)} conditions"
 
-    def work(self, watch: Watch) -> Certification:  # noqa: D102
-        return certify_matrix(self.campaign, self.criteria, self.matrix, self.config, watch=watch)
+    def work(self, watch: Watch) -> Verdicts:  # noqa: D102
+        approach = self.config.approaches[0]
+        return certify(self.campaign, self.criteria, self.matrix, approach=approach, config=self.config, watch=watch)
 
     def in_cache(self) -> bool:  # noqa: D102
         return is_computed(self.campaign, self.criteria, self.matrix, self.config, Cache())
