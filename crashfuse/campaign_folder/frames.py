@@ -17,13 +17,14 @@ from crashfuse.files.csv_output import csv_bytes
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES
 
 _IN_MEMORY = {
-    "tests.csv": "tests",
-    "cae.csv": "cae",
-    "tests_pulses": "test_pulses",
-    "cae_pulses": "cae_pulses",
-    "campaign.toml": "campaign",
-    "matrix.csv": "matrix",
+    r"^(tests|cae): pulses without a row in \1\.csv": r"\1_pulses: pulses without a row in \1",
+    r"\b(tests|cae)/ or \1_pulses\b": r"\1_pulses",
+    r"\b(tests|cae)_pulses\.parquet\b": r"\1_pulses",
+    r"\btests_pulses\b": "test_pulses",
+    r"\b(tests|cae|matrix)\.csv\b": r"\1",
+    r"\bcampaign\.toml\b": "campaign",
 }
+"""What a folder's sentences call its files, as patterns, and what the arguments of a call are called."""
 
 
 def campaign_of_frames(
@@ -54,7 +55,7 @@ def campaign_of_frames(
             read = read_folder(folder)
         except DataError as error:
             raise DataError([in_memory(problem) for problem in error.problems]) from None
-    return replace(read, warnings=tuple(re.sub(r"\b(tests|cae)\.csv\b", r"\1", text) for text in read.warnings))
+    return replace(read, warnings=tuple(map(_said, read.warnings)))
 
 
 def _write(pulses: pd.DataFrame, path: Path) -> None:
@@ -62,7 +63,7 @@ def _write(pulses: pd.DataFrame, path: Path) -> None:
     try:
         pulses.to_parquet(path, index=False)
     except (pa.ArrowException, TypeError, ValueError) as error:  # texts and numbers in one column, say
-        where, found = _IN_MEMORY[path.stem], " ".join(str(error).split())
+        where, found = _said(path.stem), " ".join(str(error).split())
         advice = "give each column one type"
         raise DataError(Problem(where, "columns that are numbers or text", found, advice)) from None
 
@@ -88,6 +89,12 @@ def pulses_frame(campaign: Campaign, role: str) -> pd.DataFrame:
 
 def in_memory(problem: Problem) -> Problem:
     """A problem of a table in memory: its file is that of the argument, its rows count from 0 as in the table."""
-    file, _, rest = problem.where.partition(".parquet")
-    where = _IN_MEMORY.get(file, file)
-    return replace(problem, where=f"{where}{rest}", row=None if problem.row is None else problem.row - 2)
+    told = {name: _said(getattr(problem, name)) for name in ("where", "expected", "found", "advice")}
+    return replace(problem, row=None if problem.row is None else problem.row - 2, **told)
+
+
+def _said(text: str) -> str:
+    """A folder's sentence, or a part of it, about tables in memory."""
+    for file, argument in _IN_MEMORY.items():
+        text = re.sub(file, argument, text)
+    return text

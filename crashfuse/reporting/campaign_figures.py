@@ -47,7 +47,7 @@ def campaign_figure(
     if held_out is not None:
         campaign.test(held_out)
     some = [campaign.test(test) for test in several(tests) or campaign.test_ids]
-    return draw(_Shown(campaign, some, held_out, cfc, also, Display.of(**options)))
+    return draw(_Shown(campaign, some, held_out, cfc, also, Display.of(campaign.units, **options)))
 
 
 def _tests(own: _Shown) -> go.Figure:

@@ -39,6 +39,11 @@ def certification_table(certification: Certification) -> pd.DataFrame:
     ).astype(dict.fromkeys(_NUMBERS, float))  # also where all are unknown
 
 
+def probability_text(probability: float) -> str:
+    """A probability to two digits; never 0 or 1."""
+    return ">0.99" if probability > 0.995 else "<0.01" if probability < 0.005 else f"{probability:.2f}"
+
+
 _NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability")
 
 

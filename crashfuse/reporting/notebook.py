@@ -1,5 +1,6 @@
 """How results show themselves in a notebook: a small table under a line of words."""
 
+import re
 from collections.abc import Sequence
 from html import escape
 
@@ -7,10 +8,12 @@ import pandas as pd
 
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.paper_tables import mean_ratings
+from crashfuse.reporting.plots.display import Display
 from crashfuse.study.study import Study
-from crashfuse.wording import KPH_KG, speed
+from crashfuse.wording import speed
 
 _MOST_ROWS = 30
+_NUMBER = re.compile(r"[<>≤≥+−-]?[\d.]+(e[+-]\d+)?|–|")
 
 
 def card(title: str, table: pd.DataFrame, notes: Sequence[str] = ()) -> str:
@@ -19,19 +22,30 @@ def card(title: str, table: pd.DataFrame, notes: Sequence[str] = ()) -> str:
     if len(table) > _MOST_ROWS:
         notes = (f"The first {_MOST_ROWS} of {len(table)} rows.", *notes)
     below = "".join(f"<div>{escape(note)}</div>" for note in notes if note)
-    rows = shown.to_html(index=False, border=0, justify="left", float_format="{:.4g}".format)
-    return f"<div><b>{escape(title)}</b>{rows}{below}</div>"
+    columns = [_column(str(name), shown[name]) for name in shown]
+    head, *rows = (f"<tr>{''.join(cells)}</tr>" for cells in zip(*columns, strict=True))
+    return f"<div><b>{escape(title)}</b><table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>{below}</div>"
+
+
+def _column(name: str, values: pd.Series) -> list[str]:
+    """Heading and cells, numbers at the right and text at the left: Jupyter would have all at the right."""
+    texts = ["–" if pd.isna(value) else f"{value:.4g}" if isinstance(value, float) else str(value) for value in values]
+    style = f'style="text-align: {"right" if all(map(_NUMBER.fullmatch, texts)) else "left"}"'
+    return [f"<th {style}>{escape(name)}</th>", *(f"<td {style}>{escape(text)}</td>" for text in texts)]
 
 
 def campaign_html(campaign: Campaign) -> str:
     """What a campaign holds: the tests' conditions, how many CAE runs, what is worth knowing."""
+    display = Display(system=campaign.units)
     speeds, *_ = zip(*campaign.cae.range, strict=True)
-    said = speed(*speeds)
-    runs = f"{len(campaign.cae):,} CAE runs at {said} ({said.in_units(KPH_KG)})"
-    title = f"{campaign.name}: {len(campaign.tests)} tests"
+    runs = f"{len(campaign.cae):,} CAE runs at {display.words(speed(*speeds))}"
+    rows = (
+        {"Test": test.id, **display.columns(test.condition), **{n.capitalize(): v for n, v in test.condition.factors}}
+        for test in campaign.tests
+    )
     return card(
-        title,
-        campaign.tests_frame,
+        f"{campaign.name}: {len(campaign.tests)} tests",
+        pd.DataFrame(rows),
         (f"{runs}; fingerprint {campaign.fingerprint[:12]}.", campaign.notice, *campaign.remarks),
     )
 

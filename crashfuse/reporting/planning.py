@@ -14,7 +14,7 @@ from crashfuse.errors import UsageError, one_of
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.notebook import card
-from crashfuse.reporting.plots.display import DEFAULT, Display, DisplayOptions
+from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.next_test import BEST, next_tests
 from crashfuse.reporting.plots.sweep import sweep_figure
 from crashfuse.reporting.predicted import asked, check_factors
@@ -48,7 +48,7 @@ class SpeedSweep:
             If there is no such metric, option or unit.
         """
         one_of("metric", metric, METRIC_LABELS)
-        return sweep_figure(self.sweeps, metric, self.campaign, Display.of(**display))
+        return sweep_figure(self.sweeps, metric, self.campaign, Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         first, speeds = self.sweeps[0], self.sweeps[0].speeds_mps
@@ -57,9 +57,10 @@ class SpeedSweep:
         return f"<SpeedSweep, {names}, {len(first.metrics)} speeds from {ends}>"
 
     def _repr_html_(self) -> str:
-        shown, headings = self.sweeps[-1], self.campaign.metric_headings
+        shown, headings, display = self.sweeps[-1], self.campaign.metric_headings, Display(system=self.campaign.units)
         rows = (
-            {"Speed": DEFAULT.speed(speed_mps)} | {headings[m.name]: m.text for m in own if m.name in MAIN_METRICS}
+            {"Speed": display.speed(speed_mps)}
+            | {display.heading(headings[m.name]): display.metric(m).text for m in own if m.name in MAIN_METRICS}
             for speed_mps, own in zip(shown.speeds_mps.tolist(), shown.metrics, strict=True)
         )
         return card(repr(self)[1:-1], pd.DataFrame(rows), (f"By {shown.approach}.",))
@@ -80,7 +81,7 @@ class NextTests:
 
     def plot(self, **display: Unpack[DisplayOptions]) -> go.Figure:
         """How much each candidate would narrow the band over its speed, as the page Predict shows it."""
-        return next_tests(self.ranked, self.campaign.tests, Display.of(**display))
+        return next_tests(self.ranked, self.campaign.tests, Display.of(self.campaign.units, **display))
 
     def __repr__(self) -> str:
         best = self.ranked[0]

@@ -98,7 +98,7 @@ class PredictedPulse:
         UsageError
             If there is no such figure, approach, test, CAE run, option or unit.
         """
-        shown = Display.of(**display)
+        shown = Display.of(self.campaign.units, **display)
         own = chosen({each.approach: each.prediction for each in self.estimates}, approaches)
         return Curves(None, own | beside(self.campaign, also, shown), self.condition, band).draw(figure, shown)
 
@@ -111,13 +111,21 @@ class PredictedPulse:
         return f"<PredictedPulse, {names}, at {self.condition}>"
 
     def _repr_html_(self) -> str:
-        headings = {name: label for name, label in self.campaign.metric_headings.items() if name in MAIN_METRICS}
+        display, labels = Display(system=self.campaign.units), self.campaign.metric_headings
         texts = {
-            LABELS[each.approach]: {metric.name: metric.text for metric in each.metrics} for each in self.estimates
+            LABELS[each.approach]: {metric.name: display.metric(metric).text for metric in each.metrics}
+            for each in self.estimates
         }
-        rows = ({"Metric": label, **{who: own[name] for who, own in texts.items()}} for name, label in headings.items())
+        rows = (
+            {"Metric": display.heading(labels[name]), **{who: own[name] for who, own in texts.items()}}
+            for name in MAIN_METRICS
+        )
         note = "In brackets: the 95 % interval of a single test."
-        return card(f"The pulse at {self.condition}", pd.DataFrame(rows), (note, *self.notes))
+        return card(
+            f"The pulse at {display.condition(self.condition)}",
+            pd.DataFrame(rows),
+            (note, *map(display.words, self.notes)),
+        )
 
 
 def predict(

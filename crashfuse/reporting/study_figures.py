@@ -88,7 +88,7 @@ def figure_of_test(
 
 def _display(study: Study, options: DisplayOptions) -> Display:
     """The display asked for, by default over the longest window of the study."""
-    return Display.of(max(study.config.windows_ms), **options)
+    return Display.of(study.campaign.units, max(study.config.windows_ms), **options)
 
 
 def _rated(study: Study, display: Display) -> float:

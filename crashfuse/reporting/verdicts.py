@@ -19,6 +19,7 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.certification_tables import (
     certification_table,
     counts_table,
+    probability_text,
     track_record_table,
     verdict_counts,
 )
@@ -66,7 +67,8 @@ class Verdicts:
         UsageError
             If there is no such figure, option or unit.
         """
-        return one_of("figure of verdicts", figure, FIGURES)(self.certification, Display.of(**display))
+        shown = Display.of(self.certification.campaign.units, **display)
+        return one_of("figure of verdicts", figure, FIGURES)(self.certification, shown)
 
     def __repr__(self) -> str:
         judged = self.certification
@@ -75,8 +77,19 @@ class Verdicts:
         return f"<Verdicts on {n} condition{'s' * (n > 1)} of {judged.campaign.name!r}: {counts}>"
 
     def _repr_html_(self) -> str:
-        columns = ["id", "criterion", "value", "lower", "upper", "unit", "probability", "verdict"]
-        return card(repr(self)[1:-1], self.table[columns])
+        display = Display(system=self.certification.campaign.units)
+        rows = (
+            {
+                "Condition": i,
+                "Criterion": f"{own.criterion.name} {display.words(own.criterion.limits)}",
+                "Expected": display.words(own.criterion.shown(own.value)),
+                "95 % of tests": display.words(own.criterion.shown(own.lower, own.upper, between=" to ")),
+                "Probability": "–" if own.probability is None else probability_text(own.probability),
+                "Verdict": own.word,
+            }
+            for i, own in self.certification.cells
+        )
+        return card(repr(self)[1:-1], pd.DataFrame(rows))
 
 
 FIGURES: dict[str, Callable[[Certification, Display], go.Figure]] = {

@@ -113,7 +113,7 @@ class LearningCurve:
         from crashfuse.reporting.plots.display import Display
         from crashfuse.reporting.plots.number_of_tests import over_number_of_tests
 
-        shown = Display.of(self.window_ms, **display)
+        shown = Display.of(self.campaign.units, self.window_ms, **display)
         return over_number_of_tests(self.over(shown.window_ms), shown)
 
     def __repr__(self) -> str:

@@ -14,16 +14,10 @@ _CACHED = 200  # figures of up to half a megabyte
 _DENSITY = 3  # pixels of a PNG for each on the page
 
 
-_TOOLS: dict[str, Any] = {  # those that are useful on a curve; none of them sends it anywhere
-    "displaylogo": False,
-    "showSendToCloud": False,
-    "modeBarButtonsToRemove": ["lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"],
-}
-
-
 def _tools(name: str) -> dict[str, Any]:
-    """The tools beside a figure; the camera saves it under its name."""
-    return {**_TOOLS, "toImageButtonOptions": {"format": "png", "filename": name, "scale": _DENSITY}}
+    """The tools beside a figure, none of which sends it anywhere; the camera saves it under its name."""
+    image = {"format": "png", "filename": name, "scale": _DENSITY}
+    return {"displaylogo": False, "showSendToCloud": False, "toImageButtonOptions": image}
 
 
 def choose(

@@ -1,6 +1,8 @@
 """Objects introduce themselves: a line without a wall of numbers, and a small table in a notebook."""
 
 import io
+import re
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -8,9 +10,11 @@ import pytest
 import crashfuse
 from crashfuse import Campaign, Condition, Study, StudyConfig
 from crashfuse.approaches.base import Prediction
+from crashfuse.reporting.notebook import card
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
 from crashfuse.study.repeatability import Repeatability
+from crashfuse.wording import KPH_KG
 
 CONFIG = StudyConfig(approaches=("cae",))
 AT = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="FWD")
@@ -50,3 +54,24 @@ def test_a_study_shows_grades_and_what_a_repeat_would_rate(study: Study) -> None
     (table,) = pd.read_html(io.StringIO(study._repr_html_()))
     assert table["Approach"].tolist() == ["CAE", "A repeat"]
     assert table["0–60 ms"].tolist() == [f"{rating.overall:.3f} {rating.grade}", "0.970 Excellent"]
+
+
+def test_numbers_stand_at_the_right_and_words_at_the_left() -> None:
+    """Jupyter's own style would have both at the right; an unknown number is a dash, and nothing is markup."""
+    table = pd.DataFrame({"id": ["a<b", "c"], "value": [1234.56, None], "probability": [">0.99", "0.5"]})
+    sides = re.findall(r'<t[hd] style="text-align: (\w+)">([^<]*)<', card("T", table))
+    assert [side for side, _ in sides] == ["left", "right", "right"] * 3
+    assert [text for _, text in sides[3:]] == ["a&lt;b", "1235", "&gt;0.99", "c", "–", "0.5"]
+
+
+def test_a_campaign_is_shown_in_the_units_of_its_tests(campaign: Campaign) -> None:
+    """Of tests declared in km/h and kg, tables and figures are in these, unless others are asked for."""
+    metric = replace(campaign, units=KPH_KG)
+    (table,) = pd.read_html(io.StringIO(metric._repr_html_()))
+    assert list(table)[:4] == ["Test", "Speed (km/h)", "Front weight (kg)", "Rear weight (kg)"]
+    kph = [test.condition.speed_mps * 3.6 for test in campaign.tests]
+    assert table["Speed (km/h)"].tolist() == pytest.approx(kph, abs=0.06)
+    assert " mph" not in metric._repr_html_()
+    assert metric.plot().data[0].name.endswith("km/h")
+    assert metric.plot(units="mph-lb").data[0].name.endswith("mph")
+    assert "km/h" in crashfuse.predict(metric, AT, "cae")._repr_html_()

@@ -1,6 +1,9 @@
 """A prediction as the library offers it: tables in known units, the pages' figure, one sentence for what is wrong."""
 
+import io
+
 import numpy as np
+import pandas as pd
 import pytest
 
 import crashfuse
@@ -41,7 +44,8 @@ def test_metrics_are_those_of_the_files(predicted: PredictedPulse) -> None:
 def test_it_shows_itself(predicted: PredictedPulse) -> None:
     """In a line, as a table, as the pages' figure in the unit asked for."""
     assert repr(predicted).startswith("<PredictedPulse, displacement domain, at 30.0 mph")
-    assert "<td>" in predicted._repr_html_()
+    (table,) = pd.read_html(io.StringIO(predicted._repr_html_()))
+    assert table["Metric"].tolist()[0] == "Peak deceleration (g)"
     assert "m/s²" in predicted.plot(unit="m/s²").layout.yaxis.title.text
 
 

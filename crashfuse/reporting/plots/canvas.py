@@ -22,6 +22,10 @@ _BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.25
 _USUAL_NAMES = 6  # of the approaches and the test
 _EDGE_OPACITY = 0.6  # of a band that is outlined
 
+UNWANTED_TOOLS = ["sendChartToCloud", "lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
+"""Tools that Plotly puts beside a figure: one would upload its pulses to somebody's cloud, the others do nothing of use
+on a curve."""
+
 BAND = "band"
 """In a trace's ``meta``: its outline runs forth along a lower edge and back along an upper one."""
 
@@ -48,7 +52,7 @@ def new_figure(height: int) -> go.Figure:
             "paper_bgcolor": PAPER,
             "plot_bgcolor": PAPER,
             "margin": {"l": 64, "r": 44, "t": 40, "b": 52},
-            "modebar": {"orientation": "v"},
+            "modebar": {"orientation": "v", "remove": UNWANTED_TOOLS},
             "hovermode": "x unified",
             "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
             "legend": {"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},

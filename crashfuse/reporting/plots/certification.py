@@ -10,7 +10,8 @@ from plotly.colors import hex_to_rgb
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.verdict import WORDS, Verdict, Word
-from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.certification_tables import probability_text
+from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, INK, MEASURED_COLOUR, VERDICT_COLOURS
 
@@ -81,7 +82,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
         hoverlabel={"align": "left"},
         dragmode=False,
         margin={"t": 52, "b": 36},
-        modebar={"remove": ["zoom2d", "pan2d", "resetScale2d"]},
+        modebar={"remove": [*UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]},
         legend={"y": 0, "yref": "container", "yanchor": "bottom"},
     )
     plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
@@ -175,8 +176,7 @@ def _header(criterion: Criterion, width: int, display: Display) -> str:
 def _cell(verdict: Verdict) -> str:
     if verdict.word == "outside" or verdict.probability is None:
         return verdict.word
-    p = verdict.probability
-    return f"{verdict.word}  {'>0.99' if p > 0.995 else '<0.01' if p < 0.005 else f'{p:.2f}'}"
+    return f"{verdict.word}  {probability_text(verdict.probability)}"
 
 
 def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:

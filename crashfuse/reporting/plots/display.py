@@ -24,8 +24,8 @@ class DisplayOptions(TypedDict, total=False):
     """How a figure is drawn, option by option.
 
     ``window_ms``: the rated window, 0 to this; ``unit``: of accelerations, ``g`` or ``m/s²`` (also ``m/s2``);
-    ``deceleration``: braking is positive; ``units``: of speeds and weights, ``mph-lb`` or ``kph-kg``; ``display``: all
-    of them at once, of which the others then change some.
+    ``deceleration``: braking is positive; ``units``: of speeds and weights, ``mph-lb`` or ``kph-kg``, by default those
+    that the campaign's tests are declared in; ``display``: all of them at once, of which the others then change some.
     """
 
     window_ms: float
@@ -57,8 +57,10 @@ class Display:
     system: UnitSystem = MPH_LB
 
     @classmethod
-    def of(cls, usual_ms: float = WINDOWS_MS[-1], /, **options: Unpack[DisplayOptions]) -> Self:
-        """The display that these options ask for, by default over the window of ``usual_ms``.
+    def of(
+        cls, system: UnitSystem = MPH_LB, usual_ms: float = WINDOWS_MS[-1], /, **options: Unpack[DisplayOptions]
+    ) -> Self:
+        """The display that these options ask for, by default in these units and over the window of ``usual_ms``.
 
         Raises
         ------
@@ -73,7 +75,7 @@ class Display:
             changed["unit"] = one_of("unit of accelerations", given["unit"], _UNITS)
         if "units" in given:
             changed["system"] = one_of("system of units", given["units"], SYSTEMS)
-        shown: Self = given.get("display", replace(DEFAULT, window_ms=usual_ms))
+        shown: Self = given.get("display", replace(DEFAULT, window_ms=usual_ms, system=system))
         return replace(shown, **changed)
 
     @property

@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import GRADES, grade
@@ -61,7 +61,7 @@ def rating_heatmap(
         hoverdistance=-1,  # anywhere in a cell, its own mark is the nearest
         dragmode=False,
         margin={"t": 52, "b": 8, "r": 16},
-        modebar={"remove": ["zoom2d", "pan2d", "resetScale2d"]},
+        modebar={"remove": [*UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]},
     )
     figure.update_xaxes(
         side="top", title=None, range=None, tickfont={"size": 12}, ticks="", showline=False, showgrid=False,
