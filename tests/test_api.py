@@ -33,6 +33,7 @@ def test_the_public_names_are_these() -> None:
         "Verdicts",
         "__version__",
         "certify",
+        "darkened",
         "energy_crush",
         "estimate_at",
         "estimates_at",

@@ -23,6 +23,7 @@ _IN_MEMORY = {
     r"\btests_pulses\b": "test_pulses",
     r"\b(tests|cae|matrix)\.csv\b": r"\1",
     r"\bcampaign\.toml\b": "campaign",
+    r"^sort the file\b": "sort the table",
 }
 """What a folder's sentences call its files, as patterns, and what the arguments of a call are called."""
 

@@ -72,6 +72,9 @@ class Criteria:
     items: tuple[Criterion, ...]
     confidence: float = CONFIDENCE
 
+    def __repr__(self) -> str:
+        return f"<Criteria at {self.confidence:g}: {', '.join(f'{own.name} {own.limits}' for own in self.items)}>"
+
     @property
     def windows_ms(self) -> tuple[float, ...]:
         """All windows of ratings, ascending."""

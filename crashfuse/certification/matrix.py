@@ -37,6 +37,9 @@ class Matrix:
         if not 0 < len(self.ids) <= _MOST:
             raise UsageError(f"A matrix has 1 to {_MOST:,} conditions, not {len(self.ids):,}.")
 
+    def __repr__(self) -> str:
+        return f"<Matrix of {len(self.ids)} condition{'s' * (len(self.ids) > 1)}>"
+
     @classmethod
     def read(cls, path: Path, factors: Mapping[str, Sequence[str]]) -> Self:
         """Read ``matrix.csv``, a table like ``tests.csv``; ``factors`` are those of the campaign.

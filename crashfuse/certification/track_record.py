@@ -135,6 +135,10 @@ class TrackRecord:
 
     trials: tuple[Trial, ...]
 
+    def __repr__(self) -> str:
+        decided, wrong = self.decided
+        return f"<TrackRecord of {len(self.trials)} trials: {decided} decided, {wrong} of them wrong>"
+
     @cached_property
     def counted(self) -> tuple[Trial, ...]:
         """Trials without those that repeat another, because nothing else was left out with the test."""

@@ -40,6 +40,9 @@ class Verdict:
     word: Word
     reason: str
 
+    def __repr__(self) -> str:
+        return f"<Verdict {self.word}: {self.criterion.name} {self.criterion.limits} at {self.condition}>"
+
     @property
     def expected(self) -> Sentence:
         """What is expected, and the limit, in words."""

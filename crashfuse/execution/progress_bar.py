@@ -1,12 +1,17 @@
-"""Progress: a bar per step on a terminal or in a notebook, otherwise a few plain lines suitable for a log."""
+"""Progress: a bar per step on a terminal, or in a notebook with ipywidgets; otherwise a few lines, as in a log."""
 
 import sys
+import warnings
 from contextlib import AbstractContextManager
 
-from tqdm.auto import tqdm
+from tqdm import TqdmWarning
 from tqdm.notebook import tqdm as in_notebook
 
 from crashfuse.execution.progress import Progress
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", TqdmWarning)  # a notebook without ipywidgets gets lines
+    from tqdm.auto import tqdm
 
 _LINES = 4  # parts of a step written as lines: one at its start, and one after each part
 

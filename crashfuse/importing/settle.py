@@ -72,6 +72,9 @@ class Settled:
     steps: tuple[str, ...]
     quality: RunQuality = field(default_factory=RunQuality)
 
+    def __repr__(self) -> str:
+        return f"<Settled {self.id!r}: {self.condition}>"
+
 
 def settle(record: Record, choices: Choices = Choices(), *, role: Role = "tests", raw: bool = False) -> Settled:
     """Turn a record into a pulse of the campaign.

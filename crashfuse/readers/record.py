@@ -83,6 +83,9 @@ class RecordedChannel:
     unit: str | None
     cutoff_hz: float | None = None
 
+    def __repr__(self) -> str:
+        return f"<RecordedChannel {self.shown}: {self.values.size:,} samples in {self.unit or 'an unknown unit'}>"
+
     @property
     def shown(self) -> str:
         """The name, and the label where it says more, as messages print it."""
@@ -135,6 +138,9 @@ class Record:
     unread: Mapping[str, Problem] = field(default_factory=dict)
     quality: RunQuality = field(default_factory=RunQuality)
     other_setup: str = ""
+
+    def __repr__(self) -> str:
+        return f"<Record {self.id!r} of {printable(self.source)}: channels {self.listed}>"
 
     @property
     def listed(self) -> str:

@@ -30,8 +30,11 @@ def card(title: str, table: pd.DataFrame, notes: Sequence[str] = ()) -> str:
 def _column(name: str, values: pd.Series) -> list[str]:
     """Heading and cells, numbers at the right and text at the left: Jupyter would have all at the right."""
     texts = ["–" if pd.isna(value) else f"{value:.4g}" if isinstance(value, float) else str(value) for value in values]
-    style = f'style="text-align: {"right" if all(map(_NUMBER.fullmatch, texts)) else "left"}"'
-    return [f"<th {style}>{escape(name)}</th>", *(f"<td {style}>{escape(text)}</td>" for text in texts)]
+    side = "right" if all(map(_NUMBER.fullmatch, texts)) else "left"
+    return [
+        f'<th style="text-align: {side}">{escape(name)}</th>',
+        *(f'<td style="text-align: {side}; white-space: nowrap">{escape(text)}</td>' for text in texts),
+    ]
 
 
 def campaign_html(campaign: Campaign) -> str:

@@ -88,8 +88,9 @@ class NextTests:
         return f"<NextTests, the best of {len(self.ranked)} at {best.condition}: {100 * best.gain:.0f} % narrower>"
 
     def _repr_html_(self) -> str:
+        low, high = map(Display(system=self.campaign.units).condition, (self.over.low, self.over.high))
         return card(
-            f"The band over {self.over.low} to {self.over.high}: which test would narrow it most",
+            f"The band over {low} to {high}: which test would narrow it most",
             self.table.head(BEST),
         )
 

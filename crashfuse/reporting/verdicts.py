@@ -102,7 +102,7 @@ FIGURES: dict[str, Callable[[Certification, Display], go.Figure]] = {
 
 def certify(
     campaign: Campaign,
-    criteria: str | Path | Sequence[Mapping[str, Any]] | Criteria,
+    criteria: str | Path | Mapping[str, Any] | Sequence[Mapping[str, Any]] | Criteria,
     matrix: str | Path | pd.DataFrame | Matrix,
     *,
     confidence: float = CONFIDENCE,
@@ -117,12 +117,12 @@ def certify(
 
     Parameters
     ----------
-    criteria : path or sequence of mappings
+    criteria : path, mapping or sequence of mappings, or Criteria
         ``criteria.toml``, or its tables: name, metric, window_ms, at_least, at_most.
-    matrix : path or DataFrame
+    matrix : path, DataFrame or Matrix
         ``matrix.csv``, or its columns: id, speed, weights, factors, each name ending in its unit.
     confidence : float
-        Of criteria in a list of mappings.
+        Of criteria given as mappings.
     approach : str
         Whose predictions are judged.
     config : StudyConfig
@@ -142,7 +142,7 @@ def certify(
     if isinstance(criteria, str | Path):
         criteria = read_criteria(Path(criteria))
     elif not isinstance(criteria, Criteria):
-        criteria = criteria_of(criteria, confidence)
+        criteria = criteria_of([criteria] if isinstance(criteria, Mapping) else criteria, confidence)
     config = replace(config, approaches=(approach,))
     return Verdicts(
         certify_matrix(

@@ -100,7 +100,9 @@ class Watched(Watch):
         return one_of("step", step or learning[-1], self.steps).plot()
 
     def __repr__(self) -> str:
-        return f"<Watched: {', '.join(repr(step)[6:-1] for step in list(self.steps.values())) or 'nothing yet'}>"
+        steps = list(self.steps.values())
+        last = f"{len(steps)} step{'s' * (len(steps) > 1)}, at last {repr(steps[-1])[6:-1]}" if steps else "nothing yet"
+        return f"<Watched: {last}>"
 
     def _take(self, progress: Progress) -> None:
         step = self.steps.get(progress.step)
@@ -114,6 +116,8 @@ class Watched(Watch):
 @contextmanager
 def watching() -> Iterator[Watched]:
     """Show the progress of the computations that are given this watch, which then has figures of their training.
+
+    On a terminal a bar each step, in a notebook as well where ipywidgets is installed, else a few lines.
 
     >>> with watching() as watch:
     ...     study = run_study(campaign, watch=watch)

@@ -47,6 +47,9 @@ class Recommendation:
     sentences: tuple[str, ...]
     expected: ExpectedRating | None = None
 
+    def __repr__(self) -> str:
+        return f"<Recommendation: {self.sentences[0]}>"
+
 
 def recommend_for(
     estimates: Sequence[Estimate], campaign: Campaign, condition: Condition, window_ms: float = 60.0

@@ -94,6 +94,9 @@ def test_what_is_wrong_is_told_with_table_column_and_row(frames: Frames) -> None
     assert lacking == (
         "tests, column id: expected a pulse for T2, found none in test_pulses; add its pulse or remove its row."
     )
+    mixed = refusal(frames, test_pulses=pulses.sort_values("time_s", kind="stable"))
+    assert mixed.startswith("test_pulses, column id, row 4: expected the rows of one id together, found rows of T1")
+    assert mixed.endswith("; sort the table by id, then by time.")
     assert refusal(frames, cae=[1]) == "cae: expected a DataFrame, found list; give a pandas DataFrame."
 
 

@@ -47,6 +47,8 @@ def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) ->
     for verdict, metric in zip(found.verdicts[0][:2], (said["max_crush"], said["peak"]), strict=True):
         assert (verdict.value, verdict.lower, verdict.upper) == (metric.value, metric.lower, metric.upper)
     assert {own.word for own in found.verdicts[2]} == {"outside"}
+    for each in (found, found.matrix, found.criteria, found.record, found.verdicts[0][0]):
+        assert len(repr(each)) < 200, each
 
 
 def test_the_record_is_what_each_left_out_test_showed(campaign: Campaign) -> None:

@@ -35,6 +35,10 @@ def test_a_preview_is_what_the_import_then_adds(table: Path, tmp_path: Path) -> 
     expected = imported_pulse([channel], added, Display(unit="m/s²", deceleration=True))
     assert preview.plot(unit="m/s2", deceleration=True) == expected
     assert repr(preview) == f"<Preview of 'V7': {added.condition}>"
+    assert repr(added) == f"<Settled 'V7': {added.condition}>"
+    for each in (preview.record, channel):
+        assert "array" not in repr(each)
+        assert "\n" not in repr(each)
     shown = preview._repr_html_()
     assert all(step.replace("'", "&#x27;") in shown for step in added.steps)
 

@@ -41,7 +41,7 @@ def test_a_watch_says_in_a_line_what_it_saw() -> None:
         watch.plot()
     watch.report("Read", 1, 1)
     watch.report("Train", 3, 1000)
-    assert repr(watch) == "<Watched: 'Read': 1 of 1, 'Train': 3 of 1,000>"
+    assert repr(watch) == "<Watched: 2 steps, at last 'Train': 3 of 1,000>"
     with pytest.raises(UsageError, match="There is no step 'Trian'; did you mean Train"):
         watch.plot("Trian")
     with pytest.raises(UsageError, match="The step Train has reported no values to draw"):

@@ -73,7 +73,7 @@ def room_for_names(names: Collection[str]) -> int:
 
 
 def darkened(figure: go.Figure) -> go.Figure:
-    """The same figure in the colours of a dark page; a report, which is meant for print, stays light."""
+    """The same figure in the colours of a dark page, or notebook; a report, which is meant for print, stays light."""
     drawn = figure.to_plotly_json()
     return go.Figure([_in_the_dark(trace) for trace in drawn["data"]], _in_the_dark(drawn["layout"]))
 
