@@ -10,7 +10,7 @@ import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.study.study import Study
-from crashfuse.ui import explanations, frame, page_tables
+from crashfuse.ui import address, explanations, frame, page_tables
 from crashfuse.ui.computation import FitRequest, Fitted, Request, StudyRequest, jobs
 from crashfuse.ui.downloads import download_bytes
 from crashfuse.ui.figures import choose
@@ -28,15 +28,16 @@ campaign = view.campaign
 
 
 def choose_held_out() -> tuple[str, ...]:
-    """Ask which tests to leave out; returned in the campaign's order."""
+    """Ask which tests to leave out, at first the one chosen for all pages; returned in the campaign's order."""
+    address.default("held_out", [view.held_out.id])
+    asked = st.session_state["held_out"]
+    if missing := [test for test in asked if test not in campaign.test_ids]:
+        st.caption(f":material/link_off: No test here is named {plain(', '.join(missing))[:80]}.")
+        st.session_state["held_out"] = [test for test in asked if test not in missing]
     chosen = st.multiselect(
-        "Held-out tests, each in turn",
-        campaign.test_ids,
-        default=[view.held_out.id],
-        key=f"train {campaign.fingerprint[:8]} {view.held_out.id}",
-        persist_state="session",
+        "Held-out tests, each in turn", campaign.test_ids, key="held_out", persist_state="session",
         help="While one is predicted, all others train, those in this list included.",
-    )
+    )  # fmt: skip
     return tuple(test for test in campaign.test_ids if test in chosen)
 
 

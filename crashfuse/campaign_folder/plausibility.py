@@ -37,12 +37,12 @@ def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems:
         problems.append(Problem("cae.csv", expected, found, _likely_cause(typical, *_LIBRARY_STOPS)))
         return
     for row in np.flatnonzero(np.isnan(speed) & (biggest > CREEP_MPS)):
-        found = f"{biggest[row] / MPH:+.1f} mph ({biggest[row] / KPH:+.1f} km/h)"
+        found = f"{biggest[row] / MPH:+z.1f} mph ({biggest[row] / KPH:+z.1f} km/h)"
         advice, place = _likely_cause(-1.0, low, high), f"id {table.ids[row]}"
         problems.append(Problem(f"{role}.csv", "a pulse that brakes", found, advice, place, table.rows[row]))
     for row in np.flatnonzero(((ratio < low) | (ratio > high)) & moving):
         v0, delta_v = speed[row], biggest[row]
-        found = f"a change of {delta_v / MPH:+.1f} mph ({delta_v / KPH:+.1f} km/h)"
+        found = f"a change of {delta_v / MPH:+z.1f} mph ({delta_v / KPH:+z.1f} km/h)"
         expected = f"a change of velocity near the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
         cause, place = _likely_cause(float(ratio[row]), low, high), f"id {table.ids[row]}"
         problems.append(Problem(f"{role}.csv", expected, found, cause, place, table.rows[row]))

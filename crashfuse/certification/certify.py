@@ -18,7 +18,7 @@ from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.duration import PREDICTION_S, shared_steps
+from crashfuse.study.duration import LATE_S, shared_steps
 from crashfuse.study.plan import check_window
 from crashfuse.study.study import workers_at
 from crashfuse.wording import joined
@@ -112,7 +112,7 @@ def certify_matrix(
     known = Forecasts(campaign, criteria.windows_ms, config, cache or Cache(), watch)
     with workers_at(scheduler, workers) as place:
         start = time.perf_counter()
-        steps = {_LEARN: PREDICTION_S * len(trials), _JUDGE: PREDICTION_S * len(cells)}
+        steps = {_LEARN: LATE_S * len(trials), _JUDGE: LATE_S * len(cells)}
         watch.expect(shared_steps({config.approaches[0]}, config) | steps)
         forecasts = known.all(trials, place, _LEARN, learn_for=cells)
         learned = time.perf_counter()

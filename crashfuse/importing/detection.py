@@ -153,7 +153,7 @@ def offset_before(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: l
     if zero_s - time_s[0] < _QUIET_S - step_of(time_s) or not before.any():
         return
     mean = float(accel[before].mean())
-    told = f"before contact it reads {round(mean / G, 2) + 0.0:+.2f} g on average"  # never -0.00
+    told = f"before contact it reads {mean / G:+z.2f} g on average"
     if abs(mean) > _OFFSET_MPS2:
         steps.append(f"Careful: {told}; if the vehicle did not brake then, export it with its zero corrected.")
     else:

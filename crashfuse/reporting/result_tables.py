@@ -103,8 +103,8 @@ def gains_table(curve: LearningCurve, cost: Cost | None = None) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "Tests": f"{step.before} → {step.after}",
-            "Gain of rating": f"{step.gain:+.3f}{plus_minus(step.error)}",
-            "A test": f"{step.per_test:+.4f}",
+            "Gain of rating": f"{step.gain:+z.3f}{plus_minus(step.error)}",
+            "A test": f"{step.per_test:+z.4f}",
             **({} if cost is None else {"Cost of 0.01": cost.times(0.01 / step.per_test) if step.told else "–"}),
         }
         for step in gains(curve)

@@ -50,7 +50,7 @@ def _values(estimates: Sequence[Estimate]) -> Mapping[tuple[str, str], float | N
 
 def _difference(metric: Metric, base: Metric) -> str:
     gap = _minus(metric.value, base.value)
-    return "–" if gap is None else f"{round(gap, metric.digits) + 0.0:+.{metric.digits}f}"  # never −0.0
+    return "–" if gap is None else f"{gap:+z.{metric.digits}f}"
 
 
 def _minus(value: float | None, base: float | None) -> float | None:

@@ -120,12 +120,12 @@ def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
         return f"{label}: the same in both, mean {row['first']:.3f}."
     told = f"mean {row['second']:.3f} in the second, {row['first']:.3f} in the first"
     if n == 1:
-        return f"{label}: {told}, a difference of {gain:+.3f} in one test."
+        return f"{label}: {told}, a difference of {gain:+z.3f} in one test."
     clear = abs(gain) > _CLEARLY * error
     better = "second" if gain > 0 else "first"
     verdict = f"the {better} is better" if clear else "no clear difference"
     most = table.loc[table["difference"].abs().idxmax()]
     return (
-        f"{label}: {verdict}; {told} ({gain:+.3f} ± {error:.3f} over {n} tests). The second is higher in "
-        f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} ({most['difference']:+.3f})."
+        f"{label}: {verdict}; {told} ({gain:+z.3f} ± {error:.3f} over {n} tests). The second is higher in "
+        f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} ({most['difference']:+z.3f})."
     )

@@ -193,7 +193,7 @@ def _enough(curve: LearningCurve) -> str:
         return f"No fewer tests, chosen evenly over speed, do as well as {most}."
     return (
         f"{found.before} of these tests, chosen evenly over speed, may do as well: with {most} it rates "
-        f"{found.gain:+.3f}{plus_minus(found.error)}, within twice the standard error."
+        f"{found.gain:+z.3f}{plus_minus(found.error)}, within twice the standard error."
     )
 
 

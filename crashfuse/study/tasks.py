@@ -22,11 +22,11 @@ from crashfuse.execution.memory import give_back
 from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.duration import PREDICTION_S, REPEATABILITY_S, fit_steps, shared_steps
+from crashfuse.study.duration import EARLY_S, LATE_S, REPEATABILITY_S, fit_steps, shared_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.repeatability import REPEATABILITY, repeatability
 
-_STEP = "Held-out predictions"
+_EARLY, _LATE = "Held-out predictions", "Held-out predictions by networks"
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,28 +106,29 @@ class Computation:
         start = time.perf_counter()
         missing = [each for each in wanted if each not in self.known]
         late = [each for each in missing if CLASSES[each.approach].trains_networks]
-        early = _tasks([each for each in missing if not CLASSES[each.approach].trains_networks])
-        repeats = [Task(repeated=repeated)]
-        self._expect(missing, len(wanted))
-        self.watch.report(_STEP, len(self.known), len(wanted))
+        early = [each for each in missing if not CLASSES[each.approach].trains_networks]
+        tasks, repeats = _tasks(early), [Task(repeated=repeated)]
+        self._expect(early, late)
         shared = self._prepared(missing, trained=False)
         if not late:
-            self._compute([*early, *repeats], shared, len(wanted))
-        elif self.workers.are_elsewhere(early):
-            trained = self._train_beside([*early, *repeats], late, shared, len(wanted))
-            self._compute(_tasks(late), trained, len(wanted))
+            self._compute([*tasks, *repeats], shared, _EARLY, early)
+        elif self.workers.are_elsewhere(tasks):
+            trained = self._train_beside([*tasks, *repeats], late, shared, early)
+            self._compute(_tasks(late), trained, _LATE, late)
         else:  # here, one after the other: what can be shown first is not delayed by training
-            self._compute(early, shared, len(wanted))
-            self._compute(_tasks(late), self._prepared(late), len(wanted))
+            self._compute(tasks, shared, _EARLY, early)
+            self._compute(_tasks(late), self._prepared(late), _LATE, late)
         self.seconds["held_out_tests"] = time.perf_counter() - start
 
-    def _train_beside(self, tasks: Sequence[Task], late: Sequence[Wanted], shared: Cache, total: int) -> Cache:
+    def _train_beside(
+        self, tasks: Sequence[Task], late: Sequence[Wanted], shared: Cache, early: Sequence[Wanted]
+    ) -> Cache:
         """Train the networks in a thread of this process, while the workers compute what needs none."""
         stop = threading.Event()
         with ThreadPoolExecutor(1, "training") as thread:
             try:
                 training = thread.submit(self._prepared, late, watch=self.watch.also_cancelled_by(stop))
-                self._compute(tasks, shared, total)
+                self._compute(tasks, shared, _EARLY, early)
                 trained = training.result()
             finally:
                 stop.set()
@@ -141,22 +142,33 @@ class Computation:
         self.seconds["prepare"] = time.perf_counter() - start
         return shared
 
-    def _compute(self, tasks: Sequence[Task], shared: Cache, total: int) -> None:
-        work = partial(_computed, config=self.config.on_this_device)
+    def _compute(self, tasks: Sequence[Task], shared: Cache, step: str, wanted: Sequence[Wanted]) -> None:
+        """Compute tasks; progress is that of fits, which take the time however many tests each of them predicts."""
+        work, fits = partial(_computed, config=self.config.on_this_device), _fits(wanted)
         with closing(self.workers.completed(work, self.campaign, tasks, shared, self.watch)) as completed:
             for estimates in completed:
                 self.known.update(estimates)
-                self.watch.report(_STEP, len(self.known), total)
+                if fits:
+                    left = _fits([each for each in wanted if each not in self.known])
+                    self.watch.report(step, len(fits - left), len(fits))
                 if estimates:
                     self.on_more()
 
-    def _expect(self, missing: Sequence[Wanted], total: int) -> None:
+    def _expect(self, early: Sequence[Wanted], late: Sequence[Wanted]) -> None:
         """Tell the watch which steps come."""
-        names, repeats = {each.approach for each in missing}, {REPEATABILITY: REPEATABILITY_S}
+        missing, repeats = [*early, *late], {REPEATABILITY: REPEATABILITY_S}
+        names = {each.approach for each in missing}
         if len({each.left_out for each in missing}) > 1:
-            self.watch.expect(shared_steps(names, self.config) | {_STEP: PREDICTION_S * total} | repeats)
+            first = shared_steps(set(), self.config) | ({_EARLY: EARLY_S * len(_fits(early))} if early else {})
+            then = shared_steps(names, self.config) | ({_LATE: LATE_S * len(_fits(late))} if late else {})
+            self.watch.expect(first | then | repeats)
         else:
             self.watch.expect(fit_steps(names, self.campaign, self.config) | repeats)
+
+
+def _fits(wanted: Sequence[Wanted]) -> set[tuple[tuple[str, ...], str]]:
+    """The fits behind predictions: what was left out, and the approach."""
+    return {(each.left_out, each.approach) for each in wanted}
 
 
 def _tasks(wanted: Sequence[Wanted]) -> list[Task]:

@@ -79,6 +79,7 @@ CHOICES: dict[str, Choice] = {
     "campaign": Choice(),
     "test": Choice(pages=("data", "train", "compare"), of_campaign=True),
     "import": Choice(pages=("data",)),
+    "held_out": Choice(tuple, None, pages=("train",), of_campaign=True),
     # how it is predicted
     "leave_out": Choice(str, "test", ("test", "speed group"), ("train", "compare")),
     "approaches": Choice(tuple, APPROACHES, APPROACHES),
@@ -100,6 +101,7 @@ CHOICES: dict[str, Choice] = {
     "over_displacement": Choice(pages=("compare",)),
     "study_tab": Choice(pages=("study",)),
     "ways": Choice(pages=("study",)),
+    "cost": Choice(float, pages=("study",)),
     "predict_tab": Choice(pages=("predict",)),
     "predicted": Choice(pages=("predict",)),
     "curves": Choice(tuple, (TEST, *APPROACHES), (TEST, *APPROACHES), ("compare", "predict")),
@@ -119,6 +121,7 @@ CHOICES: dict[str, Choice] = {
     "confidence": Choice(float, pages=("certify",), of_campaign=True),
     "approach": Choice(pages=("certify",)),
     "matrix": Choice(pages=("certify",)),
+    "uploaded": Choice(pages=("certify",), of_campaign=True),
     "speeds": Choice(pages=("certify",)),
     "front_weights": Choice(pages=("certify",)),
     "rear_weights": Choice(pages=("certify",)),
@@ -129,6 +132,7 @@ CHOICES: dict[str, Choice] = {
     "compared_way": Choice(pages=("history",)),
     "compared_approach": Choice(pages=("history",)),
     "cell": Choice(pages=("certify",)),
+    "record": Choice(pages=("certify",)),
 }
 
 
@@ -171,11 +175,12 @@ def here(page: str | None = None) -> Place:
 
 
 def default(key: str, value: Value | list[str], known: Sequence[Value] = ()) -> None:
-    """Give a choice its default for this campaign, if nothing was chosen yet or nothing that is ``known`` here."""
+    """Give a choice its default for what is looked at, unless another was chosen that is ``known`` here."""
     state = _state()
-    state.setdefault(_DEFAULTS, {})[key] = value
-    if state.get(key) is None or (known and state[key] not in known):
+    defaults = state.setdefault(_DEFAULTS, {})
+    if state.get(key) in (None, defaults.get(key)) or (known and state[key] not in known):
         state[key] = value
+    defaults[key] = value
 
 
 def leave_campaign() -> None:

@@ -204,7 +204,7 @@ class FitRequest(Request[Fitted]):
         fits: dict[str, Fit] = {}
         for name in early_first:
             fits[name] = Fit.of(self.campaign, name, self.config, watch=watch)
-            if set(fits) > {BASELINE}:  # the raw CAE model alone answers nothing
+            if set(fits) - {BASELINE}:  # the raw CAE model alone answers nothing
                 watch.show_part(Fitted(tuple(fits[name] for name in names if name in fits)))
         fitted = Fitted(tuple(fits[name] for name in names))
         at_no_test = np.median(self.campaign.cae.vectors, axis=0)  # where nothing is known from earlier

@@ -74,7 +74,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
     curve = found.over(view.display.window_ms)
     amount = st.number_input(
         "Cost of one test", min_value=0.0, value=None, step=1000.0, format="%.0f", placeholder="optional, any currency",
-        key="cost of a test", persist_state="session", width=260,
+        key="cost", persist_state="session", width=260,
         help="In any currency. Gains are then also given as the cost of one hundredth of rating.",
     )  # fmt: skip
     cost = Cost(amount) if amount else None

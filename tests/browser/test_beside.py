@@ -73,7 +73,7 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
         user.sees(f"Displacement domain at {speed} mph", FIGURE)
     link = user.browser.current_url
     user.browser.switch_to.new_window("tab")
-    user.browser.delete_all_cookies()
+    user.becomes_another()
     user.browser.get(link)
     for speed in ("30.0", "34.0"):
         user.sees(f"Displacement domain at {speed} mph", FIGURE)

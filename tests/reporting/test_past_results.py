@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from crashfuse.reporting.figure_files import figures_of
-from crashfuse.reporting.past_results import comparison_by_window, comparison_tests, studies_table
+from crashfuse.reporting.past_results import (
+    comparison_by_window,
+    comparison_means,
+    comparison_table,
+    comparison_tests,
+    studies_table,
+)
 from crashfuse.reporting.plots.compared import rating_differences
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import comparison_report
@@ -32,6 +38,17 @@ def test_each_test_stands_with_its_difference(compared: StudyComparison) -> None
     assert list(table.index) == list(SECOND)
     assert table["Fused"].tolist() == ["0.850 (+0.050)", "0.660 (-0.040)", "0.910 (+0.010)"]
     assert table["CAE"].tolist() == ["0.500 (+0.000)"] * 3
+
+
+def test_a_difference_too_small_to_be_shown_has_no_minus(compared: StudyComparison) -> None:
+    """ "-0.000" would say that the second study is worse."""
+    slightly_worse = StudyComparison(compared.first, study({name: value - 1e-5 for name, value in FIRST.items()}))
+    tables = comparison_table(slightly_worse, "fused", 60.0, "test"), comparison_means(slightly_worse, 60.0, "test")
+    assert {gap for table in tables for gap in table["Difference"]} == {"+0.000"}
+    assert comparison_tests(slightly_worse, 60.0, "test")["Fused"].str.endswith("(+0.000)").all()
+    assert "(+0.000 ± 0.000 over 4 tests)" in slightly_worse.sentences(60.0)[0]
+    drawn = next(trace for trace in rating_differences(slightly_worse, 60.0, "test").data if trace.name == "Fused")
+    assert set(drawn.hovertemplate) == {"+0.000"}
 
 
 def test_means_stand_for_every_window(compared: StudyComparison) -> None:

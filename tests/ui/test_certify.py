@@ -268,6 +268,31 @@ def test_a_grid_is_in_the_link(visit: Visit) -> None:
     assert "6 conditions, 20.0 to 30.0 mph" in [own.label for own in linked.app.expander]
 
 
+@pytest.mark.usefixtures("open_campaign")
+def test_an_uploaded_matrix_is_in_the_link_while_the_server_runs(visit: Visit) -> None:
+    """Another session sees the same conditions by the link; a server that does not know them says so."""
+    session = visit("certify", matrix="Upload")
+    content = b"id,speed_mph,front_weight_lb,rear_weight_lb\nA,21,2050,1500\nB,24.5,2050,1500\n"
+    upload = session.app.file_uploader[-1]
+    upload.set_value([("planned.csv", content, "text/csv")])
+    session.run()
+    summary = "2 conditions, 21.0 to 24.5 mph"
+    assert summary in [own.label for own in session.app.expander]
+    link = {"matrix": "Upload", "uploaded": session.app.session_state["uploaded"]}
+    session.run()
+    assert session.app.query_params["uploaded"] == link["uploaded"]
+    assert summary in [own.label for own in visit("certify", **link).app.expander]
+    upload = session.app.file_uploader[-1]
+    upload.set_value([("planned.csv", b"id,speed\n", "text/csv")])
+    session.run()
+    assert session.app.session_state["uploaded"] is None
+    assert session.app.error
+    st.cache_resource.clear()
+    elsewhere = visit("certify", **link)
+    assert "no longer on this server" in elsewhere.words
+    assert "Certify" not in elsewhere.buttons
+
+
 @pytest.mark.parametrize(
     "text", ["fast", "20:30", "30:20:5", "20:30:0", "20:30:-1", "1:2:3:4", "0:1e9:0.001", "nan", ""]
 )

@@ -3,14 +3,17 @@
 import io
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from crashfuse.campaign import Campaign
+from crashfuse.execution.progress import Watch
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Fit
 from crashfuse.study.fold import Fold
 from crashfuse.study.saved_models import load_model
-from crashfuse.ui.computation import FitRequest, StudyRequest, _folds
+from crashfuse.ui.computation import FitRequest, Fitted, StudyRequest, _folds
 
 SOON = 60.0
 CONFIG = StudyConfig(approaches=("cae",), windows_ms=(60.0,))
@@ -54,6 +57,23 @@ def test_a_fold_that_was_computed_for_one_list_of_tests_serves_another(campaign:
     assert job.result is not None
     assert [fold.held_out for fold in job.result.folds] == ["T1", "T2", "T3"]
     assert rated == ["T1", "T2", "T3"]
+
+
+@pytest.mark.parametrize("approaches", [("cae", "displacement_domain", "fused"), ("displacement_domain", "fused")])
+def test_predict_has_a_first_part_of_the_answer_with_and_without_the_raw_cae_model(
+    approaches: tuple[str, ...], campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The displacement domain is shown before any network is trained; the raw CAE model alone answers nothing."""
+
+    def fit(_: object, name: str, *__: object, **___: object) -> SimpleNamespace:
+        return SimpleNamespace(approach=SimpleNamespace(name=name))
+
+    monkeypatch.setattr(Fit, "of", fit)
+    monkeypatch.setattr(Fitted, "estimates", lambda *_: [])
+    parts: list[tuple[str, ...]] = []
+    watch = Watch(lambda _: None, None, lambda part: parts.append(part.approaches))
+    FitRequest(campaign, StudyConfig(approaches=approaches)).work(watch)
+    assert parts == [approaches[:-1], approaches]
 
 
 def test_a_fold_with_other_settings_is_another(campaign: Campaign, rated: list[str]) -> None:

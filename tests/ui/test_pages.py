@@ -652,6 +652,31 @@ def test_predict_answers_without_networks_while_these_train(monkeypatch: pytest.
     assert "Predict over speed" in [button.label for button in app.button]
 
 
+@pytest.mark.usefixtures("open_campaign")
+def test_the_tests_chosen_on_train_are_in_the_link() -> None:
+    """At first the one of the sidebar, which the list follows until another is chosen; an unknown one is said."""
+    app = start("train")
+
+    def chosen() -> list[str]:
+        return list(app.multiselect(key="held_out").value)
+
+    first = app.sidebar.selectbox(key="test").value
+    assert chosen() == [first]
+    other = next(test for test in ("T1", "T2") if test != first)
+    app.sidebar.selectbox(key="test").select(other).run()
+    assert chosen() == [other]
+    app.multiselect(key="held_out").set_value(["T4", "T2"]).run()
+    app.run()
+    assert app.query_params["held_out"] == ["T4", "T2"]
+    app.sidebar.selectbox(key="test").select("T3").run()
+    assert chosen() == ["T4", "T2"]
+    linked = AppTest.from_file(APP, default_timeout=SOON)
+    linked.query_params["held_out"] = ["T4", "T99"]
+    go(linked.run(), "train")
+    assert list(linked.multiselect(key="held_out").value) == ["T4"]
+    assert "No test here is named T99" in words(linked)
+
+
 # --- the real thing ------------------------------------------------------------------------------------------------
 
 

@@ -31,7 +31,7 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
             mode="markers",
             name=LABELS.get(name, name),
             marker={"color": colour, "size": 8, "symbol": ["circle"] * gains.size + ["diamond"]},
-            hovertemplate="%{y:+.3f}",
+            hovertemplate=[f"{gain:+z.3f}" for gain in [*gains, mean["difference"]]],
         )
     figure.add_hline(y=0, line={"color": AXIS, "width": 1})
     figure.add_vline(x=len(tests) - 0.5, line={"color": AXIS, "width": 1, "dash": "dot"})

@@ -104,8 +104,8 @@ def _expected(figure: go.Figure, curve: LearningCurve, more: OneMore) -> None:
             "color": COLOURS[name],
         },
         marker={"color": COLOURS[name], "symbol": "diamond-open", "size": [0.1, 11]},
-        hovertemplate=f"{more.n_tests + 1} tests: %{{y:.3f}}; the last one adds {more.gain:+.3f} "
-        f"({more.lower:+.3f} to {more.upper:+.3f})<extra>{LABELS[name]}, expected</extra>",
+        hovertemplate=f"{more.n_tests + 1} tests: %{{y:.3f}}; the last one adds {more.gain:+z.3f} "
+        f"({more.lower:+z.3f} to {more.upper:+z.3f})<extra>{LABELS[name]}, expected</extra>",
     )  # fmt: skip
 
 

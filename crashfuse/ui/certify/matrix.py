@@ -1,5 +1,6 @@
 """The conditions to judge: the campaign's matrix, an uploaded one, or a grid."""
 
+import hashlib
 import re
 
 import numpy as np
@@ -22,6 +23,7 @@ from crashfuse.wording import IN_SI, UnitSystem, speed
 _FILE = "matrix.csv"
 _OWN, _UPLOAD, _GRID = "The campaign's", "Upload", "Grid"
 _MOST_VALUES = 1000  # of a range
+_MOST_KEPT = 200  # uploads, each of up to 10,000 conditions
 _NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
 _HELP = "Numbers separated by commas, or first:last:step, such as 20:35:5."
 
@@ -60,23 +62,41 @@ def _chosen(source: str, view: View) -> Matrix | None:
 
 
 def _uploaded(campaign: Campaign) -> Matrix | None:
-    key = f"matrix file {campaign.fingerprint[:8]}"
-    kept = f"{key}: read"
+    """An uploaded matrix: kept on the server under a digest of its content, which is in the address."""
+    state, key = st.session_state, f"matrix file {campaign.fingerprint[:8]}"
+    wrong = f"{key}: wrong"
 
     def take() -> None:
-        if (file := st.session_state[key]) is None:
+        if (file := state[key]) is None:
             return
+        state[wrong], state["uploaded"] = None, None
         try:
-            st.session_state[kept] = uploaded(file, _FILE, lambda path: Matrix.read(path, campaign.factors))
+            matrix = uploaded(file, _FILE, lambda path: Matrix.read(path, campaign.factors))
         except CrashfuseError as error:
-            st.session_state[kept] = error
+            state[wrong] = error
+            return
+        digest = hashlib.sha256(campaign.fingerprint.encode() + file.getvalue()).hexdigest()[:24]
+        kept = _kept()
+        kept[digest] = matrix
+        for oldest in list(kept)[:-_MOST_KEPT]:
+            kept.pop(oldest, None)
+        state["uploaded"] = digest
 
     columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
     st.file_uploader(f"Upload {_FILE}, with the columns {columns}", type="csv", key=key, on_change=take)
-    found: Matrix | CrashfuseError | None = st.session_state.get(kept)
-    if isinstance(found, CrashfuseError):
-        raise found
+    if (error := state.get(wrong)) is not None:
+        raise error
+    if (digest := state["uploaded"]) is None:
+        return None
+    if (found := _kept().get(digest)) is None:
+        raise UsageError("The matrix of this link is no longer on this server, or never was: upload it again.")
     return found
+
+
+@st.cache_resource(show_spinner=False)
+def _kept() -> dict[str, Matrix]:
+    """Uploaded matrices by the name that a link has for them, until the server ends."""
+    return {}
 
 
 def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:

@@ -16,9 +16,12 @@ from crashfuse.reporting.certification_sentences import (
 from crashfuse.reporting.certification_tables import record_counts
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.verdicts import Verdicts
-from crashfuse.ui.figures import show_cached_figure
+from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
+
+
+_MEASURED, _RELIABILITY = "What left-out tests showed", "Are the probabilities right?"
 
 
 def show_record(verdicts: Verdicts, display: Display, key: Hashable) -> None:
@@ -32,8 +35,7 @@ def show_record(verdicts: Verdicts, display: Display, key: Hashable) -> None:
     if not record.trials:
         return
     show_table(_counts(certification, display), "counts")
-    measured, said = st.tabs(["What left-out tests showed", "Are the probabilities right?"])
-    with measured:
+    if choose("Figure", [_MEASURED, _RELIABILITY], key="record") == _MEASURED:
         show_cached_figure(
             lambda: verdicts.plot("record", display=display),
             "Predicted and measured values of each left-out test by criterion, with intervals and limits",
@@ -44,7 +46,7 @@ def show_record(verdicts: Verdicts, display: Display, key: Hashable) -> None:
         st.caption(
             "Lines: 95 % of tests are predicted to lie there. Left: left out alone; right: with its speed group."
         )
-    with said:
+    else:
         show_cached_figure(
             lambda: verdicts.plot("reliability"),
             "Share of left-out tests that met a criterion over the probability given, with exact bounds",

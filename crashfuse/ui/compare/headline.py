@@ -59,4 +59,4 @@ def _item(name: str, values: str, *, recommended: bool = False) -> str:
 
 def _change(by: float) -> str:
     style = "" if abs(by) < _NO_CHANGE else ' class="cf-better"' if by > 0 else ' class="cf-worse"'
-    return f"<small{style}>{by:+.3f}</small>".replace("-0", "−0")
+    return f"<small{style}>{by:+z.3f}</small>".replace("-0", "−0")
