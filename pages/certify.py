@@ -50,7 +50,7 @@ verdicts = result_of(
     button="Certify",
 )
 certification = verdicts.certification
-show_verdicts(verdicts, view.display)
+show_verdicts(verdicts, view.display, request.key)
 with st.expander("All verdicts as a table", icon=":material/table:"):
     show_table(certification, view.display)
 

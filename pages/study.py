@@ -25,8 +25,9 @@ if tab == LEARNING_CURVE:
     st.stop()
 if config.preset == "fast":  # a fit with the paper's settings takes minutes, or a GPU
     config = replace(config, leave_out="both")
+request = StudyRequest(campaign, campaign.test_ids, config)
 study = result_of(
-    StudyRequest(campaign, campaign.test_ids, config),
+    request,
     invitation="How well does each approach predict a test that it has not seen? Every test is left out in turn, "
     "predicted from all others, and rated; then again without any other test at about its speed. "
     f"This has not been run yet for the {len(campaign.tests)} tests of this campaign. "
@@ -35,7 +36,7 @@ study = result_of(
     ),
     button=f"Leave out each of {len(campaign.tests)} tests",
 )
-outcome = Outcome(view, config, study)
+outcome = Outcome(view, config, study, request.key)
 explanations.show_missing(config, study.config.approaches)
 if outcome.whole:
     first, *others = map(view.display.words, recommend(study).sentences)

@@ -127,5 +127,6 @@ def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
     most = table.loc[table["difference"].abs().idxmax()]
     return (
         f"{label}: {verdict}; {told} ({gain:+z.3f} ± {error:.3f} over {n} tests). The second is higher in "
-        f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} ({most['difference']:+z.3f})."
+        f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} "
+        f"({most['difference']:+z.3f})."
     )

@@ -54,18 +54,28 @@ def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable, 
     offer_files(figure, name, alt)
 
 
-def show_clickable(figure: go.Figure, alt: str, key: str, on_click: Callable[[str], None], *, name: str = "") -> bool:
-    """Show a figure and pass the value of a clicked mark to ``on_click``; returns True if one was clicked."""
+def show_clickable(
+    draw: Callable[[], go.Figure],
+    alt: str,
+    on_click: Callable[[str], None],
+    widget: str,
+    *key: Hashable,
+    name: str = "",
+) -> bool:
+    """Like :func:`show_cached_figure`, and pass the value of a clicked mark to ``on_click``; True if one was clicked.
+
+    ``widget`` is the key of the clicks.
+    """
 
     def take() -> None:
-        for point in _points(st.session_state[key]):
+        for point in _points(st.session_state[widget]):
             on_click(point)
 
-    name = name or file_name(alt)
+    name, figure = name or file_name(alt), _cached((widget, *key), st.context.theme.type == "dark", draw)
     event = st.plotly_chart(
-        _in_theme(figure), alt=alt, key=key, theme=None, config=_tools(name), on_select=take, selection_mode="points"
+        figure, alt=alt, key=widget, theme=None, config=_tools(name), on_select=take, selection_mode="points"
     )
-    offer_files(figure, name, key)
+    offer_files(figure, name, widget)
     return bool(_points(event))
 
 

@@ -13,7 +13,7 @@ from crashfuse.study.history import PastResult, past_results
 from crashfuse.ui import address, campaigns, frame, page_tables
 from crashfuse.ui.downloads import download_report, download_table
 from crashfuse.ui.figure_tools import file_name
-from crashfuse.ui.figures import choose, show_figure
+from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.navigation import open_page
 from crashfuse.ui.page_tables import window_label
 from crashfuse.ui.predict.condition import fill_in
@@ -69,7 +69,7 @@ def compare_two(studies: list[PastResult], display: Display = DEFAULT) -> None:
         )  # fmt: skip
         chosen.append(by_id[name])
     try:
-        compared = StudyComparison(*chosen)
+        compared = _compared(chosen[0].id, chosen[1].id, chosen)
     except UsageError as error:
         st.info(str(error), icon=":material/join_inner:")
         return
@@ -77,6 +77,11 @@ def compare_two(studies: list[PastResult], display: Display = DEFAULT) -> None:
     if len(compared.ways) > 1:
         way = choose("Left out", compared.ways, key="compared_way", label_of=page_tables.WAYS.__getitem__)
     _show(compared, way, display)
+
+
+@st.cache_resource(max_entries=20, show_spinner=False)
+def _compared(first: str, second: str, _chosen: list[PastResult]) -> StudyComparison:  # noqa: ARG001 - the key
+    return StudyComparison(*_chosen)
 
 
 def _show(compared: StudyComparison, way: str, display: Display) -> None:
@@ -89,9 +94,13 @@ def _show(compared: StudyComparison, way: str, display: Display) -> None:
     approaches = list(compared.means(window, way)["approach"])
     usual = compared.second.approach
     st.subheader("Each test")
-    show_figure(
-        rating_differences(compared, window, way),
-        alt="Rating of each test in the second study minus that in the first, by approach, with their mean",
+    show_cached_figure(
+        lambda: rating_differences(compared, window, way),
+        "Rating of each test in the second study minus that in the first, by approach, with their mean",
+        compared.first.id,
+        compared.second.id,
+        window,
+        way,
         name=file_name("studies compared", window_label(window), way),
     )
     approach = choose(

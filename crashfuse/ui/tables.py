@@ -1,6 +1,7 @@
 """Tables on a page, with a button that copies them for a spreadsheet."""
 
 import re
+from collections.abc import Callable, Hashable
 from functools import partial
 
 import pandas as pd
@@ -55,17 +56,18 @@ def aligned(styler: Styler) -> Styler:
 
     Texts of cells are shown literally: they may be a laboratory's.
     """
+    forms: dict[Hashable, Callable[[object], object]] = dict.fromkeys(styler.columns, _literally)
+    right = []
     for place, name in enumerate(styler.columns):
         matches = [_NUMBER.fullmatch(str(cell)) for cell in styler.data.iloc[:, place]]
         numbers = [match for match in matches if match is not None]
         if len(numbers) == len(matches) and any(match[1].strip("–") for match in numbers):
-            longest = max(len(match[2] or "") for match in numbers)
-            styler.format(partial(_with_light_interval, longest=longest), subset=[name])
-            styler.set_properties(subset=[name], **{"text-align": "right !important"})
-            styler.set_table_styles([{"selector": f"th.col{place}", "props": _RIGHT}], overwrite=False)
-        else:
-            styler.format(_literally, subset=[name])
-    return styler
+            forms[name] = partial(_with_light_interval, longest=max(len(match[2] or "") for match in numbers))
+            right.append(place)
+    styler.format(forms)
+    styler.set_properties(subset=styler.columns[right], **{"text-align": "right !important"})
+    heads = [{"selector": f"th.col{place}", "props": _RIGHT} for place in right]
+    return styler.set_table_styles(heads, overwrite=False)
 
 
 def _with_light_interval(cell: object, longest: int) -> str:

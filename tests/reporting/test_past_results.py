@@ -41,7 +41,7 @@ def test_each_test_stands_with_its_difference(compared: StudyComparison) -> None
 
 
 def test_a_difference_too_small_to_be_shown_has_no_minus(compared: StudyComparison) -> None:
-    """ "-0.000" would say that the second study is worse."""
+    """It would say that the second study is worse."""
     slightly_worse = StudyComparison(compared.first, study({name: value - 1e-5 for name, value in FIRST.items()}))
     tables = comparison_table(slightly_worse, "fused", 60.0, "test"), comparison_means(slightly_worse, 60.0, "test")
     assert {gap for table in tables for gap in table["Difference"]} == {"+0.000"}

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -57,8 +58,14 @@ def _table(matrix: Matrix, display: Display) -> pd.DataFrame:
 
 def _chosen(source: str, view: View) -> Matrix | None:
     if source == _OWN:
-        return Matrix.read(view.folder / _FILE, view.campaign.factors)
+        path = view.folder / _FILE
+        return _read(path, path.stat().st_mtime_ns, view.campaign.fingerprint, view.campaign)
     return _uploaded(view.campaign) if source == _UPLOAD else _grid(view.campaign, view.display.units)
+
+
+@st.cache_resource(max_entries=8, show_spinner=False)
+def _read(path: Path, changed_ns: int, fingerprint: str, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
+    return Matrix.read(path, _campaign.factors)
 
 
 def _uploaded(campaign: Campaign) -> Matrix | None:

@@ -20,7 +20,6 @@ from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
-
 _MEASURED, _RELIABILITY = "What left-out tests showed", "Are the probabilities right?"
 
 

@@ -1,5 +1,7 @@
 """Verdicts on the Certify page: the matrix, one cell of it, and the table."""
 
+from collections.abc import Hashable
+
 import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
@@ -29,7 +31,7 @@ _MEANINGS = {
 }
 
 
-def show_verdicts(verdicts: Verdicts, display: Display) -> None:
+def show_verdicts(verdicts: Verdicts, display: Display, key: Hashable) -> None:
     """Show the counts of verdicts, and the matrix in which a cell can be chosen."""
     certification = verdicts.certification
     counts, columns = verdict_counts(certification), st.columns(len(WORDS) + 1)
@@ -48,10 +50,12 @@ def show_verdicts(verdicts: Verdicts, display: Display) -> None:
     n = len(certification.matrix.ids)
     with st.container(height=46 + 24 * FEW_CONDITIONS if n > FEW_CONDITIONS else "content", border=False):
         show_clickable(
-            verdicts.plot(display=display),
-            alt="Verdicts by condition and criterion; the same words are in the table below",
-            key="verdict matrix",
-            on_click=lambda cell: st.session_state.update({_CELL: cell}),
+            lambda: verdicts.plot(display=display),
+            "Verdicts by condition and criterion; the same words are in the table below",
+            lambda cell: st.session_state.update({_CELL: cell}),
+            "verdict matrix",
+            key,
+            display,
         )
     st.caption("Numbers: probability that a test there would meet the criterion. Click a cell for its reason.")
     _show_cell(certification)

@@ -5,7 +5,7 @@ import streamlit as st
 from crashfuse.reporting import glossary
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.ui.figure_tools import file_name
-from crashfuse.ui.figures import show_figure
+from crashfuse.ui.figures import show_cached_figure
 from crashfuse.ui.study.outcome import Outcome
 from crashfuse.ui.tables import show_table
 
@@ -17,9 +17,11 @@ def show(outcome: Outcome) -> None:
         st.info("None of these approaches has a band.", icon=":material/info:")
         return
     st.subheader(f"How sure the ratings are, {outcome.window}")
-    show_figure(
-        study.plot(figure="draws", display=outcome.view.display),
-        alt="Rating of each held-out test by approach, with the interval of the ratings of single drawn pulses",
+    show_cached_figure(
+        lambda: study.plot(figure="draws", display=outcome.view.display),
+        "Rating of each held-out test by approach, with the interval of the ratings of single drawn pulses",
+        "draws",
+        outcome.key,
         name=file_name("ratings of draws", outcome.window),
     )
     st.caption(
@@ -32,9 +34,11 @@ def show(outcome: Outcome) -> None:
         "Share of the left-out tests inside the band, up to the time of zero velocity (TTZV) and after it. With "
         f"{len(study.folds)} tests no more can be promised than these counts."
     )
-    show_figure(
-        study.plot(figure="calibration", display=outcome.view.display),
-        alt="Share of the time up to TTZV at which a(t) lies inside bands of each level, by approach",
+    show_cached_figure(
+        lambda: study.plot(figure="calibration", display=outcome.view.display),
+        "Share of the time up to TTZV at which a(t) lies inside bands of each level, by approach",
+        "calibration",
+        outcome.key,
         name="coverage_by_level_of_the_band",
     )
     st.caption("Above the dotted line a band is wider than it claims to be, below it too narrow.")

@@ -1,5 +1,6 @@
 """What every tab of the Study page shows: the ratings of all tests, each left out in turn."""
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 
 from crashfuse.study.config import StudyConfig
@@ -20,11 +21,19 @@ class Outcome:
         The settings that were chosen.
     study : Study
         While networks train, of fewer approaches than the settings ask for.
+    request_key : Hashable
+        Equal for equal data and settings.
     """
 
     view: View
     config: StudyConfig
     study: Study
+    request_key: Hashable
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for equal data, settings and display: the key of a cached figure."""
+        return self.request_key, self.study.config.approaches, self.view.display
 
     @property
     def whole(self) -> bool:

@@ -44,10 +44,11 @@ def _show_tests(outcome: Outcome, study: Study, leave_out: str) -> None:
         st.session_state["leave_out"] = leave_out
 
     clicked = show_clickable(
-        study.plot(display=outcome.view.display),
-        alt="Ratings of each held-out test by approach, with their mean; the same numbers are in the tables",
-        key=f"heat map {leave_out}",
-        on_click=open_test,
+        lambda: study.plot(display=outcome.view.display),
+        "Ratings of each held-out test by approach, with their mean; the same numbers are in the tables",
+        open_test,
+        f"heat map {leave_out}",
+        outcome.key,
         name=file_name(
             "ratings",
             outcome.window,
