@@ -4,13 +4,13 @@ import streamlit as st
 
 from crashfuse.ui import explanations, frame
 from crashfuse.ui.computation import FitRequest, chosen_config
+from crashfuse.ui.figures import choose
 from crashfuse.ui.panel import result_of
 from crashfuse.ui.pins import show_pins
 from crashfuse.ui.predict import files, metrics, pulses
 from crashfuse.ui.predict.answer import Answer
 from crashfuse.ui.predict.condition import choose_condition
 from crashfuse.ui.predict.planning import show_next_test, show_over_speed
-from crashfuse.ui.tabs import show_tabs
 from crashfuse.ui.text import plain
 
 TABS = {
@@ -24,8 +24,6 @@ TABS = {
 view = frame.enter_with_campaign("Predict", lambda view: f"from all {len(view.campaign.tests)} tests and the CAE runs")
 campaign, config = view.campaign, chosen_config()
 condition = choose_condition(campaign, view.display)
-row = st.container(horizontal=True, vertical_alignment="center", gap="small")
-row.caption(f"{plain(condition)}; {view.display.weight(condition.mass_kg)} in all", width="content")
 request = FitRequest(campaign, config)
 fitted = result_of(
     request,
@@ -38,8 +36,11 @@ fitted = result_of(
 answer = Answer.of(view, request, fitted, condition)
 explanations.show_missing(config, fitted.approaches)
 if answer.advice is not None:
-    with row:
-        show_pins(view, condition, answer.remember)
     warnings = campaign.cae.extrapolation(condition)
     explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
-show_tabs(TABS, answer, key="predict_tab")
+with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
+    tab = choose("Tab", list(TABS), key="predict_tab")
+    if answer.advice is not None:
+        show_pins(view, condition, answer.remember)
+    st.caption(f"{plain(condition)}; {view.display.weight(condition.mass_kg)} in all", width="content")
+TABS[tab](answer)

@@ -19,7 +19,13 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 .st-key-head, .st-key-recommendation { row-gap: 0; column-gap: 1rem }
 .st-key-recommendation > :first-child { flex-shrink: 1; min-width: 0 }
 .st-key-recommendation > :last-child { flex-shrink: 0 }
+.st-key-recommendation button { min-height: 0; padding-block: 0 }
+.st-key-asked [data-testid="stButton"] button { min-height: 1.9rem }
 .st-key-head [data-testid="stHeading"] { margin: 0 }
+/* a slider right below its number, which it need not repeat */
+.st-key-condition [data-testid="stColumn"] > [data-testid="stVerticalBlock"] { gap: 0 }
+.st-key-condition :is([data-testid="stSliderThumbValue"], [data-testid="stSliderTickBar"]) { display: none }
+.st-key-condition [data-testid="stSlider"] > div > div { padding-block: 0.3rem 0 }
 /* a row of tabs is no row of buttons */
 [class*="_tab"] [data-testid="stButtonGroup"] button { border-width: 0 0 2px; border-radius: 0; background: none }
 [class*="_tab"] [data-testid="stButtonGroup"] button:not([aria-checked="true"]) { border-color: transparent }

@@ -60,10 +60,12 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
 
 
 def test_predict_answers_another_speed_at_once(small_server: "Server", user: "User") -> None:
-    """Number field and slider follow each other, and the figure follows both; sweep and next test lie in tabs."""
+    """The figure, within 350 px, follows number field and slider, and they each other; planning lies in tabs."""
+    user.sits_at(1440, 1000)
     user.open(small_server, "predict", approaches=QUICK)
     user.starts("Predict", FIGURE)
     user.sees("Use the")
+    assert user.browser.execute_script("return arguments[0].getBoundingClientRect().top", user.find(FIGURE)) <= 350
     field = user.find('input[aria-label="Impact speed (mph)"]')
     field.send_keys(Keys.CONTROL, "a")
     field.send_keys("31.5", Keys.ENTER)

@@ -16,7 +16,8 @@ _DECIMALS = 9  # of mph and lb in the session and the address: 56 km/h come back
 
 def choose_condition(campaign: Campaign, display: Display) -> Condition:
     """Ask for a condition, and warn if it lies outside the CAE runs; factors not given are left out."""
-    left, middle, right, *columns = st.columns([*(3,) * 3, *(2,) * min(len(campaign.factors), 3)])
+    with st.container(key="condition"):
+        left, middle, right, *columns = st.columns([*(3,) * 3, *(2,) * min(len(campaign.factors), 3)])
     if (further := len(campaign.factors) - 3) > 0:
         columns += st.columns(further)
     factors = {}
