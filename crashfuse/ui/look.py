@@ -31,6 +31,8 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 [class*="_tab"] [data-testid="stButtonGroup"] button:not([aria-checked="true"]) { border-color: transparent }
 [class*="_tab"] [data-testid="stButtonGroup"] button p { font-size: 1rem }
 [class*="_tab"] [role="radiogroup"] { border-bottom: 1px solid var(--st-border-color, #8885) }
+/* jobs, whose names take several lines */
+[data-testid="stSidebar"] button[kind="tertiary"] { text-align: left; justify-content: flex-start }
 /* links to the pages, no closer than a finger can tell them apart */
 [data-testid="stSidebar"] [data-testid="stPageLink-NavLink"] { padding-block: 0.1rem }
 [data-testid="stSidebar"] [data-testid="stPageLink"] { margin-block: 0.27rem }

@@ -1,6 +1,7 @@
 """Tables on a page, with a button that copies them for a spreadsheet."""
 
 import re
+import string
 from collections.abc import Callable, Hashable
 from functools import partial
 
@@ -36,6 +37,13 @@ export default ({ parentElement, data }) => {
 };
 """
 _RIGHT = "text-align: right !important"
+_DIGIT_WIDE, _POINT_WIDE, _BRACKET_WIDE = "\u2007", "\u2008", "\u2004"
+_BLANKS = {
+    **{ord(char): _DIGIT_WIDE for char in string.printable},
+    **{ord(char): _POINT_WIDE for char in ".,"},
+    **{ord(char): _BRACKET_WIDE for char in "[]()"},
+    ord(" "): "\N{NO-BREAK SPACE}",
+}
 _COPY = '<button type="button" title="Copy this table for a spreadsheet">Copy</button>'
 _copy_button = st.components.v2.component("crashfuse_copy_table", html=_COPY, css=BUTTON_CSS, js=_JS)
 
@@ -62,7 +70,8 @@ def aligned(styler: Styler) -> Styler:
         matches = [_NUMBER.fullmatch(str(cell)) for cell in styler.data.iloc[:, place]]
         numbers = [match for match in matches if match is not None]
         if len(numbers) == len(matches) and any(match[1].strip("–") for match in numbers):
-            forms[name] = partial(_with_light_interval, longest=max(len(match[2] or "") for match in numbers))
+            longest = max((match[2] or "" for match in numbers), key=len)
+            forms[name] = partial(_with_light_interval, longest=longest)
             right.append(place)
     styler.format(forms)
     styler.set_properties(subset=styler.columns[right], **{"text-align": "right !important"})
@@ -70,11 +79,16 @@ def aligned(styler: Styler) -> Styler:
     return styler.set_table_styles(heads, overwrite=False)
 
 
-def _with_light_interval(cell: object, longest: int) -> str:
-    """A number as Markdown, its interval lighter, and filled up so that the numbers of a column end at one place."""
+def _with_light_interval(cell: object, longest: str) -> str:
+    """A number as Markdown, its interval lighter, and filled up so that the numbers of a column end at one place.
+
+    ``longest`` is the column's longest interval; where there is none, spaces as wide as its characters stand for it.
+    """
     number, interval = (str(part) for part in _NUMBER.findall(str(cell))[0])
     escaped = interval.strip().replace(" ", "\N{NO-BREAK SPACE}").replace("[", "\\[").replace("]", "\\]")
-    return number + f" :gray[{escaped}]" * bool(escaped) + "\u2007" * (longest - len(interval))
+    if not escaped:
+        return number + longest.translate(_BLANKS)
+    return f"{number} :gray[{escaped}]" + _DIGIT_WIDE * (len(longest) - len(interval))
 
 
 def _literally(cell: object) -> object:

@@ -5,6 +5,7 @@ import pandas as pd
 from crashfuse.ui.tables import aligned
 
 FIGURE_SPACE = "\u2007"  # as wide as a digit
+POINT, BRACKET = "\u2008", "\u2004"  # as wide as a point or a bracket
 UNBROKEN = "\N{NO-BREAK SPACE}"
 
 
@@ -22,12 +23,14 @@ def shown(cells: list[object]) -> tuple[bool, list[str]]:
 
 def test_numbers_end_at_one_place_before_intervals_that_are_lighter() -> None:
     """The shorter interval is filled up; what is missing has its place, too."""
+    whole, tenth = 3 * FIGURE_SPACE, POINT + FIGURE_SPACE
+    blank = f"{UNBROKEN}{BRACKET}{whole}{tenth}{POINT}{UNBROKEN}{whole}{tenth}{BRACKET}"
     assert shown(["9.1 [8.0, 10.2]", "608.8 [570.8, 621.7]", "–"]) == (
         True,
         [
             rf"9.1 :gray[\[8.0,{UNBROKEN}10.2\]]{3 * FIGURE_SPACE}",
             rf"608.8 :gray[\[570.8,{UNBROKEN}621.7\]]",
-            f"–{len(' [570.8, 621.7]') * FIGURE_SPACE}",
+            "–" + blank,
         ],
     )
 
