@@ -140,7 +140,7 @@ def _coloured(table: pd.DataFrame) -> Styler:
 
     def style(cell: object) -> str:
         colour = GRADE_COLOURS.get(str(cell).rpartition(" ")[2])
-        return f"{fill(colour)}; white-space: nowrap" if colour else ""
+        return fill(colour) if colour else ""
 
     return _plain(table).map(style)
 

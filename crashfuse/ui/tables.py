@@ -10,6 +10,7 @@ import streamlit as st
 from pandas.io.formats.style import Styler
 
 from crashfuse.reporting.exports import spreadsheet_text
+from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.ui.text import plain
 
 BUTTON_CSS = """
@@ -50,6 +51,7 @@ _copy_button = st.components.v2.component("crashfuse_copy_table", html=_COPY, cs
 
 _NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| %)?|–|)( \[.*\]| \(.*\))?")
 """A cell with a number, perhaps with its interval or a remark, or without one."""
+_GRADED = re.compile(rf"\d\.\d+ ({'|'.join(GRADE_COLOURS)})")
 
 
 def show_table(table: Styler | pd.DataFrame, key: str) -> None:
@@ -88,8 +90,11 @@ def _with_light_interval(cell: object, longest: str) -> str:
     escaped = interval.strip().replace(" ", "\N{NO-BREAK SPACE}").replace("[", "\\[").replace("]", "\\]")
     if not escaped:
         return number + longest.translate(_BLANKS)
-    return f"{number} :gray[{escaped}]" + _DIGIT_WIDE * (len(longest) - len(interval))
+    return f"{number}\N{NO-BREAK SPACE}:gray[{escaped}]" + _DIGIT_WIDE * (len(longest) - len(interval))
 
 
 def _literally(cell: object) -> object:
-    return plain(cell) if isinstance(cell, str) else cell
+    """Text as it is, on one line if it is a rating with its grade."""
+    if not isinstance(cell, str):
+        return cell
+    return plain(cell).replace(" ", "\N{NO-BREAK SPACE}") if _GRADED.fullmatch(cell) else plain(cell)

@@ -28,8 +28,8 @@ def test_numbers_end_at_one_place_before_intervals_that_are_lighter() -> None:
     assert shown(["9.1 [8.0, 10.2]", "608.8 [570.8, 621.7]", "–"]) == (
         True,
         [
-            rf"9.1 :gray[\[8.0,{UNBROKEN}10.2\]]{3 * FIGURE_SPACE}",
-            rf"608.8 :gray[\[570.8,{UNBROKEN}621.7\]]",
+            rf"9.1{UNBROKEN}:gray[\[8.0,{UNBROKEN}10.2\]]{3 * FIGURE_SPACE}",
+            rf"608.8{UNBROKEN}:gray[\[570.8,{UNBROKEN}621.7\]]",
             "–" + blank,
         ],
     )
