@@ -60,7 +60,7 @@ class Account:
     def outcome(self) -> str:
         """A sentence on how the expectation came out."""
         if self.expected is None:
-            return f"{CLASSES[self.approach].label} came out {self.rating:.2f} ({grade(round(self.rating, 2))})."
+            return f"{CLASSES[self.approach].label} came out {self.rating:.3f} ({grade(self.rating)})."
         return self.expected.outcome(self.rating)
 
     @property

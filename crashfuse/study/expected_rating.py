@@ -80,7 +80,7 @@ class ExpectedRating:
         return " to ".join(dict.fromkeys(grade(round(end, 2)) for end in (self.lower, self.upper)))
 
     def surprise(self, rating: float) -> str:
-        """How a rating compares with what was expected, in words; to two digits, as both are displayed."""
+        """How a rating compares with what was expected, in words; to two digits, as the range is displayed."""
         rating, highest, lower, upper, least, most = (
             round(each, 2) for each in (rating, self.highest, self.lower, self.upper, self.least, self.most)
         )
@@ -99,7 +99,7 @@ class ExpectedRating:
         """A sentence on how the expectation came out, once the test is known."""
         nearer = f"less than the {rating_range(self.lowest, self.highest)} of tests with nearer neighbours"
         expected = nearer if self.farther else self.range
-        return f"Expected {expected}, came out {rating:.2f} ({grade(round(rating, 2))}): {self.surprise(rating)}."
+        return f"Expected {expected}, came out {rating:.3f} ({grade(rating)}): {self.surprise(rating)}."
 
 
 def expected_rating(
