@@ -1,4 +1,7 @@
-"""Below each figure: buttons that save it as SVG or PNG, and the numbers that it shows as CSV."""
+"""Below each figure: buttons that save it as SVG or PNG, and the numbers that it shows as CSV; and its keys.
+
+A figure that has the focus is read with the arrow keys, which move the cursor as a mouse does; Enter clicks.
+"""
 
 import re
 
@@ -19,7 +22,39 @@ _HTML = """
 """
 # the camera of Plotly draws the image; it reads its settings when it is pressed
 _JS = """
-const taken = new WeakMap();
+const STEP = 0.01, WIDE = 0.1, taken = new WeakMap();
+const point = (area, figure, kind) => {
+  const box = area.getBoundingClientRect(), [right, down] = figure.cursor;
+  const place = { clientX: box.left + right * box.width, clientY: box.top + down * box.height, bubbles: true };
+  area.dispatchEvent(new MouseEvent(kind, { ...place, view: window, cancelable: true }));
+};
+const press = event => {
+  const figure = event.target, area = figure.querySelector?.(".nsewdrag");
+  if (!figure.matches?.(".js-plotly-plot") || !area || event.ctrlKey || event.altKey || event.metaKey) return;
+  const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  figure.cursor ??= [0.5, 0.5];
+  if (event.key in moves) {
+    const step = event.shiftKey ? WIDE : STEP, within = at => Math.min(Math.max(at, 0.005), 0.995);
+    figure.cursor = figure.cursor.map((at, axis) => within(at + step * moves[event.key][axis]));
+    point(area, figure, "mousemove");
+  } else if (event.key === "Enter") {
+    for (const kind of ["mousemove", "mousedown", "mouseup"]) point(area, figure, kind);
+  } else {
+    return;
+  }
+  event.preventDefault();
+};
+const reachable = () => {
+  for (const figure of document.querySelectorAll(".js-plotly-plot:not([tabindex])")) {
+    figure.tabIndex = 0;
+    figure.setAttribute("aria-keyshortcuts", "ArrowLeft ArrowRight ArrowUp ArrowDown Enter");
+  }
+};
+if (!window.crashfuseKeys) {  // once for all figures, also those that are drawn later
+  window.crashfuseKeys = true;
+  document.addEventListener("keydown", press);
+  setInterval(reachable, 1000);
+}
 const nearest = host => [...document.querySelectorAll(".js-plotly-plot")]
   .filter(figure => figure.compareDocumentPosition(host) & Node.DOCUMENT_POSITION_FOLLOWING).at(-1);
 export default ({ parentElement, data, setTriggerValue }) => {

@@ -41,7 +41,7 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
   [data-testid="stSidebar"] { position: fixed !important; height: 100vh; z-index: 999990; box-shadow: 0 0 1rem #0006 }
 }
 /* where the keyboard is */
-a:focus-visible, button:focus-visible, summary:focus-visible, [role="tab"]:focus-visible {
+:is(a, button, summary, [role="tab"], .js-plotly-plot):focus-visible {
   outline: 2px solid light-dark(#0B5CAD, #79B8F5) !important; outline-offset: 1px }
 [data-testid="stMain"] code { font-size: 0.8rem }
 /* digits of one width, so that decimal points stand under each other */

@@ -36,8 +36,19 @@ def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: "Server", use
     assert "test=T3" in user.browser.current_url
 
 
+def test_a_figure_is_read_and_its_cells_are_opened_by_keys(small_server: "Server", user: "User") -> None:
+    """Arrows move the cursor, which says where it is; Enter does what a click does."""
+    study(user, small_server)
+    heat_map = user.find(FIGURE)
+    user.wait(lambda: heat_map.get_attribute("tabindex") == "0")
+    heat_map.send_keys(Keys.ARROW_UP)
+    user.sees("Test T3", f"{FIGURE} .hoverlayer")
+    heat_map.send_keys(Keys.ENTER)
+    user.sees("Test T3: 26.0 mph")
+
+
 def test_a_test_is_opened_by_keyboard(small_server: "Server", user: "User") -> None:
-    """The heat map is for the mouse; a field beside it does the same. Whatever has the focus shows it."""
+    """A field below the heat map does what a click on it does. Whatever has the focus shows it."""
     study(user, small_server)
     user.browser.execute_script("document.activeElement.blur(); window.focus()")
     keyboard = ActionChains(user.browser)

@@ -53,7 +53,7 @@ def rating_heatmap(
         customdata=[test for test in (*tests, "") for _ in names],
         mode="markers",
         marker={"size": 26, "opacity": 0},
-        hoverinfo="none",
+        hovertemplate="%{y}<extra></extra>",
         showlegend=False,
     )
     figure.update_layout(

@@ -32,8 +32,10 @@ class Outcome:
 
     @property
     def key(self) -> Hashable:
-        """Equal for equal data, settings and display: the key of a cached figure."""
-        return self.request_key, self.study.config.approaches, self.view.display
+        """Equal for equal data, settings and display, and as much that is known: the key of a cached figure."""
+        ways = [way for way in (self.study, self.study.speed_groups) if way is not None]
+        known = tuple((fold.held_out, *fold.ratings) for way in ways for fold in way.folds)
+        return self.request_key, known, tuple(self.study.repeatability), self.view.display
 
     @property
     def whole(self) -> bool:
