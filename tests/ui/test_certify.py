@@ -105,9 +105,12 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     assert table["Reason"].tolist() == own["reason"].tolist()
     assert table["Probability"].tolist() == pytest.approx(own["probability"].tolist(), nan_ok=True)
     assert [button.label for button in session.app.download_button] == FILES
-    assert session.charts == 4
+    assert session.charts == 3
+    assert "Lines: 95 % of tests" in session.words
     (record,) = [own for own in session.tables if "What this record supports" in own]
     assert record["Criterion"].tolist() == ["crush", "rating"]
+    session.app.button_group(key="record").set_value("Are the probabilities right?")
+    assert "exact 95 % bounds" in session.run().words
 
 
 @pytest.mark.slow

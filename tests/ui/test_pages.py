@@ -544,7 +544,7 @@ def test_the_study_tells_how_many_tests_are_enough(monkeypatch: pytest.MonkeyPat
     assert steps["Tests"].tolist() == ["1 → 2", "2 → 3"]
     assert "Cost of 0.01" not in steps
     assert means["Tests"].max() == 3
-    app.number_input(key="cost of a test").set_value(60000.0).run()
+    app.number_input(key="cost").set_value(60000.0).run()
     costs = tables(app)[0]["Cost of 0.01"]
     assert re.fullmatch(r"[\d,]+", costs[0])
 

@@ -48,11 +48,9 @@ def test_a_condition_stays_the_same_when_the_units_are_switched(visit: Visit) ->
     units = session.app.sidebar.button_group(key="system")
     units.set_value("mph-lb")
     session.run()
-    assert "34.8 mph, front" in session.words
     assert fields(session)["Impact speed (mph)"] == pytest.approx(56 * KPH / MPH, rel=1e-9)
     session.app.sidebar.button_group(key="system").set_value("kph-kg")
     session.run()
-    assert "56.0 km/h, front" in session.words
     assert session.app.session_state["speed_mph"] == typed
     assert fields(session)["Impact speed (km/h)"] == pytest.approx(56.0, rel=1e-9)
 
