@@ -1,5 +1,6 @@
 """How many tests are enough: the learning curve of a campaign, and what one more test would buy."""
 
+import math
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 
@@ -77,7 +78,7 @@ def show_learning_curve(view: View, config: StudyConfig) -> None:
         key="cost", persist_state="session", width=260,
         help="In any currency. Gains are then also given as the cost of one hundredth of rating.",
     )  # fmt: skip
-    cost = Cost(amount) if amount else None
+    cost = Cost(amount) if amount and 0 < amount < math.inf else None  # a link may hold any number
     st.info("  \n".join(plain(sentence) for sentence in sentences(curve, cost)), icon=":material/science:")
     show_figure(
         found.plot(display=view.display),
