@@ -76,8 +76,7 @@ def test_what_is_wrong_in_a_table_in_memory_is_told_of_that_table() -> None:
     with pytest.raises(DataError) as caught:
         Matrix.of(table, {"drive": ("FWD",)})
     assert str(caught.value) == (
-        "matrix: expected no further columns than those of tests (drive), found wheels; rename or remove the "
-        "column."
+        "matrix: expected no further columns than those of tests (drive), found wheels; rename or remove the column."
     )
     with pytest.raises(DataError, match="matrix, column id, row 1: expected each condition once, found that of A"):
         Matrix.of(pd.concat([table, table.assign(id="B")]).drop(columns="wheels"), {})
