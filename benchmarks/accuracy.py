@@ -23,7 +23,8 @@ from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import LeaveOut, StudyConfig
 from crashfuse.study.recommendation import recommend, recommend_for
-from crashfuse.study.study import Study, run_study
+from crashfuse.study.running import run_study
+from crashfuse.study.study import Study
 from crashfuse.synthetic.sample import sample_campaign
 
 _YARDSTICK = 0.975

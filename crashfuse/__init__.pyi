@@ -60,10 +60,10 @@ from .study.next_test import ConditionRange as ConditionRange
 from .study.next_test import rank_next_tests as rank_next_tests
 from .study.recommendation import recommend as recommend
 from .study.recommendation import recommend_for as recommend_for
+from .study.running import run_study as run_study
 from .study.saved_models import load_model as load_model
 from .study.saved_models import save_model as save_model
 from .study.study import Study as Study
-from .study.study import run_study as run_study
 from .study.sweep import sweep_speed as sweep_speed
 from .version import __version__ as __version__
 

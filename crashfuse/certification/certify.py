@@ -20,7 +20,7 @@ from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.duration import LATE_S, shared_steps
 from crashfuse.study.plan import check_window
-from crashfuse.study.study import workers_at
+from crashfuse.study.running import workers_at
 from crashfuse.wording import joined
 
 APPROACH = Fused.name
@@ -88,7 +88,7 @@ def certify_matrix(
     cache : Cache, optional
         Forecasts are read from it and stored in it; other limits then take no time.
     workers, scheduler
-        As in :func:`crashfuse.study.study.run_study`.
+        As in :func:`crashfuse.study.running.run_study`.
 
     Raises
     ------

@@ -130,7 +130,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
     from crashfuse.study.account import worst_test
     from crashfuse.study.history import PastResult, keep
     from crashfuse.study.recommendation import recommend
-    from crashfuse.study.study import run_plan
+    from crashfuse.study.running import run_plan
 
     plan = run.plan
     with writing(run.out) as folder:

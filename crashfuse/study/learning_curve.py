@@ -31,7 +31,7 @@ from crashfuse.study.config import StudyConfig, require_rated
 from crashfuse.study.duration import shared_steps
 from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
 from crashfuse.study.plan import StudyPlan
-from crashfuse.study.study import workers_at
+from crashfuse.study.running import workers_at
 from crashfuse.study.subsets import Subset, subsets
 from crashfuse.study.tasks import prepare
 from crashfuse.units import G
@@ -146,7 +146,7 @@ def learning_curve(
     repeats : int
         Random choices of each number of tests, beside the even ones.
     cache, watch, workers, scheduler
-        As in :func:`crashfuse.study.study.run_study`.
+        As in :func:`crashfuse.study.running.run_study`.
 
     Raises
     ------

@@ -26,8 +26,9 @@ from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_ca
 from crashfuse.study.fold import Fold
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.recommendation import Recommendation, recommend_for
+from crashfuse.study.running import fold_key, run_study
 from crashfuse.study.saved_models import model_bytes, model_file
-from crashfuse.study.study import Study, fold_key, run_study
+from crashfuse.study.study import Study
 from crashfuse.study.sweep import sweep_speed, usual_speeds
 from crashfuse.ui import address
 from crashfuse.ui.jobs import Job, Jobs

@@ -53,7 +53,7 @@ from crashfuse.reporting.report.study import study_report
 from crashfuse.reporting.result_tables import scores_table
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.recommendation import recommend
-from crashfuse.study.study import run_study
+from crashfuse.study.running import run_study
 from crashfuse.testing import small_campaign
 
 study = run_study(small_campaign(), StudyConfig(approaches=("cae", "constant")), held_out=["T2"], workers=1)

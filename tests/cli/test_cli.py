@@ -475,7 +475,7 @@ def test_interrupting_says_how_to_go_on(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("crashfuse.study.study.run_plan", interrupted)
+    monkeypatch.setattr("crashfuse.study.running.run_plan", interrupted)
     assert cli.main(["study", str(campaign_on_disk), "--out", str(tmp_path / "out")]) == cli.INTERRUPTED
     assert "--resume" in capsys.readouterr().err
 

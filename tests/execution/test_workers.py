@@ -23,7 +23,7 @@ from crashfuse.execution.cluster import connected
 from crashfuse.execution.progress import SILENT, Progress, Watch
 from crashfuse.execution.workers import Local, Work, Workers
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.study import run_study
+from crashfuse.study.running import run_study
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
 

@@ -6,7 +6,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Watch
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.study import run_study
+from crashfuse.study.running import run_study
 
 
 @pytest.mark.parametrize("held_out", [("T1",), ("T1", "T2")])

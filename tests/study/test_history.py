@@ -15,7 +15,8 @@ from crashfuse.study import history
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.history import PastResult, keep, past_results
-from crashfuse.study.study import Study, run_study
+from crashfuse.study.running import run_study
+from crashfuse.study.study import Study
 from crashfuse.units import MPH
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(40.0, 60.0), leave_out="both")

@@ -15,7 +15,7 @@ from crashfuse.signals.pulse import Pulse
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.learning_curve import LearningCurve, is_curve_cached, learning_curve, measure
-from crashfuse.study.study import run_study
+from crashfuse.study.running import run_study
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(40.0, 60.0))
 COLUMNS = [

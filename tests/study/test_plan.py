@@ -10,7 +10,7 @@ from crashfuse.errors import DataError, UsageError
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.plan import StudyPlan
-from crashfuse.study.study import run_study
+from crashfuse.study.running import run_study
 
 
 def test_a_plan_names_each_test_once(campaign: Campaign) -> None:

@@ -23,7 +23,8 @@ from crashfuse.signals.rating import rate_iso18571
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import estimate_at
 from crashfuse.study.recommendation import recommend_for
-from crashfuse.study.study import Study, run_study
+from crashfuse.study.running import run_study
+from crashfuse.study.study import Study
 
 CONFIG = StudyConfig(windows_ms=(20.0, 60.0))
 

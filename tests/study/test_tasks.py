@@ -11,7 +11,8 @@ from crashfuse.condition import Condition
 from crashfuse.execution.progress import Watch
 from crashfuse.study import tasks
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.study import Study, run_study
+from crashfuse.study.running import run_study
+from crashfuse.study.study import Study
 
 CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(60.0,))
 
