@@ -17,13 +17,14 @@ from vehicles import World
 
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.metric_calibration import Distribution, metric_errors
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import certify_matrix
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import share_bounds
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.metrics import METRIC_LABELS, metric_values
 from crashfuse.study.config import StudyConfig

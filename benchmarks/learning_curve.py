@@ -15,7 +15,8 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 from vehicles import World
 
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit

@@ -22,7 +22,7 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse import Fit, StudyConfig, load_campaign, run_study
-from crashfuse.campaign import CrashTest
+from crashfuse.crash_test import CrashTest
 from crashfuse.units import MPH
 
 _PAGES = ("Data", "Train", "Compare", "Study", "Predict")

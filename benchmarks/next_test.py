@@ -20,8 +20,9 @@ from vehicles import SAMPLE_RANGE, World
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.config import DisplacementConfig
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, Pulse
 from crashfuse.signals.rating import rate_windows

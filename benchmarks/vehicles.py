@@ -14,8 +14,9 @@ import numpy.typing as npt
 from scipy.stats import qmc
 
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.study.next_test import ConditionRange

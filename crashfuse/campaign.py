@@ -1,23 +1,20 @@
 """The campaign: CAE runs and tests of one vehicle, and the fingerprint of their exact content."""
 
 import hashlib
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest, at_the_speed_of, evenly_over_speed
 from crashfuse.errors import UsageError
 from crashfuse.run_quality import QualityLimits
 from crashfuse.signals.metrics import Metric, metric_bases, metric_headings, pulse_metrics
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
-from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.signals.rating import filter_class_text, rating_basis
-from crashfuse.units import MPH
 from crashfuse.wording import MPH_LB, UnitSystem
 
 if TYPE_CHECKING:
@@ -29,30 +26,6 @@ if TYPE_CHECKING:
     from crashfuse.cae.quality import QualityVerdict
     from crashfuse.reporting.figures import Further
     from crashfuse.reporting.plots.display import DisplayOptions
-
-SPEED_STEP_MPS = 2 * MPH
-"""Tests nearer to each other than this are at about one speed."""
-
-
-@dataclass(frozen=True, eq=False)
-class CrashTest:
-    """A physical test.
-
-    Parameters
-    ----------
-    pulse : Pulse
-        On the study grid.
-    recorded_s : float
-        End of the record in s; beyond it the pulse is padded with zeros, not measured.
-    """
-
-    id: str
-    condition: Condition
-    pulse: Pulse
-    recorded_s: float = math.inf
-
-    def __repr__(self) -> str:
-        return f"<CrashTest {self.id!r} at {self.condition}>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,11 +260,8 @@ class Campaign:
 
         A campaign with no more tests is returned unchanged.
         """
-        if len(self.tests) <= most:
-            return self
-        ordered = sorted(self.tests, key=lambda test: test.condition.speed_mps)
-        kept = {ordered[i].id for i in np.linspace(0, len(ordered) - 1, most).round().astype(int)}
-        return replace(self, tests=tuple(test for test in self.tests if test.id in kept))
+        kept = evenly_over_speed(self.tests, most)
+        return self if kept == self.tests else replace(self, tests=kept)
 
     def speed_group(self, test_id: str) -> tuple[str, ...]:
         """Ids of the tests at about the speed of this one, itself included, in the order of the table.
@@ -299,13 +269,7 @@ class Campaign:
         Sorted by speed, neighbours less than 2 mph apart belong to one group: repeats at one nominal speed do, tests at
         different nominal speeds do not.
         """
-        speed = self.test(test_id).condition.speed_mps
-        ordered = sorted(self.tests, key=lambda test: test.condition.speed_mps)
-        speeds = np.array([test.condition.speed_mps for test in ordered])
-        groups = np.r_[0, np.cumsum(np.diff(speeds) >= SPEED_STEP_MPS)]
-        own = groups[np.searchsorted(speeds, speed)]
-        members = {test.id for test, group in zip(ordered, groups, strict=True) if group == own}
-        return tuple(test_id for test_id in self.test_ids if test_id in members)
+        return tuple(test.id for test in at_the_speed_of(self.test(test_id), self.tests))
 
     @property
     def time_s(self) -> FloatArray:

@@ -27,6 +27,7 @@ ROOMS = (
     "synthetic",
     "execution",
     "campaign",
+    "crash_test",
     "cae_library",
     "run_quality",
     "condition",

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import Pulse
-from crashfuse.units import MPH
 
 
 def test_holding_out_takes_the_test_and_leaves_the_rest(campaign: Campaign) -> None:
@@ -17,19 +17,6 @@ def test_holding_out_takes_the_test_and_leaves_the_rest(campaign: Campaign) -> N
     rest = campaign.without(["T2"])
     assert rest.test_ids == ("T1", "T3", "T4")
     assert rest.cae is campaign.cae
-
-
-def test_tests_within_two_miles_an_hour_are_one_speed_group(campaign: Campaign) -> None:
-    """25 and 26 mph belong together, 15 and 35 stand alone; a chain of small steps is one group."""
-    assert [campaign.speed_group(test_id) for test_id in campaign.test_ids] == [
-        ("T1",), ("T2", "T3"), ("T2", "T3"), ("T4",),
-    ]  # fmt: skip
-    speeds = (30.0, 33.4, 31.5, 25.0)
-    chain = tuple(
-        replace(test, condition=replace(test.condition, speed_mps=speed * MPH))
-        for test, speed in zip(campaign.tests, speeds, strict=True)
-    )
-    assert replace(campaign, tests=chain).speed_group("T2") == ("T1", "T2", "T3")
 
 
 def test_an_unknown_test_is_named_with_those_there_are(campaign: Campaign) -> None:
@@ -72,14 +59,3 @@ def test_filter_class_beside_ratings_is_that_of_the_campaign_or_of_the_import(ca
     imported = replace(campaign, tests_filtered_with=180.0)
     assert imported.rating_basis == "ISO/TS 18571:2024, 10 kHz, CFC 180"
     assert replace(imported, channel_filter_class=60.0).filter_class == "CFC 60"
-
-
-def test_many_tests_are_thinned_out_evenly_over_speed(campaign: Campaign) -> None:
-    """Of 40 tests at 1 to 40 mph four are kept, the slowest and the fastest too, in the order of the table."""
-    base = campaign.tests[0]
-    speeds = range(40, 0, -1)
-    tests = (replace(base, id=f"M{v}", condition=replace(base.condition, speed_mps=v * MPH)) for v in speeds)
-    many = replace(campaign, tests=tuple(tests))
-    assert many.evenly_over_speed(4).test_ids == ("M40", "M27", "M14", "M1")
-    assert many.evenly_over_speed(40) is many
-    assert many.evenly_over_speed(4).evenly_over_speed(4).test_ids == ("M40", "M27", "M14", "M1")

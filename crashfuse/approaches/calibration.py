@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from crashfuse.approaches.left_out import STRIDE, LeftOut
-from crashfuse.campaign import CrashTest
+from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, kinematics, motion
 
 LEVEL = 0.95

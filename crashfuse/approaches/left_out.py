@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from crashfuse.approaches.base import FittedState, Prediction
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.signals.thinning import in_full
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import ConditionTable, read_what_can_be
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
 from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units
@@ -15,6 +15,7 @@ from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.quality_columns import failing
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, printable, shortened
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 

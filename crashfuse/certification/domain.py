@@ -6,8 +6,9 @@ from typing import Self
 import numpy as np
 
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import SPEED_STEP_MPS, Campaign
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed, weight
 

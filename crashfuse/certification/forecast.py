@@ -9,9 +9,10 @@ import numpy as np
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions, standardised_error
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache, Entry, finite, numbers
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.signals.metrics import metric_values

@@ -8,7 +8,8 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches.displacement_domain.approach import measured_bias
 from crashfuse.cae.model import CaeModel
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of, several
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.figures import Further, beside

@@ -6,7 +6,8 @@ from weakref import WeakKeyDictionary
 from crashfuse.approaches.calibration import Coverage
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.cae.model import CaeModel
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import grade, rate_windows

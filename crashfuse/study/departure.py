@@ -13,7 +13,8 @@ import numpy as np
 from crashfuse.approaches.displacement_domain.approach import measured_bias
 from crashfuse.approaches.displacement_domain.bias import BiasPoints
 from crashfuse.cae.model import CaeModel
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.expected_rating import rating_range
 from crashfuse.wording import Quantity, Sentence, acceleration

@@ -7,8 +7,9 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import stdtrit
 
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import grade, rate_windows
 from crashfuse.units import MPH

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.campaign import CrashTest
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import Rating, rate_many, rate_windows

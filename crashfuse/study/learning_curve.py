@@ -20,7 +20,8 @@ from threadpoolctl import threadpool_limits
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.approaches.registry import APPROACHES
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.code_digest import code_digest

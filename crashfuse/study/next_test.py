@@ -19,8 +19,8 @@ from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
-from crashfuse.campaign import CrashTest
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import MPH_LB, Sentence, UnitSystem

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from crashfuse.approaches.registry import APPROACHES
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.signals.pulse import DT_S
 from crashfuse.study.config import StudyConfig

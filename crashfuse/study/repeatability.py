@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from crashfuse.approaches.displacement_domain.scatter import Scatter
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache, Entry, numbers
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.progress import SILENT, Watch

@@ -8,8 +8,9 @@ import pandas as pd
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.missing_metrics import missing_sentences

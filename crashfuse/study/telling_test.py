@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 
 
 def telling_test(campaign: Campaign) -> CrashTest:

@@ -9,8 +9,9 @@ import pyarrow.parquet as pq
 from scipy.stats import qmc
 
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.files.atomic import new_folder
 from crashfuse.signals.pulse import GRID_S, Pulse

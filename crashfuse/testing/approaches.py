@@ -14,8 +14,9 @@ from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.approaches.settings import Settings
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled, CrashfuseError, NotFittedError, UsageError
 from crashfuse.execution.progress import Watch
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse

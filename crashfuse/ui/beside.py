@@ -12,8 +12,9 @@ import streamlit as st
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS, by_preference
-from crashfuse.campaign import SPEED_STEP_MPS, Campaign
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.reporting.figures import RUN, Further, prediction_name, pulse_name
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display

@@ -9,7 +9,8 @@ from typing import Literal
 import streamlit as st
 from streamlit.navigation.page import Page
 
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem
 from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig

@@ -5,7 +5,7 @@ import torch
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.approaches.settings import DEVICES, PRESETS
-from crashfuse.campaign import SPEED_STEP_MPS
+from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.reporting import glossary
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui import address

@@ -9,8 +9,9 @@ from scipy.stats import norm
 
 from crashfuse.approaches.calibration import Calibration, Coverage, calibrate, shares_inside, widening_far
 from crashfuse.approaches.left_out import LeftOut
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 
 CONDITION = Condition(12.0, 950.0, 700.0)

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.certification.domain import Domain
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.testing import small_campaign
 from crashfuse.units import LB, MPH
 

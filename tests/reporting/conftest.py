@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 
 
 @pytest.fixture

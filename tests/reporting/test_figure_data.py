@@ -8,7 +8,8 @@ import plotly.graph_objects as go
 import pytest
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.figure_data import figure_table
 from crashfuse.reporting.figure_files import figures_of

@@ -8,8 +8,9 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.display import Display

@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import norm
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, studies_table, study_metrics
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.occupant import OccupantModel

@@ -11,13 +11,14 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import Verdict
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.planning import NextTests, SpeedSweep
 from crashfuse.reporting.plots.certification import validated_domain, verdict_matrix
 from crashfuse.reporting.plots.conditions import condition_space

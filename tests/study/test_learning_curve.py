@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import crashfuse
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled, DataError, UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch

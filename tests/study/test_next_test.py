@@ -9,8 +9,9 @@ from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.cae_force import CaeStop
 from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import NotFittedError, UsageError
 from crashfuse.reporting.plots.next_test import next_tests
 from crashfuse.signals.pulse import GRID_S, Pulse

@@ -10,8 +10,9 @@ from scipy.optimize import brentq
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.calibration import Coverage
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import grade
 from crashfuse.study import recommendation

@@ -14,7 +14,8 @@ import pytest
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.registry import APPROACHES
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import Progress, Watch

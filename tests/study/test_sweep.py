@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled, UsageError
 from crashfuse.execution.progress import Progress, Watch
 from crashfuse.signals.metrics import pulse_metrics

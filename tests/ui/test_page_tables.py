@@ -7,9 +7,10 @@ import pytest
 from pandas.io.formats.style import Styler
 
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.certification.domain import Domain
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import page as report_page

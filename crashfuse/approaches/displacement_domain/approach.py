@@ -28,8 +28,9 @@ from crashfuse.approaches.displacement_domain.table4_bias import Table4Bias
 from crashfuse.approaches.left_out import LeftOut
 from crashfuse.approaches.settings import Settings
 from crashfuse.cae.model import CaeModel, LoadingCurve
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch

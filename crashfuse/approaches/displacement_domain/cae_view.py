@@ -7,8 +7,8 @@ import numpy as np
 
 from crashfuse.approaches.displacement_domain.rebound import Unloading
 from crashfuse.cae.model import CaeModel, LoadingCurve
-from crashfuse.campaign import CrashTest
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
 
 FINER = 8

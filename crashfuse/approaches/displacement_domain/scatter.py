@@ -19,8 +19,9 @@ from crashfuse.approaches.displacement_domain.hierarchical_bias import Hierarchi
 from crashfuse.approaches.displacement_domain.rebound import Rebound
 from crashfuse.approaches.draws import draw
 from crashfuse.cae.model import CaeModel, LoadingCurve
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import loading_phase

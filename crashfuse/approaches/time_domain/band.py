@@ -11,8 +11,8 @@ from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.fine_tuning import Posterior
 from crashfuse.approaches.time_domain.scaling import Scaling
 from crashfuse.approaches.time_domain.stopping import SMOOTH_S, Stopping
-from crashfuse.campaign import CrashTest
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.execution.progress import Watch
 from crashfuse.signals.pulse import DT_S, FloatArray
 

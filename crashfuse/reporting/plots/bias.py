@@ -7,7 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.displacement_domain.bias import BiasPart, BiasPoints
-from crashfuse.campaign import CrashTest
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.canvas import add_band, add_line, height_under_names
 from crashfuse.reporting.plots.curves import TEST, by_speed, curve_line
 from crashfuse.reporting.plots.displacement import displacement_figure, fit_axis

@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import CrashTest
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR

@@ -7,7 +7,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS, by_preference
-from crashfuse.campaign import CrashTest
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.canvas import add_band, add_line
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, DASHES, MEASURED_COLOUR, further_line, speed_lines

@@ -7,7 +7,7 @@ import numpy as np
 from plotly.colors import sample_colorscale
 
 from crashfuse.approaches.registry import CLASSES
-from crashfuse.campaign import CrashTest
+from crashfuse.crash_test import CrashTest
 from crashfuse.units import MPH
 
 PAPER, INK = "#FFFFFF", "#262A33"

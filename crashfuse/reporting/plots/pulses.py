@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import CrashTest
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.canvas import (
     BAND,
     add_band,

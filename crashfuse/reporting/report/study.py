@@ -7,7 +7,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.campaign import SPEED_STEP_MPS
+from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.errors import UsageError
 from crashfuse.reporting.fit_explanations import coverage_table
 from crashfuse.reporting.paper_tables import REPEAT, TABLE_3, TABLE_5, best, rating_table

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import plotly.graph_objects as go
 
 from crashfuse.approaches.base import Prediction
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.notes import Note
+from crashfuse.crash_test import CrashTest
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import Recommendation

@@ -12,8 +12,9 @@ from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.rebound import follow_unloading
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.errors import NotFittedError
 from crashfuse.execution.progress import SILENT, Progress, Watch
 from crashfuse.signals.loading import loading_phase

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from crashfuse.approaches.displacement_domain.scatter import Scatter
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.signals.loading import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.units import G

@@ -10,8 +10,9 @@ from crashfuse.approaches.calibration import Coverage
 from crashfuse.approaches.fused.approach import Fused
 from crashfuse.approaches.fused.prior import PRIOR, SPREAD, STRENGTH
 from crashfuse.approaches.fused.weights import Pool, Scores, spread
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import LB, MPH

@@ -7,8 +7,9 @@ import plotly.graph_objects as go
 import pytest
 
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.units import LB, MPH
 

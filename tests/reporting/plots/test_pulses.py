@@ -6,7 +6,8 @@ import pytest
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.cae_library import CaeLibrary
-from crashfuse.campaign import Campaign, CrashTest
+from crashfuse.campaign import Campaign
+from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots import pulses as plots
 from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.display import Display

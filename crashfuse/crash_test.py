@@ -1,0 +1,61 @@
+"""A physical test, and how tests lie over speed: those at about one speed, and some spread evenly."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crashfuse.condition import Condition
+from crashfuse.signals.pulse import Pulse
+from crashfuse.units import MPH
+
+SPEED_STEP_MPS = 2 * MPH
+"""Tests nearer to each other than this are at about one speed."""
+
+
+@dataclass(frozen=True, eq=False)
+class CrashTest:
+    """A physical test.
+
+    Parameters
+    ----------
+    pulse : Pulse
+        On the study grid.
+    recorded_s : float
+        End of the record in s; beyond it the pulse is padded with zeros, not measured.
+    """
+
+    id: str
+    condition: Condition
+    pulse: Pulse
+    recorded_s: float = math.inf
+
+    def __repr__(self) -> str:
+        return f"<CrashTest {self.id!r} at {self.condition}>"
+
+
+def at_the_speed_of(test: CrashTest, tests: Sequence[CrashTest]) -> tuple[CrashTest, ...]:
+    """The tests at about the speed of one of them, itself included, in their order.
+
+    Sorted by speed, neighbours less than :data:`SPEED_STEP_MPS` apart belong together.
+    """
+    speeds = np.sort([each.condition.speed_mps for each in tests])
+    groups = np.r_[0, np.cumsum(np.diff(speeds) >= SPEED_STEP_MPS)]
+
+    def group(each: CrashTest) -> int:
+        return int(groups[np.searchsorted(speeds, each.condition.speed_mps)])
+
+    return tuple(each for each in tests if group(each) == group(test))
+
+
+def evenly_over_speed(tests: tuple[CrashTest, ...], most: int) -> tuple[CrashTest, ...]:
+    """At most ``most`` of the tests, evenly spaced in the order of speed, slowest and fastest included; in their order.
+
+    No more tests than that are returned unchanged.
+    """
+    if len(tests) <= most:
+        return tests
+    ordered = sorted(tests, key=lambda test: test.condition.speed_mps)
+    kept = {ordered[i].id for i in np.linspace(0, len(ordered) - 1, most).round().astype(int)}
+    return tuple(test for test in tests if test.id in kept)
