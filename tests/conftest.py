@@ -2,7 +2,8 @@
 
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
 import pandas as pd
@@ -43,6 +44,35 @@ def pytest_configure() -> None:
         torch.set_num_threads(1)
 
 
+@pytest.hookimpl(wrapper=True, optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> Generator[None, int, int]:
+    """One worker more than cores where browser tests run, too: they mostly wait, and others use the time."""
+    cores = yield
+    return cores if config.option.markexpr == "not slow" else cores + 1
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
+    """Files are kept together; those of the browser in two halves, so that two workers start servers and browsers."""
+    from xdist.scheduler import LoadFileScheduling
+
+    halves = {path.name: str(n % 2) for n, path in enumerate(sorted((ROOT / "tests" / "browser").glob("test_*.py")))}
+
+    class Halves(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = Path(str(super()._split_scope(nodeid)))
+            return f"browser {halves[file.name]}" if file.parent.name == "browser" else file.as_posix()
+
+    return Halves(config, log) if config.getoption("dist") == "loadfile" else None  # type: ignore[arg-type]
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first, those of the browser before all others: none is left to run alone in the end."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    items.sort(key=lambda item: (item.path.parent.name != "browser", -slow[item.path]))
+
+
 def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
     """Bytes are no name of a test: they are unreadable, and those of an archive differ between two processes."""
     return argname if isinstance(val, bytes) else None
@@ -55,9 +85,11 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monk
 
 
 @pytest.fixture(autouse=True)
-def few_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Studies draw a tenth of the repeats, which take longer than all else in a small one; its own tests draw all."""
+def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few draws of a band are rated: of a small study all of them would take longer than all else together."""
     monkeypatch.setattr("crashfuse.study.repeatability._N_DRAWS", 10)
+    monkeypatch.setattr("crashfuse.study.fold._RATED_DRAWS", 10)
+    monkeypatch.setattr("crashfuse.certification.forecast._RATED_DRAWS", 5)
 
 
 @pytest.fixture(scope="module")

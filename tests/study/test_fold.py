@@ -12,6 +12,11 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
 
 
+@pytest.fixture(autouse=True)
+def few_draws() -> None:
+    """None here: as many are rated as are said to be."""
+
+
 def test_drawn_pulses_are_rated_as_any_pulse_is(campaign: Campaign) -> None:
     """Of two draws, the test itself rates 1 and a softer pulse what ISO/TS 18571 gives it."""
     test = campaign.tests[1]

@@ -24,7 +24,7 @@ WINDOWS = (20.0, 60.0)
 
 
 @pytest.fixture(autouse=True)
-def few_repeats() -> None:
+def few_draws() -> None:
     """None here: what is drawn is tested."""
 
 

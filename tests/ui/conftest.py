@@ -3,11 +3,13 @@
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pandas as pd
 import pytest
 import streamlit as st
+from streamlit.components.v2 import manifest_scanner
 from streamlit.testing.v1 import AppTest
 
 from crashfuse.ui.computation import jobs
@@ -77,6 +79,15 @@ class Session:
         return len(self.app.get("plotly_chart"))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def components_are_searched_once() -> Iterator[None]:
+    """Streamlit's tests look through all installed packages for components, for each session anew: most of its time."""
+    found = cache(manifest_scanner.scan_component_manifests)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(manifest_scanner, "scan_component_manifests", found)
+        yield
+
+
 @pytest.fixture(autouse=True)
 def fresh_server(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Nothing is left of another test: no campaign, no job."""
@@ -100,9 +111,7 @@ def visit() -> Callable[..., Session]:
     def begin(page: str = "data", **parameters: str) -> Session:
         app = AppTest.from_file(APP, default_timeout=SOON)
         app.query_params.update(parameters)
-        app.run()
-        session = Session(app)
-        return session.go(page)
+        return Session(app).go(page)
 
     return begin
 

@@ -112,7 +112,7 @@ def start(page: str = "data") -> AppTest:
     """A new session on a page, with the first test held out."""
     app = AppTest.from_file(APP, default_timeout=SOON)
     app.query_params["test"] = "T1"
-    return go(app.run(), page)
+    return go(app, page)
 
 
 def go(app: AppTest, page: str) -> AppTest:
