@@ -58,19 +58,23 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
 
     halves = {path.name: str(n % 2) for n, path in enumerate(sorted((ROOT / "tests" / "browser").glob("test_*.py")))}
 
-    class Halves(LoadFileScheduling):
+    class Halves(LoadFileScheduling):  # type: ignore[misc]
         def _split_scope(self, nodeid: str) -> str:
             file = Path(str(super()._split_scope(nodeid)))
             return f"browser {halves[file.name]}" if file.parent.name == "browser" else file.as_posix()
 
-    return Halves(config, log) if config.getoption("dist") == "loadfile" else None  # type: ignore[arg-type]
+    return Halves(config, log) if config.getoption("dist") == "loadfile" else None
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long files first, those of the browser before all others: none is left to run alone in the end."""
+    """Long files first, none of which then runs alone in the end: of the browser, of whole programs, the others."""
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
-    items.sort(key=lambda item: (item.path.parent.name != "browser", -slow[item.path]))
+
+    def order(item: pytest.Item) -> tuple[bool, bool, int]:
+        return item.path.parent.name != "browser", item.path.parent.name != "tests", -slow[item.path]
+
+    items.sort(key=order)
 
 
 def pytest_make_parametrize_id(val: object, argname: str) -> str | None:

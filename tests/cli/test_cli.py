@@ -41,19 +41,20 @@ def at_condition(speed_mph: float, front_weight_lb: float, rear_weight_lb: float
     return [part for name, value in values.items() for part in (f"--{name}", str(value))]
 
 
-pytestmark = pytest.mark.usefixtures("quick_networks")
+pytestmark = pytest.mark.usefixtures("quick_networks", "one_cache")
 
 
 @pytest.fixture(scope="module")
 def study_folder(
     campaign_on_disk: Path,
     quick_networks: None,  # noqa: ARG001
+    module_cache: Path,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
     """The results of a study of two held-out tests, run once."""
     out = tmp_path_factory.mktemp("out") / "study"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("CRASHFUSE_CACHE", str(module_cache))
         command = ["study", str(campaign_on_disk), "--out", str(out), "--held-out", "T2", "T4", "--workers", "1"]
         assert cli.main(command) == cli.DONE
     return out
