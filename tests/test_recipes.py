@@ -7,12 +7,12 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from crashfuse.campaign import Campaign
-from tests.conftest import ROOT, write_campaign
+from tests.conftest import ROOT
 
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r'```python title="([^":]+)(?:: in (\w+))?"\n(.*?)```', PAGE, flags=re.DOTALL)
@@ -73,64 +73,108 @@ def test_there_are_five_recipes() -> None:
     assert all(1 <= len(touched) <= 2 for touched in files.values())
 
 
-@pytest.mark.slow
-def test_a_new_approach_keeps_the_contract_and_is_studied(
-    program: Path, campaign_on_disk: Path, tmp_path: Path
-) -> None:
-    """Registered, it is run by the contract test and known to the command line."""
-    contract = "tests/approaches/test_contract.py"
-    assert "passed" in run(program, "-m", "pytest", "-q", "-p", "no:cacheprovider", contract, "-k", "scaled_cae")
-    study = ("study", str(campaign_on_disk), "--held-out", "T3", "--workers", "1", "--out", str(tmp_path / "out"))
-    assert "\nScaled CAE  " in run(program, "-m", "crashfuse", *study, "--approach", "cae", "scaled_cae")
+SHOW = """
+import contextlib, io, json, os, sys
+import numpy as np
+from crashfuse import cli, load_campaign
+from crashfuse.approaches.registry import CLASSES, LABELS
+from crashfuse.reporting.plots.jerk import jerk
+from crashfuse.reporting.plots.palette import COLOURS
+from crashfuse.reporting.report.study import study_report
+from crashfuse.reporting.result_tables import scores_table
+from crashfuse.signals.metrics import METRIC_LABELS, pulse_metrics
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.recommendation import recommend
+from crashfuse.study.running import run_study
+from streamlit.testing.v1 import AppTest
+
+folder, place = sys.argv[1:]
+shown, campaign = {}, load_campaign(folder)
 
 
-@pytest.mark.slow
-def test_a_new_format_is_recognised_and_imported(program: Path, tmp_path: Path) -> None:
-    """By its name; the rest is detected as in any format."""
+def printed(*arguments):
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert cli.main([*arguments]) == 0
+    return out.getvalue()
+
+
+config = StudyConfig(approaches=("cae", "scaled_cae"))
+study = run_study(campaign, config, held_out=["T3"], workers=1)
+shown["approach"] = {
+    "default": StudyConfig().approaches,
+    "label": LABELS["scaled_cae"],
+    "colour": COLOURS["scaled_cae"],
+    "scores": sorted(set(scores_table(study)["approach"])),
+    "recommended": "the scaled CAE model" in recommend(study).sentences[0],
+    "report": CLASSES["scaled_cae"].description in study_report(study),
+}
+options = ["--held-out", "T3", "--workers", "1", "--out", f"{place}/out", "--approach", *config.approaches]
+shown["studied"] = printed("study", folder, *options)
+weights = ["--front-weight-kg", "950", "--rear-weight-kg", "700"]
+shown["imported"] = printed("import", f"{place}/V7.pulse.json", "--out", f"{place}/c", *weights)
+still = np.zeros((3, 1250))
+(metric,) = (m for m in pulse_metrics(still[0], 15.0, draws_mps2=still) if m.name == "crush_20")
+shown["metric"] = [metric.text, metric.unit, METRIC_LABELS["crush_20"]]
+figure = jerk(campaign.tests)
+shown["figure"] = [len(figure.data), round(float(figure.data[0].x.max())), figure.layout.yaxis.title.text]
+os.environ["CRASHFUSE_CAMPAIGN"] = folder
+app = AppTest.from_file("app.py", default_timeout=60).run().switch_page("pages/jerk.py").run()
+assert not app.exception, app.exception
+shown["page"] = [app.title[0].value, len(app.get("plotly_chart"))]
+print(json.dumps(shown))
+"""
+
+
+@pytest.fixture(scope="module")
+def shown(program: Path, campaign_on_disk: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What one process shows of all that was added."""
+    place = tmp_path_factory.mktemp("place")
     time_s = np.arange(1200) * 1e-4
     accel_g = -36 * np.sin(np.pi * time_s / 0.07) * (time_s < 0.07)
     told = {"speed_kph": 56, "step_s": 1e-4, "acceleration_g": accel_g.tolist()}
-    (tmp_path / "V7.pulse.json").write_text(json.dumps(told), encoding="utf-8")
-    weights = ("--front-weight-kg", "950", "--rear-weight-kg", "700")
-    out = run(
-        program, "-m", "crashfuse", "import", str(tmp_path / "V7.pulse.json"), "--out", str(tmp_path / "c"), *weights
-    )
-    assert out.startswith("V7: 34.8 mph (56.0 km/h)")
+    (place / "V7.pulse.json").write_text(json.dumps(told), encoding="utf-8")
+    found: dict[str, Any] = json.loads(run(program, "-c", SHOW, str(campaign_on_disk), str(place)))
+    return found
 
 
-def test_a_new_metric_is_read_off_every_pulse(program: Path) -> None:
+@pytest.mark.slow
+def test_a_new_approach_keeps_the_contract(program: Path) -> None:
+    """Registered, it is run by the contract test."""
+    contract = "tests/approaches/test_contract.py"
+    assert "passed" in run(program, "-m", "pytest", "-q", "-p", "no:cacheprovider", contract, "-k", "scaled_cae")
+
+
+@pytest.mark.slow
+def test_a_new_approach_is_studied(shown: dict[str, Any]) -> None:
+    """By default, and known to the command line; a study rates it, figures have its colour, the report names it."""
+    found = shown["approach"]
+    assert found["default"][-1] == "scaled_cae"
+    assert (found["label"], found["colour"]) == ("Scaled CAE", "#8C6D1F")
+    assert found["scores"] == ["cae", "scaled_cae"]
+    assert found["recommended"]
+    assert found["report"]
+    assert "\nScaled CAE  " in shown["studied"]
+
+
+@pytest.mark.slow
+def test_a_new_format_is_recognised_and_imported(shown: dict[str, Any]) -> None:
+    """By its name; the rest is detected as in any format."""
+    assert shown["imported"].startswith("V7: 34.8 mph (56.0 km/h)")
+
+
+@pytest.mark.slow
+def test_a_new_metric_is_read_off_every_pulse(shown: dict[str, Any]) -> None:
     """With its unit and interval."""
-    code = """if True:
-        import numpy as np
-        from crashfuse.signals.metrics import METRIC_LABELS, pulse_metrics
-        still = np.zeros((3, 1250))
-        (metric,) = (m for m in pulse_metrics(still[0], 15.0, draws_mps2=still) if m.name == "crush_20")
-        print(metric.text, metric.unit, METRIC_LABELS["crush_20"])"""
-    assert run(program, "-c", code) == "300.0 [300.0, 300.0] mm Crush at 20 ms\n"
+    assert shown["metric"] == ["300.0 [300.0, 300.0]", "mm", "Crush at 20 ms"]
 
 
 @pytest.mark.slow
-def test_a_new_figure_draws_what_it_is_given(program: Path) -> None:
+def test_a_new_figure_draws_what_it_is_given(shown: dict[str, Any]) -> None:
     """A curve for each test, over ms."""
-    code = """if True:
-        from crashfuse.reporting.plots.jerk import jerk
-        from crashfuse.testing import small_campaign
-        figure = jerk(small_campaign().tests)
-        print(len(figure.data), round(float(figure.data[0].x.max())), figure.layout.yaxis.title.text)"""
-    assert run(program, "-c", code) == "4 100 Jerk (g/ms)\n"
+    assert shown["figure"] == [4, 100, "Jerk (g/ms)"]
 
 
 @pytest.mark.slow
-def test_a_new_page_is_in_the_navigation_and_shows_its_figure(
-    program: Path, campaign: Campaign, tmp_path: Path
-) -> None:
+def test_a_new_page_is_in_the_navigation_and_shows_its_figure(shown: dict[str, Any]) -> None:
     """Reached through app.py, as the others are."""
-    folder = write_campaign(campaign, tmp_path / "campaign")
-    code = f"""if True:
-        import os
-        os.environ["CRASHFUSE_CAMPAIGN"] = {str(folder)!r}
-        from streamlit.testing.v1 import AppTest
-        app = AppTest.from_file("app.py", default_timeout=60).run().switch_page("pages/jerk.py").run()
-        assert not app.exception, app.exception
-        print(app.title[0].value, len(app.get("plotly_chart")))"""
-    assert run(program, "-c", code) == "Jerk 1\n"
+    assert shown["page"] == ["Jerk", 1]
