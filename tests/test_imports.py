@@ -32,6 +32,7 @@ def test_a_rating_loads_numpy_alone() -> None:
     assert loaded(RATE) == {"numpy"}
 
 
+@pytest.mark.slow
 def test_a_campaign_is_loaded_without_torch() -> None:
     """Nor does it need figures or the dashboard."""
     assert not {"torch", "plotly", "streamlit", "sklearn", "pytest"} & loaded("from crashfuse import load_campaign")

@@ -57,7 +57,7 @@ def _parsed_digest(module: str, package: Path) -> str:
         name = waiting.pop()
         if name in digests or (path := _source(name, package)) is None:
             continue
-        digests[name], imports = _stripped(path)
+        digests[name], imports = _stripped(path.read_bytes())
         waiting += [each for each in imports if each.split(".")[1] not in _NOT_COMPUTING]
     return hashlib.sha256(repr((module, sorted(digests.items()))).encode()).hexdigest()
 
@@ -71,9 +71,9 @@ def _source(module: str, package: Path) -> Path | None:
 
 
 @cache
-def _stripped(path: Path) -> tuple[str, tuple[str, ...]]:
-    """Digest of a file without comments and docstrings, and everything in the package that it might import."""
-    tree = ast.parse(path.read_bytes())
+def _stripped(source: bytes) -> tuple[str, tuple[str, ...]]:
+    """Digest of a module without comments and docstrings, and everything in the package that it might import."""
+    tree = ast.parse(source)
     imports = tuple(_strip(tree))
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imports
 

@@ -55,6 +55,7 @@ def test_left_out_errors_move_and_scale_it_as_if_eight_more_tests_were_usual() -
     np.testing.assert_allclose(found.cdf(97.0), law.cdf(97.0), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_where_tests_are_far_off_the_draws_the_interval_holds_what_it_promises() -> None:
     """With 200 left-out tests more than twice as scattered as the draws say, it holds 95 % of new ones."""
     rng = np.random.default_rng(0)

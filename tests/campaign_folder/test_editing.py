@@ -147,6 +147,7 @@ def test_a_campaign_that_an_import_began_is_empty_after_it(tmp_path: Path) -> No
     assert list((tmp_path / "car").iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_change_is_undone_by_another_process(folder: Path) -> None:
     """What is needed lies in the folder, wherever that is moved: a restart loses nothing."""
     before = content_of(folder)

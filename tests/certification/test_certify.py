@@ -18,7 +18,7 @@ from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import estimate_at
 from crashfuse.units import MPH
 
-pytestmark = pytest.mark.usefixtures("one_cache")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_cache")]
 
 CONFIG = StudyConfig(approaches=("displacement_domain",))
 CRUSH, PEAK = Criterion("crush", "max_crush", at_most=430.0), Criterion("peak", "peak", at_most=25.0)
@@ -38,7 +38,6 @@ def certified(campaign: Campaign, criteria: Criteria = CRITERIA) -> Certificatio
     return certify_matrix(campaign, criteria, matrix(campaign, 20.0, 30.0, 70.0), CONFIG, workers=1)
 
 
-@pytest.mark.slow
 def test_values_and_intervals_are_those_of_the_prediction(campaign: Campaign) -> None:
     """A verdict rests on the numbers that predict shows at the same condition."""
     found = certified(campaign)
@@ -71,7 +70,6 @@ def test_the_record_is_what_each_left_out_test_showed(campaign: Campaign) -> Non
     assert len(record.counted) == 3 * (4 + 2)  # the tests at 25 and 26 mph are the only group of more than one
 
 
-@pytest.mark.slow
 def test_a_held_out_test_has_no_say_in_its_own_verdict(campaign: Campaign) -> None:
     """With another pulse it gets the same verdict to the bit; that of the others changes."""
     test = campaign.test("T3")
@@ -106,7 +104,6 @@ def test_a_confidence_that_the_record_does_not_support_leaves_every_verdict_open
     assert all("supports a confidence of" in own.reason and "not 0.999" in own.reason for own in sure)
 
 
-@pytest.mark.slow
 def test_a_limit_that_no_test_comes_near_is_named(campaign: Campaign) -> None:
     """The verdict stays, and says that the record tells nothing about it."""
     far = Criterion("far", "max_crush", at_most=3000.0)
@@ -140,7 +137,6 @@ def test_what_cannot_be_judged_is_refused(campaign: Campaign) -> None:
         certify_matrix(short, CRITERIA, matrix(campaign, 20.0), CONFIG)
 
 
-@pytest.mark.slow
 def test_two_processes_find_what_one_does(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: object
 ) -> None:

@@ -112,6 +112,7 @@ def test_the_json_makes_the_same_certification_again(planned: Path, tmp_path: Pa
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_grid_takes_the_place_of_the_matrix(planned: Path, tmp_path: Path) -> None:
     """Every combination of speeds, weights and values of factors."""
     assert certify(planned, tmp_path, "--speed-mph", "20", "25", *GRID, "--factor", "drive=FWD") == cli.DONE

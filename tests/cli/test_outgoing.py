@@ -18,6 +18,7 @@ def names(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.slow
 def test_predict_exports_the_pulse_that_stands_in_its_table(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -47,6 +48,7 @@ def test_predict_exports_the_pulse_that_stands_in_its_table(
     assert "radioss" not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_sweep_exports_the_pulses_at_each_speed(
     campaign_on_disk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -36,6 +36,7 @@ def curve(campaign: Campaign, cache: Cache) -> LearningCurve:
     return learning_curve(campaign, CONFIG, repeats=1, cache=cache, workers=1)
 
 
+@pytest.mark.slow
 def test_each_part_predicts_all_other_tests_with_every_approach_over_every_window(curve: LearningCurve) -> None:
     """One row each, the contract's columns first."""
     table = curve.table
@@ -48,6 +49,7 @@ def test_each_part_predicts_all_other_tests_with_every_approach_over_every_windo
     assert sorted(table["n_tests"].unique()) == [1, 2, 3]
 
 
+@pytest.mark.slow
 def test_a_row_is_the_prediction_of_a_fit_to_its_part(curve: LearningCurve) -> None:
     """Rated against the held-out test; the band is counted over the same window, in g."""
     campaign = curve.campaign
@@ -65,6 +67,7 @@ def test_a_row_is_the_prediction_of_a_fit_to_its_part(curve: LearningCurve) -> N
     assert row.half_width_g == pytest.approx(np.mean(upper - lower) / 2 / 9.80665, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_raw_cae_model_has_no_band_and_needs_no_test(curve: LearningCurve) -> None:
     """Its rating of a test is the same whatever was chosen."""
     cae = curve.table[curve.table["approach"] == "cae"]
@@ -72,6 +75,7 @@ def test_the_raw_cae_model_has_no_band_and_needs_no_test(curve: LearningCurve) -
     assert (cae.groupby(["held_out", "window_ms"])["overall"].nunique() == 1).all()
 
 
+@pytest.mark.slow
 def test_all_but_one_is_what_a_study_rates(curve: LearningCurve, cache: Cache, monkeypatch: pytest.MonkeyPatch) -> None:
     """The largest parts leave each test out, and their predictions are the study's: nothing is fitted for it again."""
     monkeypatch.setattr(Fit, "of", None)
@@ -97,6 +101,7 @@ def test_a_held_out_pulse_reaches_no_prediction_without_it(campaign: Campaign, c
     assert (before.loc[learned & saw_it, "overall"] != after.loc[learned & saw_it, "overall"]).all()
 
 
+@pytest.mark.slow
 def test_what_was_computed_is_not_computed_again(
     curve: LearningCurve, cache: Cache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -114,6 +119,7 @@ def test_workers_do_not_change_the_numbers(curve: LearningCurve) -> None:
     assert learning_curve(curve.campaign, CONFIG, repeats=1, workers=2).table.equals(curve.table)
 
 
+@pytest.mark.slow
 def test_the_ratings_by_test_are_means_over_the_even_choices(curve: LearningCurve) -> None:
     """One row a test, one column a number of tests, over the longest window."""
     by_test = curve.by_test("displacement_domain")
@@ -152,6 +158,7 @@ def test_what_makes_it_impossible_is_a_sentence(campaign: Campaign) -> None:
         learning_curve(short, CONFIG)
 
 
+@pytest.mark.slow
 def test_the_library_offers_it_by_name(curve: LearningCurve) -> None:
     """With its table and its figure."""
     assert crashfuse.learning_curve is learning_curve

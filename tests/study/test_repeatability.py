@@ -78,6 +78,7 @@ def test_a_repeat_is_a_test_at_about_the_same_condition_of_the_same_kind(campaig
     assert [test.id for test in repeats_of(first, replace(campaign, tests=tests))] == ["same", "near"]
 
 
+@pytest.mark.slow
 def test_one_test_says_nothing_about_repeats(campaign: Campaign) -> None:
     """Neither does a campaign of none; two give a value with a wide interval."""
     assert repeatability(replace(campaign, tests=campaign.tests[:1]), WINDOWS) == {}

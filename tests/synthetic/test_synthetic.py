@@ -273,6 +273,7 @@ def test_the_shipped_sample_is_what_the_generator_writes(written: Path) -> None:
     assert sum(file.stat().st_size for file in SAMPLE_DATA.rglob("*") if file.is_file()) <= 6_000_000
 
 
+@pytest.mark.slow
 def test_the_sample_asks_for_verdicts_that_are_not_foregone(written: Path) -> None:
     """A third to two thirds of the tests meet each limit, and one condition of the matrix lies outside."""
     campaign = load_campaign(SAMPLE_DATA)

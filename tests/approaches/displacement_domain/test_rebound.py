@@ -88,6 +88,7 @@ def test_what_tests_add_to_the_unloading_is_learned() -> None:
     assert width[~after].max() < 1e-9 < width[after].max()
 
 
+@pytest.mark.slow
 def test_the_rebound_is_the_same_in_coarser_steps() -> None:
     """Equal draws on every fifth sample differ by less than 1 % of what was learned."""
     model = Rebound().fit([unloading(k * EXTRA, 10.0 + k) for k in (-2.0, 1.0, 3.0)])
