@@ -112,7 +112,7 @@ def start(page: str = "data") -> AppTest:
     """A new session on a page, with the first test held out."""
     app = AppTest.from_file(APP, default_timeout=SOON)
     app.query_params["test"] = "T1"
-    return go(app, page)
+    return go(app.run(), page)
 
 
 def go(app: AppTest, page: str) -> AppTest:
@@ -252,7 +252,7 @@ def test_the_settings_reach_the_study_and_hold_on_other_pages(monkeypatch: pytes
         return quick_study(campaign, config, held_out=held_out)
 
     monkeypatch.setattr(computation, "run_study", remember)
-    app = go(start(), "train")
+    app = start("train")
     app.button_group(key="approaches").set_value(list(FAST)).run()
     app.radio(key="preset").set_value("paper").run()
     assert "many hours" in words(app)
@@ -462,7 +462,7 @@ def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_lear
 @pytest.mark.slow
 def test_a_single_network_is_shown_with_what_is_true_of_it_alone() -> None:
     """Without the LF TCN there is no figure of before, nor a word on it."""
-    app = go(start(), "train")
+    app = start("train")
     app.button_group(key="approaches").set_value(["cae", "time_domain"]).run()
     finish(press(app, "Start"))
     shown = words(open_tab(go(app, "compare"), "compare", "Networks"))
@@ -475,7 +475,7 @@ def test_a_single_network_is_shown_with_what_is_true_of_it_alone() -> None:
 @pytest.mark.slow
 def test_the_papers_bias_model_has_no_parts_and_says_so() -> None:
     """Table 4 has no parts to show, and fitting it would take minutes."""
-    app = go(start(), "train")
+    app = start("train")
     app.radio(key="preset").set_value("paper").run()
     finish(press(app, "Start"))
     open_tab(go(app, "compare"), "compare", "Over displacement")
@@ -684,7 +684,7 @@ def test_the_tests_chosen_on_train_are_in_the_link() -> None:
 @pytest.mark.slow
 def test_a_real_prediction_appears_and_a_new_server_finds_it_in_the_cache() -> None:
     """The raw CAE, end to end, with nothing replaced; a restart costs nothing."""
-    app = go(start(), "train")
+    app = start("train")
     app.button_group(key="approaches").set_value(["cae"]).run()
     finish(press(app, "Start"))
     assert "are ready" in words(app)
