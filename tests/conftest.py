@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import sys
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
@@ -37,7 +38,9 @@ needs_other_readers = pytest.mark.skipif(
 
 
 def pytest_configure() -> None:
-    """Where tests run side by side, each keeps to one core: contended threads cost more than they gain."""
+    """Compiled code is kept; where tests run side by side, each keeps to one core, as contended threads cost more."""
+    sys.dont_write_bytecode = False  # a hundred processes would compile the program anew, and each worker all tests
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if "PYTEST_XDIST_WORKER" in os.environ:
         os.environ["OMP_NUM_THREADS"] = "1"  # for processes that tests start
         os.environ["LOKY_MAX_CPU_COUNT"] = "1"  # for studies that are not told how many processes to take
