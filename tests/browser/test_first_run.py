@@ -12,10 +12,29 @@ if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
 
 
+WATCH = """
+const seen = window.seen = new Set();
+new MutationObserver(() => {
+  for (const link of document.querySelectorAll('[data-testid="stSidebarNavLink"]')) seen.add(link.innerText.trim());
+  const main = document.querySelector('[data-testid="stMain"]');
+  if (main && main.innerText.includes("Starting")) seen.add("Starting");
+  if (main && main.querySelector("h1")) seen.add(main.querySelector("h1").innerText.trim());
+}).observe(document, {childList: true, subtree: true, characterData: true});
+"""
+
+
 def test_a_newcomer_gets_from_a_cold_link_to_a_rated_comparison(cold_server: "Server", user: "User") -> None:
-    """Open /compare, load the sample, train without the networks, see the table."""
+    """Open /compare, load the sample, train without the networks, see the table.
+
+    The page's name stands there at once, and never the names of the files in pages/.
+    """
+    script = user.browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": WATCH})
     user.open(cold_server, "compare")
     user.sees("No campaign is open yet")
+    seen = user.browser.execute_script("return [...window.seen]")
+    user.browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
+    assert "Compare" in seen
+    assert not {"app", "compare", "data", "predict", "study", "train"} & set(seen)
     user.press("Load the sample campaign")  # the first click counts
     assert "Synthetic" in user.sees("has not been predicted yet")
     user.go("Train")
