@@ -128,7 +128,7 @@ def certify(
     config : StudyConfig
         Preset, seed and device; its approaches do not matter.
     workers, scheduler
-        As in :func:`crashfuse.study.study.run_study`.
+        As in :func:`crashfuse.study.running.run_study`.
 
     Raises
     ------
