@@ -3,24 +3,19 @@
 import os
 import secrets
 import threading
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.cae.model import CaeModel
-from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.folder import read_folder
 from crashfuse.campaign_folder.sample_folder import sample_folder
-from crashfuse.errors import CrashfuseError, DataError, Problem
-from crashfuse.execution.cache import Cache
+from crashfuse.errors import DataError, Problem
 from crashfuse.ui import journal
 from crashfuse.ui.visitors import visitor
 
 SAMPLE = "sample"
-LEARNING = "crashfuse-cae-model"  # name of the thread
 _opening = threading.Lock()
 
 
@@ -178,15 +173,7 @@ def _unreadable(folder: Path, error: Exception) -> DataError:
 
 @st.cache_resource(max_entries=4, show_spinner="Reading the campaign …")
 def _read(folder: Path, stamp: tuple[object, ...]) -> Campaign:  # noqa: ARG001  (part of the key)
-    campaign = read_folder(folder)
-    model = CaeModel(cache=Cache())  # every prediction begins with it: it is there when the first page has been read
-    threading.Thread(target=_fit, args=(model, campaign.cae), name=LEARNING, daemon=True).start()
-    return campaign
-
-
-def _fit(model: CaeModel, cae: CaeLibrary) -> None:
-    with suppress(CrashfuseError):  # a prediction meets it again, and tells
-        model.fit(cae)
+    return read_folder(folder)
 
 
 @st.cache_data(max_entries=500, show_spinner=False)
