@@ -28,13 +28,13 @@ def test_the_heat_map_colours_change_where_the_grades_do() -> None:
 
 
 def test_every_cell_of_the_heat_map_but_the_mean_can_be_clicked() -> None:
-    """An invisible mark in it names its test, and is found from anywhere in it."""
+    """An invisible mark in it names its test, is found from anywhere in it, and says which it is."""
     figure = plots.rating_heatmap({"A": {"cae": 0.5, "fused": 0.9}, "B": {"cae": 0.6, "fused": 0.8}})
     heat, marks = figure.data
     assert list(marks.customdata) == ["A", "A", "B", "B", "", ""]
     assert list(marks.y) == [row for row in heat.y for _ in range(2)]
     assert list(marks.x) == list(heat.x) * 3
-    assert (figure.layout.hoverdistance, heat.hoverinfo, marks.hoverinfo) == (-1, "skip", "none")
+    assert (figure.layout.hoverdistance, heat.hoverinfo, marks.hovertemplate) == (-1, "skip", "%{y}<extra></extra>")
 
 
 def test_repeats_are_the_last_column_of_the_heat_map_and_bars_behind_the_spread() -> None:
