@@ -3,6 +3,7 @@
 import ast
 import hashlib
 import platform
+import threading
 from collections.abc import Iterator
 from functools import cache
 from importlib.util import find_spec
@@ -13,6 +14,7 @@ from crashfuse.execution.cache import Cache
 _PACKAGE = Path(__file__).parents[1]
 _NOT_COMPUTING = {"execution", "files", "errors", "wording", "version", "extensions", "reporting", "campaign_folder"}
 """Rooms that run, store, report and read, but determine no number: data are known by their fingerprint."""
+_alone = threading.Lock()  # two threads that parse at once may make Python before 3.11.8 and 3.12.2 raise a SystemError
 
 
 @cache
@@ -73,7 +75,8 @@ def _source(module: str, package: Path) -> Path | None:
 @cache
 def _stripped(source: bytes) -> tuple[str, tuple[str, ...]]:
     """Digest of a module without comments and docstrings, and everything in the package that it might import."""
-    tree = ast.parse(source)
+    with _alone:
+        tree = ast.parse(source)
     imports = tuple(_strip(tree))
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest(), imports
 
