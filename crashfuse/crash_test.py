@@ -40,13 +40,11 @@ def at_the_speed_of(test: CrashTest, tests: Sequence[CrashTest]) -> tuple[CrashT
 
     Sorted by speed, neighbours less than :data:`SPEED_STEP_MPS` apart belong together.
     """
-    speeds = np.sort([each.condition.speed_mps for each in tests])
-    groups = np.r_[0, np.cumsum(np.diff(speeds) >= SPEED_STEP_MPS)]
-
-    def group(each: CrashTest) -> int:
-        return int(groups[np.searchsorted(speeds, each.condition.speed_mps)])
-
-    return tuple(each for each in tests if group(each) == group(test))
+    speeds = np.array([each.condition.speed_mps for each in tests])
+    ordered = np.sort(speeds)
+    groups = np.r_[0, np.cumsum(np.diff(ordered) >= SPEED_STEP_MPS)]
+    of_each, own = (groups[np.searchsorted(ordered, speed)] for speed in (speeds, test.condition.speed_mps))
+    return tuple(each for each, group in zip(tests, of_each, strict=True) if group == own)
 
 
 def evenly_over_speed(tests: tuple[CrashTest, ...], most: int) -> tuple[CrashTest, ...]:
