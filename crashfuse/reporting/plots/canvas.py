@@ -51,7 +51,7 @@ def new_figure(height: int) -> go.Figure:
             "font": {"family": _FONT, "size": _FONT_PX, "color": INK},
             "paper_bgcolor": PAPER,
             "plot_bgcolor": PAPER,
-            "margin": {"l": 64, "r": 44, "t": 40, "b": 52},
+            "margin": {"l": 64, "r": 44, "t": 40, "b": 56},
             "modebar": {"orientation": "v", "remove": UNWANTED_TOOLS},
             "hovermode": "x unified",
             "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
