@@ -5,7 +5,9 @@ reloading the page changes nothing.
 """
 
 import logging
+import os
 import queue
+import sys
 import threading
 import time
 from collections.abc import Callable, Hashable, Mapping
@@ -22,6 +24,7 @@ from crashfuse.ui.visitors import Visitor
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 T = TypeVar("T")
 
+_NICE = 5  # beside pages: a third of their share of a core that both want
 _KEPT = 24  # finished jobs; a whole study takes about 120 MB, one test 5 MB
 
 log = logging.getLogger(__name__)
@@ -182,6 +185,13 @@ class Jobs:
         return job
 
     def _serve(self) -> None:
+        _yield_to_pages()
         while True:
             self._queue.get().run()
             self.ended += 1
+
+
+def _yield_to_pages() -> None:
+    """Let pages go before the work of this thread, and before the threads and processes that it starts (Linux)."""
+    if sys.platform == "linux":
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)

@@ -1,8 +1,11 @@
 """Background jobs: shared, watched, cancelled, and never silent about what went wrong."""
 
 import logging
+import os
+import sys
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
@@ -230,3 +233,20 @@ def test_who_asks_for_what_is_being_stopped_gets_a_job_of_their_own(gate: thread
     gate.set()
     assert ended(second)
     assert second.result == 2
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a thread cannot be given a priority of its own")
+def test_pages_go_before_jobs_and_the_threads_that_jobs_start() -> None:
+    """The job's thread is nicer than the one that draws pages, and so are the threads in which networks train."""
+
+    def niceness() -> int:
+        return os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+
+    def work(_: Watch) -> tuple[int, int]:
+        with ThreadPoolExecutor(1) as pool:
+            return niceness(), pool.submit(niceness).result()
+
+    job = Jobs().start("a", "A", work)
+    assert ended(job)
+    assert job.result is not None
+    assert min(job.result) > niceness()

@@ -51,6 +51,7 @@ def new_figure(height: int) -> go.Figure:
             "font": {"family": _FONT, "size": _FONT_PX, "color": INK},
             "paper_bgcolor": PAPER,
             "plot_bgcolor": PAPER,
+            # with room for ticks and their title: found too small, Plotly draws everything once more
             "margin": {"l": 64, "r": 44, "t": 40, "b": 56},
             "modebar": {"orientation": "v", "remove": UNWANTED_TOOLS},
             "hovermode": "x unified",
