@@ -272,8 +272,11 @@ def test_a_grid_is_in_the_link(visit: Visit) -> None:
 
 
 @pytest.mark.usefixtures("open_campaign")
-def test_an_uploaded_matrix_is_in_the_link_while_the_server_runs(visit: Visit) -> None:
-    """Another session sees the same conditions by the link; a server that does not know them says so."""
+def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
+    visit: Visit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another session sees the same conditions by the link, also after a restart; once they are gone it is told."""
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path))
     session = visit("certify", matrix="Upload")
     content = b"id,speed_mph,front_weight_lb,rear_weight_lb\nA,21,2050,1500\nB,24.5,2050,1500\n"
     upload = session.app.file_uploader[-1]
@@ -290,9 +293,13 @@ def test_an_uploaded_matrix_is_in_the_link_while_the_server_runs(visit: Visit) -
     session.run()
     assert session.app.session_state["uploaded"] is None
     assert session.app.error
-    st.cache_resource.clear()
+    st.cache_resource.clear()  # as a server does that begins
+    assert summary in [own.label for own in visit("certify", **link).app.expander]
+    (kept,) = (tmp_path / "matrices").iterdir()
+    assert kept.read_bytes() == content
+    kept.write_bytes(content.replace(b"21", b"22"))  # valid, but not what the link means
     elsewhere = visit("certify", **link)
-    assert "no longer on this server" in elsewhere.words
+    assert "not on this server" in elsewhere.words
     assert "Certify" not in elsewhere.buttons
 
 

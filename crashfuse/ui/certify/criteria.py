@@ -187,7 +187,7 @@ def _show_upload(view: View) -> None:
         if (file := st.session_state[key]) is None:
             return
         try:
-            criteria = uploaded(file, _FILE, read_criteria)
+            criteria = uploaded(file.getvalue(), _FILE, read_criteria)
         except DataError as error:
             st.session_state[wrong] = error
             return

@@ -9,18 +9,17 @@ import streamlit as st
 
 from crashfuse.errors import CrashfuseError, DataError
 from crashfuse.ui.text import plain
-from crashfuse.ui.uploads import Upload
 
 T = TypeVar("T")
 
 _MOST = 10  # sentences
 
 
-def uploaded(file: Upload, name: str, read: Callable[[Path], T]) -> T:
-    """Read an uploaded file by a function of the library, which takes a path; messages give it this name."""
+def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
+    """Read an uploaded file's content by a function of the library, which takes a path; messages give it this name."""
     with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
         path = Path(folder, name)
-        path.write_bytes(file.getvalue())
+        path.write_bytes(content)
         return read(path)
 
 

@@ -1,6 +1,5 @@
 """The conditions to judge: the campaign's matrix, an uploaded one, or a grid."""
 
-import hashlib
 import re
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.plots.display import Display
 from crashfuse.ui import address
+from crashfuse.ui.certify import kept_tables
 from crashfuse.ui.certify.files import show_wrong, uploaded
 from crashfuse.ui.figures import choose
 from crashfuse.ui.frame import View
@@ -24,7 +24,6 @@ from crashfuse.wording import IN_SI, UnitSystem, speed
 _FILE = "matrix.csv"
 _OWN, _UPLOAD, _GRID = "The campaign's", "Upload", "Grid"
 _MOST_VALUES = 1000  # of a range
-_MOST_KEPT = 200  # uploads, each of up to 10,000 conditions
 _NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
 _HELP = "Numbers separated by commas, or first:last:step, such as 20:35:5."
 
@@ -69,7 +68,7 @@ def _read(path: Path, changed_ns: int, fingerprint: str, _campaign: Campaign) ->
 
 
 def _uploaded(campaign: Campaign) -> Matrix | None:
-    """An uploaded matrix: kept on the server under a digest of its content, which is in the address."""
+    """An uploaded matrix, kept on the server under a name that is in the address."""
     state, key = st.session_state, f"matrix file {campaign.fingerprint[:8]}"
     wrong = f"{key}: wrong"
 
@@ -77,17 +76,12 @@ def _uploaded(campaign: Campaign) -> Matrix | None:
         if (file := state[key]) is None:
             return
         state[wrong], state["uploaded"] = None, None
+        content = file.getvalue()
         try:
-            matrix = uploaded(file, _FILE, lambda path: Matrix.read(path, campaign.factors))
+            uploaded(content, _FILE, lambda path: Matrix.read(path, campaign.factors))
+            state["uploaded"] = kept_tables.keep(content)
         except CrashfuseError as error:
             state[wrong] = error
-            return
-        digest = hashlib.sha256(campaign.fingerprint.encode() + file.getvalue()).hexdigest()[:24]
-        kept = _kept()
-        kept[digest] = matrix
-        for oldest in list(kept)[:-_MOST_KEPT]:
-            kept.pop(oldest, None)
-        state["uploaded"] = digest
 
     columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
     st.file_uploader(f"Upload {_FILE}, with the columns {columns}", type="csv", key=key, on_change=take)
@@ -95,15 +89,17 @@ def _uploaded(campaign: Campaign) -> Matrix | None:
         raise error
     if (digest := state["uploaded"]) is None:
         return None
-    if (found := _kept().get(digest)) is None:
-        raise UsageError("The matrix of this link is no longer on this server, or never was: upload it again.")
-    return found
+    if (content := kept_tables.find(digest)) is None:
+        raise UsageError(
+            "The matrix of this link is not on this server: it was uploaded elsewhere, or removed after a year without "
+            "use. Upload it again."
+        )
+    return _checked(digest, campaign.fingerprint, content, campaign)
 
 
-@st.cache_resource(show_spinner=False)
-def _kept() -> dict[str, Matrix]:
-    """Uploaded matrices by the name that a link has for them, until the server ends."""
-    return {}
+@st.cache_resource(max_entries=8, show_spinner=False)
+def _checked(digest: str, fingerprint: str, _content: bytes, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
+    return uploaded(_content, _FILE, lambda path: Matrix.read(path, _campaign.factors))
 
 
 def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:

@@ -1,0 +1,83 @@
+"""Uploaded tables of conditions, kept beside the cache under a digest of their content: a link outlives the server.
+
+What is kept was read as a matrix before, and whoever takes it from here reads and checks it again. The digest tells
+what was changed on the disk, and nobody finds a table whose content they do not know.
+"""
+
+import hashlib
+import os
+import re
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.execution.cache import default_folder
+from crashfuse.files.atomic import write_atomically
+
+LARGEST = 8 << 20
+"""Bytes of a table; 10,000 conditions take less than one million."""
+
+_MOST, _MOST_BYTES = 200, 64 << 20  # of all; what was not used for longest makes room
+_UNUSED_S = 365 * 86400.0
+_NAME = re.compile(r"[0-9a-f]{24}")
+
+
+def keep(content: bytes) -> str:
+    """Keep a table that could be read; returns the name that a link has for it.
+
+    Raises
+    ------
+    DataError
+        If it is too large, or cannot be written.
+    """
+    if len(content) > LARGEST:
+        expected, found = f"at most {LARGEST >> 20} MB", f"{len(content) / 2**20:.1f} MB"
+        raise DataError(Problem("matrix.csv", expected, found, "remove what is no condition, or split the table"))
+    name = _name(content)
+    try:
+        write_atomically(_path(name), content)
+    except OSError as error:
+        expected = "room to keep it on the server's disk"
+        raise DataError(Problem("matrix.csv", expected, error.strerror or "none", "free some space")) from error
+    _tidy()
+    return name
+
+
+def find(name: str) -> bytes | None:
+    """The table kept under this name; None if there is none, or if it is not what was kept."""
+    if not _NAME.fullmatch(name):  # of a link that anybody may have written
+        return None
+    path = _path(name)
+    try:
+        content = path.read_bytes() if path.stat().st_size <= LARGEST else b""
+    except OSError:
+        return None
+    if _name(content) != name:
+        return None
+    with suppress(OSError):
+        os.utime(path)  # it was used
+    return content
+
+
+def _tidy() -> None:
+    """Delete what was not used for a year, and what is too much, the least recently used first."""
+    with suppress(OSError):  # another server may have removed one between two looks
+        found = sorted(((each.stat(), each) for each in _home().glob("*.csv")), key=lambda own: -own[0].st_mtime)
+        size = 0
+        for number, (stat, path) in enumerate(found):
+            size += stat.st_size
+            if number >= _MOST or size > _MOST_BYTES or time.time() - stat.st_mtime > _UNUSED_S:
+                path.unlink(missing_ok=True)
+
+
+def _name(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:24]
+
+
+def _path(name: str) -> Path:
+    return _home() / f"{name}.csv"
+
+
+def _home() -> Path:
+    return default_folder() / "matrices"
