@@ -11,7 +11,6 @@ from crashfuse.ui.predict import files, metrics, pulses
 from crashfuse.ui.predict.answer import Answer
 from crashfuse.ui.predict.condition import choose_condition
 from crashfuse.ui.predict.planning import show_next_test, show_over_speed
-from crashfuse.ui.text import plain
 
 TABS = {
     "Pulses": pulses.show,
@@ -42,5 +41,5 @@ with st.container(horizontal=True, vertical_alignment="center", gap="small", key
     tab = choose("Tab", list(TABS), key="predict_tab")
     if answer.advice is not None:
         show_pins(view, condition, answer.remember)
-    st.caption(f"{plain(condition)}; {view.display.weight(condition.mass_kg)} in all", width="content")
+    st.caption(f"{view.display.weight(condition.mass_kg)} in all", width="content")
 TABS[tab](answer)

@@ -1,6 +1,6 @@
 """Tables and sentences on past results: the list of them, and two studies beside each other."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
@@ -9,7 +9,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult
 
-_LEFT_OUT = {"test": "alone", "speed group": "with its speed group", "both": "alone, then with its speed group"}
+_LEFT_OUT = {"test": "alone", "speed group": "speed group", "both": "alone; speed group"}
 
 
 def history_table(results: Iterable[PastResult], display: Display = DEFAULT) -> pd.DataFrame:
@@ -94,7 +94,7 @@ def _row(result: PastResult, display: Display) -> dict[str, str]:
             "Worst test": f"{worst} {rating:.3f}",
         }
     elif result.expected is not None:
-        rated["Mean rating"] = f"about {result.expected:.2f} expected"
+        rated["Mean rating"] = f"{result.expected:.2f} expected"
     return {
         "Date (UTC)": _date(result),
         "Campaign": result.campaign,
@@ -104,14 +104,18 @@ def _row(result: PastResult, display: Display) -> dict[str, str]:
         **rated,
         "Left out": _LEFT_OUT[config.leave_out] if result.tests else "–",
         "Data": result.fingerprint[:8],
-        "Approaches": ", ".join(LABELS.get(name, name) for name in config.approaches),
+        "Approaches": _approaches(config.approaches),
     }
 
 
 def _what(result: PastResult, display: Display) -> str:
     if result.condition is not None:
-        return f"prediction at {display.condition(result.condition)}"
+        return f"prediction at {display.briefly(result.condition)}"
     return f"test {result.tests[0]}" if len(result.tests) == 1 else f"study of {len(result.tests)} tests"
+
+
+def _approaches(names: Sequence[str]) -> str:
+    return f"all {len(names)}" if set(names) == set(LABELS) else ", ".join(LABELS.get(name, name) for name in names)
 
 
 def _date(result: PastResult) -> str:

@@ -131,7 +131,8 @@ def _scores(own: _Shown) -> go.Figure:
 
 def _rating(own: _Shown) -> go.Figure:
     approach = by_preference(own.approaches)[0]
-    return rated_curves(own.fold.explained(approach, own.window_ms), approach, own.display)
+    further = {name: pulse for name, pulse in own.curves.predictions.items() if name not in own.approaches}
+    return rated_curves(own.fold.explained(approach, own.window_ms), approach, own.display, further)
 
 
 def _bias_parts(own: _Shown) -> go.Figure:

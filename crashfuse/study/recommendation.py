@@ -1,11 +1,12 @@
 """Recommendation of an approach, for one prediction or a whole campaign, with reasons that an engineer can check.
 
 A recommendation for one test rests on the other tests alone; only that for a campaign uses the results of left-out
-tests. It is decided by a proper score of the whole band (CRPS), and explained in ratings.
+tests, of two at least: one alone cannot tell approaches apart. It is decided by a proper score of the whole band
+(CRPS), and explained in ratings.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
@@ -49,6 +50,14 @@ class Recommendation:
 
     def __repr__(self) -> str:
         return f"<Recommendation: {self.sentences[0]}>"
+
+    def after(self, rating: float) -> tuple[str, ...]:
+        """The sentences once the test is known: how the expectation came out is told first."""
+        if self.expected is None:
+            return self.sentences
+        first, *reasons = self.sentences
+        use = first.partition(". ")[0]
+        return f"{use}. {self.expected.outcome(rating)}", self.expected.sentence, *reasons
 
 
 def recommend_for(
@@ -107,14 +116,22 @@ def recommend(study: Study) -> Recommendation:
     """Recommend an approach for a campaign, from how each predicted the tests that were left out.
 
     The lowest mean CRPS wins; approaches within one standard error of it, test by test, count as equal, and among
-    these the mixture comes first, then the displacement domain, which the paper prefers (Sect. 4.3).
+    these the mixture comes first, then the displacement domain, which the paper prefers (Sect. 4.3). Of a study of a
+    single test it is the recommendation that was made without that test, with how it came out.
     """
     if study not in _recommended:  # requested by files, report, and terminal or page
-        _recommended[study] = _recommendation(study)
+        _recommended[study] = _recommendation(study) if len(study.folds) > 1 else _recommendation_for_one(study)
     return _recommended[study]
 
 
 _recommended: WeakKeyDictionary[Study, Recommendation] = WeakKeyDictionary()
+
+
+def _recommendation_for_one(study: Study) -> Recommendation:
+    (fold,), window_ms = study.folds, max(study.config.windows_ms)
+    rest = study.config.split_configs[0].training_campaign(study.campaign, fold.held_out)
+    advice = recommend_for(fold.estimates, rest, fold.test.condition, window_ms)
+    return replace(advice, sentences=advice.after(fold.ratings[advice.approach][window_ms].overall))
 
 
 def _recommendation(study: Study) -> Recommendation:
@@ -124,11 +141,10 @@ def _recommendation(study: Study) -> Recommendation:
     crps = {name: Quantity((mean,), "g", ".2f") for name, mean in verdict.mean_crps_g.items()}
     compared = [Sentence("{} {}", _in_words(name), crps[name]) for name in others]
     n = len(study.folds)
-    left_out = "1 test that was left out" if n == 1 else f"{n} tests that were left out"
     sentences: list[str] = [
         Sentence(
-            f"Use {_in_words(chosen)} for this campaign. Over 0–{verdict.window_ms:g} ms, on {left_out}, its mean "
-            "distance from what was measured (CRPS, less is better) is {}{}{}.",
+            f"Use {_in_words(chosen)} for this campaign. Over 0–{verdict.window_ms:g} ms, on {n} tests that were left "
+            "out, its mean distance from what was measured (CRPS, less is better) is {}{}{}.",
             crps[chosen],
             "; " if compared else "",
             joined(compared, ", "),
@@ -185,7 +201,7 @@ class _Verdict:
         best = self.crps_g[min(self.names, key=lambda name: self.mean_crps_g[name])]
         n = best.size
         excess = {name: values - best for name, values in self.crps_g.items()}
-        return [name for name, e in excess.items() if e.mean() <= (e.std(ddof=1) / np.sqrt(n) if n > 1 else 0.0)]
+        return [name for name, e in excess.items() if e.mean() <= e.std(ddof=1) / np.sqrt(n)]
 
     def ratings_of(self, name: str) -> str:
         """The mean rating, the worst rating and the harm of an approach, to follow "mean"."""

@@ -13,9 +13,10 @@ import streamlit as st
 from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from crashfuse.approaches.registry import APPROACHES
-from crashfuse.approaches.settings import PRESETS
+from crashfuse.approaches.settings import DEVICES, PRESETS
 from crashfuse.certification.verdict import WORDS
 from crashfuse.reporting.plots.curves import TEST
+from crashfuse.reporting.report.options import REPORT_FORMS
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.wording import SYSTEMS
@@ -85,6 +86,7 @@ CHOICES: dict[str, Choice] = {
     "approaches": Choice(tuple, APPROACHES, APPROACHES),
     "preset": Choice(str, "fast", PRESETS),
     "seed": Choice(int, 0),
+    "device": Choice(str, "auto", DEVICES),
     # how it is shown
     "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict", "history")),
     "system": Choice(options=tuple(SYSTEMS)),
@@ -102,6 +104,8 @@ CHOICES: dict[str, Choice] = {
     "study_tab": Choice(pages=("study",)),
     "ways": Choice(pages=("study",)),
     "cost": Choice(float, pages=("study",)),
+    "report_form": Choice(str, "whole", REPORT_FORMS, ("compare", "study")),
+    "report_tests": Choice(tuple, (), pages=("study",), of_campaign=True),
     "predict_tab": Choice(pages=("predict",)),
     "predicted": Choice(pages=("predict",)),
     "curves": Choice(tuple, (TEST, *APPROACHES), (TEST, *APPROACHES), ("compare", "predict")),

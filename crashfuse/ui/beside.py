@@ -57,24 +57,29 @@ class Shown:
 
 
 def choose_curves(
-    view: View, predictions: Mapping[str, Prediction], recommended: str | None, condition: Condition, held_out: str = ""
+    view: View,
+    predictions: Mapping[str, Prediction],
+    recommended: str | None,
+    condition: Condition,
+    held_out: str = "",
+    offered: Sequence[str] | None = None,
 ) -> Shown:
     """Let the user choose what a figure shows: of the predictions at a condition, and beside them.
 
     ``held_out`` is the id of the test that was measured there, if any. Elsewhere the pinned predictions are shown
-    without being asked for.
+    without being asked for. A figure with curves that it always shows says which others are ``offered``.
     """
-    known = [*([TEST] if held_out else []), *predictions]
+    known = [*([TEST] if held_out else []), *predictions] if offered is None else offered
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
-        chosen = kept_choice("curves", known, _pills(known))
-        band = _choose_band(predictions, recommended)
+        chosen = kept_choice("curves", known, _pills(known)) if known else []
+        band = _choose_band(predictions, recommended) if offered is None else leading(predictions, recommended)
         beside = _choose_beside(view, condition, band, held_out)
     st.button(
         "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(view.campaign, condition, held_out),
         help=f"Also show {_NEAREST} tests: those at about this speed first, then the nearest by speed and weights.",
     )  # fmt: skip
     approaches = tuple(name for name in chosen if name in predictions)
-    if not (approaches or beside or TEST in chosen):
+    if offered is None and not (approaches or beside or TEST in chosen):
         st.info("No curve is chosen.", icon=":material/visibility_off:")
         st.stop()
     return Shown(TEST in chosen, approaches, beside, band, (approaches, key_of(beside), band, TEST in chosen))

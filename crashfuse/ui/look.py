@@ -59,6 +59,7 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 .cf-ratings small, .cf-grade { font-size: 0.8rem }
 .cf-grade { padding: 0 0.4rem; border-radius: 4px }
 @media (max-width: 1099px) { /* one row of six */
+  [data-testid="stMainBlockContainer"] > [data-testid="stVerticalBlock"] { gap: 0.5rem }
   .cf-ratings, .cf-ratings .cf-values { gap: 0.25rem }
   .cf-ratings > div { padding-inline: 0.4rem }
 }

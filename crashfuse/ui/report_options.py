@@ -1,11 +1,12 @@
 """How the report is to be: short or whole, with which tests one by one."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import streamlit as st
 
 from crashfuse.reporting.report import REPORT_FORMS, ReportForm, ReportOptions
 from crashfuse.ui.frame import View
+from crashfuse.ui.kept import kept_choice
 from crashfuse.ui.notes import notes_of
 
 _LABELS: dict[ReportForm, str] = {"whole": "Whole", "short": "Short"}
@@ -19,14 +20,18 @@ def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
     """Ask for the form of the report and, of several tests, which are shown one by one."""
     with st.container(horizontal=True, vertical_alignment="bottom"):
         form: ReportForm = st.segmented_control(
-            "Report", REPORT_FORMS, default="whole", required=True, format_func=_LABELS.__getitem__,
+            "Report", REPORT_FORMS, required=True, format_func=_LABELS.__getitem__,
             key="report_form", persist_state="session", help=_HELP,
         )  # fmt: skip
         shown: list[str] = []
         if len(tests) > 1:
-            shown = st.multiselect(
-                "Tests shown one by one", tests, key=f"report_tests {view.campaign.fingerprint[:8]}",
-                persist_state="session", placeholder="all tests" if form == "whole" else "the worst",
-                help="Means are over all tests, whichever are shown.",
-            )  # fmt: skip
+            shown = kept_choice("report_tests", tests, _multiselect(tests, form))
     return ReportOptions(form, tuple(shown), notes_of(view))
+
+
+def _multiselect(tests: Sequence[str], form: ReportForm) -> Callable[[str, Callable[[], None]], object]:
+    return lambda key, keep: st.multiselect(
+        "Tests shown one by one", tests, key=key, on_change=keep,
+        placeholder="all tests" if form == "whole" else "the worst",
+        help="Means are over all tests, whichever are shown.",
+    )  # fmt: skip

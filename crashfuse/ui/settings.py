@@ -39,7 +39,7 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
             choose_left_out()
         st.radio(
             "Networks are trained on",
-            DEVICES if torch.cuda.is_available() else ("auto", "cpu"),
+            DEVICES if torch.cuda.is_available() or st.session_state["device"] == "cuda" else ("auto", "cpu"),
             format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
             key="device",
             persist_state="session",

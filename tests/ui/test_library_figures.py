@@ -96,18 +96,18 @@ def test_on_compare(open_campaign: Path, visit: "Visit") -> None:
     assert drawn(session) == library("bias parts")
     session.app.button_group(key="compare_tab").set_value("Why").run()
     session.app.button_group(key="explained").set_value("cae").run()
-    assert drawn(session) == library("scores") + library("rating", approaches=["cae"])
+    assert drawn(session) == library("scores") + library("rating", approaches=["cae"], also=["T3"])
 
 
 @pytest.mark.usefixtures("quick_networks")
 def test_on_the_networks(open_campaign: Path, visit: "Visit") -> None:
-    """Before and after the tests, side by side on one scale, and how they learned."""
+    """Before and after the tests, side by side on one scale, with what was put beside; and how they learned."""
     names = ["cae", "lf_tcn", "time_domain"]
     study = run_study(load_campaign(open_campaign), held_out=["T2"], approaches=names, workers=1)
-    session = visit("compare", test="T2", **{**OPTIONS, "approaches": names}).finish()
+    session = visit("compare", test="T2", also=["T3"], curves=["test"], **{**OPTIONS, "approaches": names}).finish()
     session.app.button_group(key="compare_tab").set_value("Networks").run()
     beside = [
-        study.plot("T2", "acceleration", approaches=["cae", network], display=SHOWN)
+        study.plot("T2", "acceleration", approaches=[network], also=["T3"], display=SHOWN)
         for network in ("lf_tcn", "time_domain")
     ]
     share_y_range(beside)

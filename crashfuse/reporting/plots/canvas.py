@@ -56,7 +56,7 @@ def new_figure(height: int) -> go.Figure:
             "modebar": {"orientation": "v", "remove": UNWANTED_TOOLS},
             "hovermode": "x unified",
             "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
-            "legend": {"orientation": "h", "x": 0, "y": 1.02, "xanchor": "left", "yanchor": "bottom"},
+            "legend": {"orientation": "h", "x": 0, "y": 1, "yref": "container", "xanchor": "left", "yanchor": "top"},
             "xaxis": {**axis, **over_time},
             "yaxis": axis,
         }
@@ -141,6 +141,7 @@ def share_y_range(figures: Iterable[go.Figure]) -> None:
     """Give figures shown side by side the same y range, so that they can be compared."""
     figures = list(figures)
     values = np.concatenate([trace.y for figure in figures for trace in figure.data])
+    values = values[np.isfinite(values)]  # bands have gaps
     margin = 0.05 * np.ptp(values)
     for figure in figures:
         figure.update_yaxes(range=[values.min() - margin, values.max() + margin])

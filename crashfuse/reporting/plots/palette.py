@@ -53,6 +53,7 @@ IN_THE_DARK: Mapping[str, str] = {
     WINDOW: "#423B22",
     WINDOW_INK: "#E3CB74",
     MEASURED_COLOUR: "#F5F7FA",
+    "#7A5AB5": "#B79CF0",  # corridors of the rating
     **_FILLS_IN_THE_DARK,
     **{approach.colour: approach.dark_colour for approach in CLASSES.values() if approach.dark_colour},
     **dict(zip(_SLOW_TO_FAST, _SLOW_TO_FAST_IN_THE_DARK, strict=True)),

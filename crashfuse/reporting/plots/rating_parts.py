@@ -5,19 +5,21 @@ from collections.abc import Mapping
 import numpy as np
 import plotly.graph_objects as go
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.plots.canvas import add_line, new_figure
-from crashfuse.reporting.plots.curves import TEST, curve_line
+from crashfuse.reporting.plots.canvas import add_line, new_figure, room_for_names
+from crashfuse.reporting.plots.curves import TEST, curve_line, curve_lines
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, INK
 from crashfuse.reporting.plots.pulses import add_corridors
-from crashfuse.signals.pulse import Pulse
+from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import WEIGHTS, Rating
 from crashfuse.signals.rating_explanation import Compared, RatingExplanation
 from crashfuse.units import MS
 
 _OUTSIDE, _BEYOND = "#E69F00", "#C1121F"  # of a curve outside the inner and the outer corridor
-_DOMAINS = ((0.67, 1.0), (0.45, 0.62), (0.225, 0.395), (0.0, 0.17))
+_LAST = 2000  # in the legend, where 1000 is usual
+_DOMAINS = ((0.67, 0.985), (0.45, 0.62), (0.225, 0.395), (0.0, 0.17))
 """Of the rows, from the top, as shares of the height."""
 
 
@@ -41,15 +43,26 @@ def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
     return figure
 
 
-def rated_curves(explanation: RatingExplanation, approach: str, display: Display = DEFAULT) -> go.Figure:
+def rated_curves(
+    explanation: RatingExplanation,
+    approach: str,
+    display: Display = DEFAULT,
+    further: Mapping[str, Prediction] | None = None,
+) -> go.Figure:
     """Stack what the four scores compare over one time axis: as it stands, shifted, warped, and the slopes.
 
     In the first row the corridors are shaded, the prediction is marked where it leaves them, and humps have their
-    numbers: at the test, and at the prediction where it has the same hump.
+    numbers: at the test, and at the prediction where it has the same hump. Further pulses, by their labels, stand there
+    as well.
     """
-    figure = new_figure(height=980)
+    further = further or {}
+    figure = new_figure(height=980 + room_for_names([TEST, approach, *further]))
     curves, scale = explanation.compared, display.accel_scale
     add_corridors(figure, Pulse(curves.time_s, curves.reference), display)
+    lines, rated = curve_lines(further), np.flatnonzero(explanation.window_ms > GRID_S / MS)
+    for name, pulse in further.items():  # behind what is rated
+        accel = pulse.accel_mps2[rated] * scale
+        add_line(figure, GRID_S[rated] / MS, accel, name=name, line=lines[name], legendrank=_LAST)
     _draw(figure, curves, approach, scale, row=1)
     distance = np.abs(curves.comparison - curves.reference)
     for name, colour, half_mps2 in (
@@ -76,7 +89,6 @@ def rated_curves(explanation: RatingExplanation, approach: str, display: Display
         **layout,
         hoversubplots="axis",
         xaxis={"anchor": f"y{len(_DOMAINS)}", "range": [0, explanation.window_ms]},
-        legend={"y": 1.035},
         margin={"t": 96},
     )
     return figure

@@ -79,9 +79,10 @@ class Comparison:
         """By approach."""
         return {estimate.approach: estimate.prediction for estimate in self.fold.estimates}
 
-    def choose_curves(self) -> Shown:
-        """Let the user choose the curves of a figure, and what is shown beside them."""
-        return choose_curves(self.view, self.predictions, self.recommended, self.test.condition, self.test.id)
+    def choose_curves(self, offered: Sequence[str] | None = None) -> Shown:
+        """Let the user choose the curves of a figure, of those that are offered, and what is shown beside them."""
+        known = self.predictions
+        return choose_curves(self.view, known, self.recommended, self.test.condition, self.test.id, offered)
 
     def plot(self, figure: str, shown: Shown, *, corridors: bool = False, notes: Sequence[Note] = ()) -> go.Figure:
         """A figure of the test with the curves that were chosen."""

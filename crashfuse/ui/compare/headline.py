@@ -18,16 +18,11 @@ def show(comparison: Comparison) -> None:
     if (advice := comparison.advice) is None:
         return
     rated = comparison.fold.ratings[advice.approach][comparison.window_ms].overall
-    first, *reasons = advice.sentences
-    icon = "lightbulb"
-    if advice.expected is not None:  # the test is known by now
-        use = first.partition(". ")[0]
-        first, reasons = f"{use}. {advice.expected.outcome(rated)}", [advice.expected.sentence, *reasons]
-        icon = "warning" if advice.expected.is_missed_by(rated) else icon
+    missed = advice.expected is not None and advice.expected.is_missed_by(rated)
     beside = []
     if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
         beside.append(repeat.sentence(rated, LABELS[advice.approach]))
-    explanations.show_recommendation([first, *reasons], beside, icon)
+    explanations.show_recommendation(advice.after(rated), beside, "warning" if missed else "lightbulb")
 
 
 def _row(comparison: Comparison) -> str:

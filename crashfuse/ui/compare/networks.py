@@ -1,5 +1,6 @@
 """The networks before and after fine-tuning on tests, and how they were trained."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -8,6 +9,8 @@ import streamlit as st
 
 from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.reporting.plots.canvas import share_y_range
+from crashfuse.reporting.plots.curves import TEST
+from crashfuse.ui.beside import Shown
 from crashfuse.ui.compare.comparison import Comparison
 from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure, show_figure
@@ -30,12 +33,15 @@ def show(comparison: Comparison) -> None:
     if not states:
         st.info("No approach with a network is known here yet.", icon=":material/info:")
         return
-    choice = choose("Figure", [_BEFORE_AND_AFTER, _LEARNING], key="networks")
+    with st.container(horizontal=True, vertical_alignment="center"):
+        choice = choose("Figure", [_BEFORE_AND_AFTER, _LEARNING], key="networks")
+        if choice == _BEFORE_AND_AFTER:
+            curves = comparison.choose_curves([TEST, *({BASELINE} & {*comparison.predictions})])
     columns = st.columns(2, gap="medium")
     if choice == _BEFORE_AND_AFTER:
         for column, name in zip(columns, states, strict=False):
             with column:
-                _show_beside_the_cae(comparison, name)
+                _show_beside_the_cae(comparison, name, curves)
         return
     st.caption("Both learning curves are kept with the predictions, and written to study.json.")
     name = "time_domain" if "time_domain" in states else "lf_tcn"
@@ -63,30 +69,27 @@ def show(comparison: Comparison) -> None:
             show_figure(plot("fine-tuning"), alt="Loss over steps")
 
 
-def _show_beside_the_cae(comparison: Comparison, name: str) -> None:
+def _show_beside_the_cae(comparison: Comparison, name: str, curves: Shown) -> None:
     fold = comparison.fold
     rating = fold.ratings[name][comparison.window_ms]
     st.markdown(f"**{_TITLES[name]}** · {LABELS[name]} {rating.overall:.3f}, {rating.grade.lower()}")
     show_cached_figure(
-        lambda: _beside_the_cae(comparison)[name],
+        lambda: _beside_the_cae(comparison, curves)[name],
         f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}",
         name,
         comparison.key,
+        curves.key,
         name=file_name(fold.held_out, "CAE and", LABELS[name], *comparison.view.display.in_names),
     )
     st.caption(_MEANING[name])
 
 
-def _beside_the_cae(comparison: Comparison) -> dict[str, go.Figure]:
+def _beside_the_cae(comparison: Comparison, curves: Shown) -> dict[str, go.Figure]:
     """The figures before and after fine-tuning, with a common y range."""
-    known, study, display = comparison.predictions, comparison.study, comparison.view.display
     figures = {
-        name: study.plot(
-            comparison.test.id, "acceleration", approaches=[own for own in (BASELINE, name) if own in known],
-            display=display,
-        )
+        name: comparison.plot("acceleration", replace(curves, approaches=(*curves.approaches, name), band=name))
         for name in _TITLES
-        if name in known
-    }  # fmt: skip
+        if name in comparison.predictions
+    }
     share_y_range(figures.values())
     return figures

@@ -24,7 +24,9 @@ def show(comparison: Comparison) -> None:
         found = _account(comparison.key, comparison.advice.approach, comparison)
         if found.disappoints or (found.departure is not None and found.departure.apart):
             explanations.show_account(found.sentences[1:], missed=found.disappoints)
-    approach = _choose_approach(comparison)
+    with st.container(horizontal=True, vertical_alignment="center"):
+        approach = _choose_approach(comparison)
+        curves = comparison.choose_curves(offered=())
     explanation = comparison.fold.explained(approach, comparison.window_ms)
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
     head, _, reason = said["overall"].partition(". ")
@@ -34,9 +36,9 @@ def show(comparison: Comparison) -> None:
     alt = f"The four scores of every prediction of test {test.id}, as bars"
     show_cached_figure(lambda: comparison.study.plot(test.id, "scores", display=display), alt, "parts", comparison.key)
     show_cached_figure(
-        lambda: comparison.study.plot(test.id, "rating", approaches=[approach], display=display),
+        lambda: comparison.study.plot(test.id, "rating", approaches=[approach], also=curves.also, display=display),
         f"Test {test.id} and its prediction by {LABELS[approach]}: in the corridors, shifted, warped, and their slopes",
-        "rated curves", approach, comparison.key,
+        "rated curves", approach, comparison.key, curves.key,
     )  # fmt: skip
     with st.expander("Humps, and stretches outside the corridor, in numbers", icon=":material/table:"):
         show_table(humps_table(explanation, display), "humps")

@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from crashfuse.approaches.base import Prediction
+from crashfuse.condition import Condition
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.rating_parts import rated_curves, rating_parts
+from crashfuse.signals.pulse import GRID_S
 from crashfuse.signals.rating import Rating
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.units import G
@@ -55,6 +58,19 @@ def test_the_prediction_is_marked_only_where_it_leaves_the_corridor(explanation:
     np.testing.assert_array_equal(np.isfinite(marked.y), outside)
     beyond = any(own.beyond_outer for own in explanation.excursions)
     assert any(trace.name == "Outside the outer corridor" for trace in figure.data) == beyond
+
+
+def test_further_pulses_stand_behind_the_first_row(explanation: RatingExplanation) -> None:
+    """Over the rated window, named last."""
+    further = {"T03 · 26.0 mph": Prediction(Condition(11.0, 900.0, 700.0), np.linspace(0.0, -20.0 * G, GRID_S.size))}
+    plain, figure = rated_curves(explanation, "fused"), rated_curves(explanation, "fused", further=further)
+    assert len(figure.data) == len(plain.data) + 1
+    names = [trace.name for trace in figure.data]
+    added = figure.data[names.index("T03 · 26.0 mph")]
+    assert names.index(added.name) < names.index("Test")
+    assert added.legendrank > 1000
+    assert added.x.max() < 70.0
+    np.testing.assert_allclose(added.y, -20.0 * added.x / (GRID_S[-1] * 1e3), rtol=1e-5, atol=1e-6)
 
 
 def test_the_same_hump_has_the_same_number_in_both_curves(explanation: RatingExplanation) -> None:
