@@ -135,6 +135,7 @@ CHOICES: dict[str, Choice] = {
     "second": Choice(pages=("history",)),
     "compared_way": Choice(pages=("history",)),
     "compared_approach": Choice(pages=("history",)),
+    "certify_tab": Choice(pages=("certify",)),
     "cell": Choice(pages=("certify",)),
     "record": Choice(pages=("certify",)),
 }

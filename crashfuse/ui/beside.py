@@ -112,7 +112,7 @@ def without_clicks(figure: go.Figure) -> go.Figure:
     return figure.update_layout(legend={"itemclick": False, "itemdoubleclick": False})
 
 
-def _pills(known: list[str]) -> Callable[[str, Callable[[], None]], object]:
+def _pills(known: Sequence[str]) -> Callable[[str, Callable[[], None]], object]:
     return lambda key, keep: st.pills(
         "Curves", known, selection_mode="multi", format_func=_curve_label, key=key, on_change=keep, width="content",
         help="The choice stays, whatever else you change, and is in the link.",

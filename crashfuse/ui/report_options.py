@@ -19,10 +19,11 @@ _HELP = (
 def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
     """Ask for the form of the report and, of several tests, which are shown one by one."""
     with st.container(horizontal=True, vertical_alignment="bottom"):
-        form: ReportForm = st.segmented_control(
+        st.segmented_control(
             "Report", REPORT_FORMS, required=True, format_func=_LABELS.__getitem__,
             key="report_form", persist_state="session", help=_HELP,
         )  # fmt: skip
+        form: ReportForm = st.session_state["report_form"]
         shown: list[str] = []
         if len(tests) > 1:
             shown = kept_choice("report_tests", tests, _multiselect(tests, form))

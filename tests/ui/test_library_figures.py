@@ -124,10 +124,11 @@ def test_on_certify(open_campaign: Path, visit: "Visit") -> None:
     session = opened(visit, "certify", "Certify", approach="displacement_domain")
     paths = open_campaign / "criteria.toml", open_campaign / "matrix.csv"
     verdicts = certify(load_campaign(open_campaign), *paths, approach="displacement_domain", workers=1)
-    for choice, record in (("What left-out tests showed", "record"), ("Are the probabilities right?", "reliability")):
-        session.app.button_group(key="record").set_value(choice)
-        names = "verdicts", record, "domain"
-        assert drawn(session.run()) == traces(*(verdicts.plot(name, display=SHOWN) for name in names))
+    for tab, figure in (("Verdicts", "verdicts"), ("Validated domain", "domain"), ("Track record", "record")):
+        session.app.button_group(key="certify_tab").set_value(tab)
+        assert drawn(session.run()) == traces(verdicts.plot(figure, display=SHOWN))
+    session.app.button_group(key="record").set_value("Are the probabilities right?")
+    assert drawn(session.run()) == traces(verdicts.plot("reliability", display=SHOWN))
 
 
 def test_on_an_import(open_campaign: Path, visit: "Visit", tmp_path: Path) -> None:

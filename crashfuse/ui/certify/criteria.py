@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria
 from crashfuse.certification.criteria_file import criteria_of, read_criteria
@@ -14,7 +15,7 @@ from crashfuse.errors import DataError
 from crashfuse.signals.metrics import METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
 from crashfuse.ui import address
-from crashfuse.ui.certify.files import show_wrong, uploaded
+from crashfuse.ui.certify.uploaded import show_wrong, uploaded
 from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
 
@@ -51,8 +52,11 @@ class _Editor:
     round: int = 0
 
 
-def choose_criteria(view: View) -> Criteria | None:
-    """Ask for criteria and confidence; None while there are none or some cannot be judged, which is said here."""
+def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator) -> Criteria | None:
+    """Ask for criteria and confidence; None while there are none or some cannot be judged, which is said here.
+
+    The confidence stands ``beside`` other choices, and how criteria are declared in a place of its own.
+    """
     state, display, wrong = st.session_state, view.display, _take_declared(view)
     labels = {name: display.heading(label) for name, label in _METRICS.items()}
     editor: _Editor = state.setdefault(_EDITOR, _Editor(_rows(())))
@@ -86,17 +90,15 @@ def choose_criteria(view: View) -> Criteria | None:
         },
         alt="Acceptance criteria: name, metric, window, and limits",
     )
-    below = st.container()
     rows = _converted(edited, lambda unit: 1 / display.units.factor(unit))
     state["criteria"] = editor.said = _texts(rows)
     address.publish()
-    left, right = st.columns([1, 2], gap="large")
-    confidence = left.number_input(
+    confidence = beside.number_input(
         "Confidence", min_value=0.5, max_value=0.999, step=0.01, format="%.3f", key="confidence",
         persist_state="session",
         help="A criterion counts as met from this probability, as not met from its complement, and is open between.",
     )  # fmt: skip
-    with right.expander("How criteria are declared, or brought as a file", icon=":material/help:"):
+    with help_in.popover("How criteria are declared, or brought as a file", icon=":material/help:"):
         st.markdown(
             "One row a criterion: a metric with its limit, `at least`, `at most`, or both, in the unit beside the "
             f"metric. In a file, `{_FILE}` in the campaign folder or uploaded here, with limits in place of the dots, "
@@ -116,7 +118,7 @@ def choose_criteria(view: View) -> Criteria | None:
         show_wrong(error)
         return None
     if own := _in_units_of_files(criteria, view):
-        below.caption(f"In the units of files: {plain('; '.join(own))}.")
+        st.caption(f"In the units of files: {plain('; '.join(own))}.")
     return criteria
 
 

@@ -1,30 +1,20 @@
-"""Uploaded criteria and matrices, and what is wrong with them."""
-
-import tempfile
-from collections.abc import Callable
-from pathlib import Path
-from typing import TypeVar
+"""Files of a certification: verdicts, their record, what was asked, and the report."""
 
 import streamlit as st
 
-from crashfuse.errors import CrashfuseError, DataError
-from crashfuse.ui.text import plain
-
-T = TypeVar("T")
-
-_MOST = 10  # sentences
-
-
-def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
-    """Read an uploaded file's content by a function of the library, which takes a path; messages give it this name."""
-    with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
-        path = Path(folder, name)
-        path.write_bytes(content)
-        return read(path)
+from crashfuse.certification.criteria_file import criteria_text
+from crashfuse.reporting.certification_tables import matrix_table
+from crashfuse.reporting.report import certification_report
+from crashfuse.ui.certify.judgement import Judgement
+from crashfuse.ui.downloads import download_bytes, download_report, download_table
 
 
-def show_wrong(error: CrashfuseError) -> None:
-    """Show what is wrong, a sentence each."""
-    sentences = [str(problem) for problem in error.problems] if isinstance(error, DataError) else [error.args[0]]
-    more = [f"{len(sentences) - _MOST} more like these."] if len(sentences) > _MOST else []
-    st.error("  \n".join(plain(sentence) for sentence in [*sentences[:_MOST], *more]), icon=":material/error:")
+def show(judgement: Judgement) -> None:
+    """Offer them; criteria and matrix ask for the same again."""
+    verdicts, certification = judgement.verdicts, judgement.certification
+    with st.container(horizontal=True):
+        download_table("certification.csv", lambda: verdicts.table)
+        download_table("track_record.csv", lambda: verdicts.track_record)
+        download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode())
+        download_table("matrix.csv", lambda: matrix_table(certification.matrix))
+        download_report(lambda: certification_report(certification, judgement.display))

@@ -15,7 +15,7 @@ from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.plots.display import Display
 from crashfuse.ui import address
 from crashfuse.ui.certify import kept_tables
-from crashfuse.ui.certify.files import show_wrong, uploaded
+from crashfuse.ui.certify.uploaded import show_wrong, uploaded
 from crashfuse.ui.figures import choose
 from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
@@ -32,9 +32,12 @@ def choose_matrix(view: View) -> Matrix | None:
     """Ask for the conditions; None while there are none or some are wrong, which is said here."""
     own = view.folder / _FILE
     sources = [_OWN, _UPLOAD, _GRID] if own.is_file() else [_UPLOAD, _GRID]
-    source = choose("Conditions from", sources, key="matrix", default=_OWN if own.is_file() else _GRID)
+    left, right = st.columns([2, 5], vertical_alignment="bottom")
+    with left:
+        source = choose("Conditions from", sources, key="matrix", default=_OWN if own.is_file() else _GRID)
     try:
-        matrix = _chosen(source, view)
+        with right:
+            matrix = _chosen(source, view)
     except CrashfuseError as error:
         show_wrong(error)
         return None
@@ -121,7 +124,8 @@ def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
         address.default(key, f"{usual} {unit}")
         values.append(_axis(column, label, key, units.unit(unit)))
     factors = {}
-    for column, (name, known) in zip(st.columns(max(len(campaign.factors), 3)), campaign.factors.items(), strict=False):
+    columns = st.columns(max(len(campaign.factors), 3)) if campaign.factors else []
+    for column, (name, known) in zip(columns, campaign.factors.items(), strict=False):
         key = f"grid_{name}"
         address.default(key, [])
         st.session_state[key] = [value for value in st.session_state[key] if value in known]

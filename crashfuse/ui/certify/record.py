@@ -1,7 +1,5 @@
 """What stands behind the verdicts on the Certify page: the record of left-out tests, and the validated domain."""
 
-from collections.abc import Hashable
-
 import pandas as pd
 import streamlit as st
 
@@ -15,7 +13,7 @@ from crashfuse.reporting.certification_sentences import (
 )
 from crashfuse.reporting.certification_tables import record_counts
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.verdicts import Verdicts
+from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
@@ -23,9 +21,10 @@ from crashfuse.ui.text import plain
 _MEASURED, _RELIABILITY = "What left-out tests showed", "Are the probabilities right?"
 
 
-def show_record(verdicts: Verdicts, display: Display, key: Hashable) -> None:
+def show(judgement: Judgement) -> None:
     """Show how often verdicts on left-out tests were wrong, by criterion, and how reliable the probabilities are."""
-    certification, record = verdicts.certification, verdicts.certification.record
+    verdicts, certification, display = judgement.verdicts, judgement.certification, judgement.display
+    record = certification.record
     st.markdown(
         "Every test was left out, alone and with all others at about its speed, got its verdicts from the remaining "
         "tests, and is compared with what was measured."
@@ -39,7 +38,7 @@ def show_record(verdicts: Verdicts, display: Display, key: Hashable) -> None:
             lambda: verdicts.plot("record", display=display),
             "Predicted and measured values of each left-out test by criterion, with intervals and limits",
             "record",
-            key,
+            judgement.key,
             display,
         )
         st.caption(
@@ -50,7 +49,7 @@ def show_record(verdicts: Verdicts, display: Display, key: Hashable) -> None:
             lambda: verdicts.plot("reliability"),
             "Share of left-out tests that met a criterion over the probability given, with exact bounds",
             "reliability",
-            key,
+            judgement.key,
         )
         st.caption(
             "Verdicts on left-out tests inside what the others check, in bins of probability; n is their number, the "
@@ -59,21 +58,22 @@ def show_record(verdicts: Verdicts, display: Display, key: Hashable) -> None:
         )
 
 
-def show_domain(verdicts: Verdicts, display: Display, key: Hashable) -> None:
+def show_domain(judgement: Judgement) -> None:
     """Show where predictions are checked, with the conditions of the matrix in it."""
+    verdicts, display = judgement.verdicts, judgement.display
     show_cached_figure(
         lambda: verdicts.plot("domain", display=display),
         "Speed against mass: the checked region, CAE runs, tests and the conditions of the matrix",
         "domain",
-        key,
+        judgement.key,
         display.system,
     )
     st.caption("  \n".join(plain(sentence) for sentence in domain_sentences(verdicts.certification.domain)))
 
 
-def show_exceptions(certification: Certification) -> None:
+def show_exceptions(judgement: Judgement) -> None:
     """List what has to be known against the verdicts."""
-    for subject, sentences in exceptions(certification).items():
+    for subject, sentences in exceptions(judgement.certification).items():
         st.markdown(f"**{plain(subject)}**\n" + "\n".join(f"- {plain(sentence)}" for sentence in sentences))
 
 

@@ -1,7 +1,5 @@
 """Verdicts on the Certify page: the matrix, one cell of it, and the table."""
 
-from collections.abc import Hashable
-
 import pandas as pd
 import streamlit as st
 from pandas.io.formats.style import Styler
@@ -15,7 +13,8 @@ from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import VERDICT_COLOURS
-from crashfuse.reporting.verdicts import Verdicts
+from crashfuse.ui import explanations
+from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.figures import show_clickable
 from crashfuse.ui.look import fill
 from crashfuse.ui.navigation import open_page
@@ -31,9 +30,9 @@ _MEANINGS = {
 }
 
 
-def show_verdicts(verdicts: Verdicts, display: Display, key: Hashable) -> None:
-    """Show the counts of verdicts, and the matrix in which a cell can be chosen."""
-    certification = verdicts.certification
+def show(judgement: Judgement) -> None:
+    """Show the counts of verdicts, the matrix in which a cell can be chosen, and all of them as a table."""
+    verdicts, certification, display = judgement.verdicts, judgement.certification, judgement.display
     counts, columns = verdict_counts(certification), st.columns(len(WORDS) + 1)
     for column, word in zip(columns, WORDS, strict=False):
         share = f"{100 * counts[word] / len(certification.cells):.0f} %"
@@ -54,14 +53,17 @@ def show_verdicts(verdicts: Verdicts, display: Display, key: Hashable) -> None:
             "Verdicts by condition and criterion; the same words are in the table below",
             lambda cell: st.session_state.update({_CELL: cell}),
             "verdict matrix",
-            key,
+            judgement.key,
             display,
         )
     st.caption("Numbers: probability that a test there would meet the criterion. Click a cell for its reason.")
     _show_cell(certification)
+    with st.expander("All verdicts as a table", icon=":material/table:"):
+        _show_table(certification, display)
+    explanations.show_terms(judgement.config)
 
 
-def show_table(certification: Certification, display: Display) -> None:
+def _show_table(certification: Certification, display: Display) -> None:
     """Show verdicts of chosen kinds, one row a condition and criterion."""
     words = st.pills("Verdicts", WORDS, selection_mode="multi", key="verdicts", persist_state="session")
     table = without_formulas(_table(certification, display))  # the page offers it as CSV
