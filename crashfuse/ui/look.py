@@ -6,7 +6,7 @@ from crashfuse.reporting.plots.palette import IN_THE_DARK, MEASURED_COLOUR
 
 STYLE = """<style>
 /* Streamlit writes white on the accent colour, which is too light for it in the dark theme */
-button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsContainer"] [data-baseweb="tag"] * {
+button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsContainer"] :is([data-tag], [data-tag] *) {
   color: light-dark(#FFFFFF, #14181F) }
 /* the first screen belongs to the figure */
 [data-testid="stMainBlockContainer"] { padding-inline: clamp(1rem, 3vw, 5rem) }
