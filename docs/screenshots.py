@@ -33,7 +33,7 @@ _SHOTS = {  # page, height that shows it, theme, button that starts the computat
     "compare": ("compare", 1200, "light", "Predict test", "Use the"),
     "study": ("study", 1240, "light", "Leave out each", "Use the"),
     "predict": ("predict", 1280, "light", "Predict", "Use the"),
-    "certify": ("certify", 1180, "light", "Certify", "Validated domain"),
+    "certify": ("certify", 1340, "light", "Certify", "Validated domain"),
     _NO_PICTURE: ("study?seed=1", 1240, "light", "Leave out each", "Use the"),
     "history": ("history", 1420, "light", None, "Each test"),
     "compare-dark": ("compare", 1200, "dark", None, "Use the"),

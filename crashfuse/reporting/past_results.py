@@ -9,7 +9,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult
 
-_LEFT_OUT = {"test": "alone", "speed group": "speed group", "both": "alone; speed group"}
+_LEFT_OUT = {"test": "alone", "speed group": "speed group", "both": "alone, group"}
 
 
 def history_table(results: Iterable[PastResult], display: Display = DEFAULT) -> pd.DataFrame:
@@ -110,7 +110,7 @@ def _row(result: PastResult, display: Display) -> dict[str, str]:
 
 def _what(result: PastResult, display: Display) -> str:
     if result.condition is not None:
-        return f"prediction at {display.briefly(result.condition)}"
+        return f"at {display.briefly(result.condition)}"
     return f"test {result.tests[0]}" if len(result.tests) == 1 else f"study of {len(result.tests)} tests"
 
 
