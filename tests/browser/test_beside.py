@@ -63,7 +63,7 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     field = user.find('input[aria-label="Impact speed (mph)"]')
     field.send_keys(Keys.CONTROL, "a")
     field.send_keys("34", Keys.ENTER)
-    user.sees("34.0 mph")
+    user.find('[aria-label*="34.0 mph, front"]')
     user.press("Pin this prediction")
     user.wait(lambda: "pins=34mph" in user.browser.current_url)
     field = user.find('input[aria-label="Impact speed (mph)"]')
