@@ -6,6 +6,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from uuid import uuid4
 
 import pandas as pd
 import pytest
@@ -87,8 +88,8 @@ def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
 
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No test reads or writes the user's cache."""
-    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.mktemp("cache")))
+    """No test reads or writes the user's cache; the folder is made by whoever needs it, as most tests do not."""
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.getbasetemp() / "caches" / uuid4().hex))
 
 
 @pytest.fixture(autouse=True)
@@ -99,16 +100,17 @@ def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("crashfuse.certification.forecast._RATED_DRAWS", 5)
 
 
-@pytest.fixture(scope="module")
-def module_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for the cache of a whole test module."""
-    return tmp_path_factory.mktemp("cache")
+@pytest.fixture(scope="session")
+def shared_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for the cache of all tests that do not mind who has learned what they need, in whatever process."""
+    folder = tmp_path_factory.getbasetemp()
+    return (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "cache"
 
 
 @pytest.fixture
-def one_cache(own_cache: None, module_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001
-    """What one test of a module has learned the next one finds."""
-    monkeypatch.setenv("CRASHFUSE_CACHE", str(module_cache))
+def one_cache(own_cache: None, shared_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001
+    """What one test has learned the next one finds."""
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(shared_cache))
 
 
 @pytest.fixture(scope="module")

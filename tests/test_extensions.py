@@ -31,26 +31,24 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return there
 
 
-def run(installed: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    """Python with crashfuse and the package."""
-    path = os.pathsep.join([str(ROOT), str(installed)])
-    environment = {**os.environ, "PYTHONPATH": path}
-    return subprocess.run(
-        [sys.executable, *arguments], cwd=ROOT, env=environment, capture_output=True, text=True, encoding="utf-8"
-    )
-
-
 SHOW = """
 import scaled_cae.polar  # before crashfuse, which then does not look for what is half there
 import contextlib, io, json, os, sys
+import pytest
+
+folder, place, *tests = sys.argv[1:]
+wanted = "test_contracts or (TestCareless and (foreign or nothing_at_all or sound))"
+with contextlib.redirect_stdout(io.StringIO()) as said:
+    pytest.main(["-v", "-p", "no:cacheprovider", "-c", os.devnull, "-k", wanted, *tests])
+
 import crashfuse
 from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES, create
 from crashfuse.approaches.settings import Settings
 from crashfuse.readers.formats import FORMATS
 
-folder, place = sys.argv[1:]
-shown = {"known": ["scaled_cae" in APPROACHES, "polar" in FORMATS, "broken" in APPROACHES]}
+shown = {"tested": said.getvalue()}
+shown["known"] = ["scaled_cae" in APPROACHES, "polar" in FORMATS, "broken" in APPROACHES]
 
 
 def command(name, *arguments):
@@ -97,22 +95,39 @@ print(json.dumps(shown))
 """
 
 
+CARELESS = """
+import pytest
+import scaled_cae.polar
+import test_contracts
+
+
+class TestCareless(test_contracts.TestPolar):
+    @pytest.fixture(autouse=True)
+    def careless(self, monkeypatch):
+        monkeypatch.setattr(scaled_cae.polar, "_record", lambda name, content: 1 / 0)
+"""
+
+
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a test in the package's format, and two files that its readers break on."""
+    """A folder with a test in the package's format, two files that its readers break on, tests of a careless one."""
     folder = tmp_path_factory.mktemp("place")
     time_s = np.arange(-500, 1500) * 1e-4
     accel_g = -36 * np.sin(np.pi * time_s / 0.07) * ((time_s > 0) & (time_s < 0.07))
     (folder / "P2.polar").write_bytes(np.column_stack([time_s, accel_g]).tobytes())
     (folder / "P1.polar").write_bytes(b"123")
     (folder / "P1.lost").write_bytes(b"123")
+    (folder / "test_careless.py").write_text(CARELESS, encoding="utf-8")
     return folder
 
 
 @pytest.fixture(scope="module")
 def shown(installed: Path, place: Path, campaign_on_disk: Path) -> dict[str, Any]:
-    """What one process shows of the package, and says of it where it breaks."""
-    done = run(installed, "-c", SHOW, str(campaign_on_disk), str(place))
+    """What one process with crashfuse and the package shows of it: its own tests, then all else, faults last."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(installed)])}
+    tests = DATA / "scaled_cae" / "tests", place / "test_careless.py"
+    command = [sys.executable, "-c", SHOW, *map(str, (campaign_on_disk, place, *tests))]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, encoding="utf-8")
     assert done.returncode == 0, done.stderr
     found: dict[str, Any] = json.loads(done.stdout)
     return found
@@ -172,37 +187,14 @@ def test_so_is_what_breaks_in_its_readers(shown: dict[str, Any], place: Path) ->
     assert told["broken reader by name"].startswith(f"crashfuse: {lost}attribute 'LOST'.")
 
 
-CARELESS = """
-import pytest
-import scaled_cae.polar
-import test_contracts
-
-
-class TestCareless(test_contracts.TestPolar):
-    @pytest.fixture(autouse=True)
-    def careless(self, monkeypatch):
-        monkeypatch.setattr(scaled_cae.polar, "_record", lambda name, content: 1 / 0)
-"""
-
-
-@pytest.fixture(scope="module")
-def tested(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
-    """What pytest says of the package's own tests, and of some of them where its reader is careless."""
-    own, careless = DATA / "scaled_cae" / "tests", tmp_path_factory.mktemp("careless") / "test_careless.py"
-    careless.write_text(CARELESS, encoding="utf-8")
-    wanted = "test_contracts or (TestCareless and (foreign or nothing_at_all or sound))"
-    tests = (str(own), str(careless), "-c", os.devnull, "-k", wanted)
-    return run(installed, "-m", "pytest", "-v", "-p", "no:cacheprovider", *tests).stdout
-
-
-def test_its_own_tests_hold_it_to_both_contracts(tested: str) -> None:
+def test_its_own_tests_hold_it_to_both_contracts(shown: dict[str, Any]) -> None:
     """Ten tests of an approach and ten of a reader, one of which has nothing to test in this format."""
-    ended = re.findall(r"::Test(?:ScaledCae|Polar)::\S+ ([A-Z]+)", tested)
-    assert Counter(ended) == {"PASSED": 19, "SKIPPED": 1}, tested
+    ended = re.findall(r"::Test(?:ScaledCae|Polar)::\S+ ([A-Z]+)", shown["tested"])
+    assert Counter(ended) == {"PASSED": 19, "SKIPPED": 1}, shown["tested"]
 
 
-def test_a_reader_that_breaks_is_found_out_by_the_contract(tested: str) -> None:
+def test_a_reader_that_breaks_is_found_out_by_the_contract(shown: dict[str, Any]) -> None:
     """Its fault would be told to users in a sentence; to its authors it is a test that fails."""
-    ended = re.findall(r"::TestCareless::test_\w*(?:foreign|nothing_at_all|sound)\S* ([A-Z]+)", tested)
-    assert ended == ["FAILED"] * 4, tested
-    assert "the reader of the package scaled-cae failed: ZeroDivisionError: division by zero" in tested
+    ended = re.findall(r"::TestCareless::test_\w*(?:foreign|nothing_at_all|sound)\S* ([A-Z]+)", shown["tested"])
+    assert ended == ["FAILED"] * 4, shown["tested"]
+    assert "the reader of the package scaled-cae failed: ZeroDivisionError: division by zero" in shown["tested"]

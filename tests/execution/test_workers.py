@@ -198,7 +198,7 @@ def _wait(what: Callable[[], bool]) -> None:
 
 @pytest.fixture(scope="module")
 def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
-    """A scheduler with two workers."""
+    """A scheduler with two workers, which one test after the other takes apart."""
     started = Dask.start(tmp_path_factory.mktemp("dask"))
     started.add("one", "two")
     yield started
@@ -254,7 +254,6 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_only_what_it_was_at(
     with connected(dask.address) as workers:
         assert done_by(workers, fatal_once(deaths), campaign, tmp_path) == TASKS
     assert sum(process.poll() is None for process in dask.workers.values()) == 1
-    dask.add("one again")
 
 
 @pytest.mark.slow
@@ -270,44 +269,33 @@ def test_a_worker_with_other_versions_is_refused(
 
 @pytest.mark.slow
 def test_a_cluster_without_workers_is_waited_for_in_vain(
-    campaign: Campaign, tmp_path: Path, deaths: Path, monkeypatch: pytest.MonkeyPatch
+    campaign: Campaign, dask: Dask, tmp_path: Path, deaths: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If none is there, and if the last one dies in mid-study, a sentence says so before long."""
-    monkeypatch.setattr(cluster, "_WORKER_S", 0.5)
+    """If the last one dies in mid-study, and if none is there, a sentence says so before long."""
+    with connected(dask.address) as workers:
+        monkeypatch.setattr(cluster, "_WORKER_S", 0.5)
+        with pytest.raises(CrashfuseError, match=r"has no worker.*--resume"):
+            done_by(workers, fatal_once(deaths, lives=2), campaign, tmp_path / "cache")
     monkeypatch.setattr(cluster, "_ANSWER_S", 2.0)
-    alone = Dask.start(tmp_path)
-    try:
-        with pytest.raises(CrashfuseError, match="has no worker"):
-            run_study(campaign, CONFIG, scheduler=alone.address)
-        monkeypatch.setattr(cluster, "_WORKER_S", 30.0)
-        alone.add("one")
-        with connected(alone.address) as workers:
-            monkeypatch.setattr(cluster, "_WORKER_S", 0.5)
-            with pytest.raises(CrashfuseError, match=r"has no worker.*--resume"):
-                done_by(workers, fatal_once(deaths), campaign, tmp_path / "cache")
-    finally:
-        alone.stop()
+    with pytest.raises(CrashfuseError, match="has no worker"):
+        run_study(campaign, CONFIG, scheduler=dask.address)
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, tmp_path: Path) -> None:
-    """A sentence says how to go on."""
-    mortal = Dask.start(tmp_path)
-    try:
-        mortal.add("one")
-        with connected(mortal.address) as workers:
+def test_a_scheduler_that_dies_ends_the_study(campaign: Campaign, dask: Dask, tmp_path: Path) -> None:
+    """A sentence says how to go on. This is the last test of the cluster."""
+    dask.add("the last")
+    with connected(dask.address) as workers:
 
-            def work(campaign: Campaign, task: str, cache: Cache, watch: Watch) -> list[str]:  # noqa: ARG001
-                return [task]
+        def work(campaign: Campaign, task: str, cache: Cache, watch: Watch) -> list[str]:  # noqa: ARG001
+            return [task]
 
-            found = workers.completed(work, campaign, TASKS, Cache(tmp_path / "cache"), SILENT)
-            while not next(found):
-                pass
-            mortal.scheduler.kill()
-            with pytest.raises(CrashfuseError, match=r"scheduler at tcp://\S+ is gone.*--resume"):
-                list(found)
-    finally:
-        mortal.stop()
+        found = workers.completed(work, campaign, TASKS, Cache(tmp_path / "cache"), SILENT)
+        while not next(found):
+            pass
+        dask.scheduler.kill()
+        with pytest.raises(CrashfuseError, match=r"scheduler at tcp://\S+ is gone.*--resume"):
+            list(found)
 
 
 @pytest.mark.slow

@@ -39,18 +39,18 @@ def matrix(campaign: Campaign, *speeds_mph: float) -> Matrix:
 
 
 @pytest.fixture(scope="module")
-def certification(campaign: Campaign, module_cache: Path) -> Certification:
+def certification(campaign: Campaign, shared_cache: Path) -> Certification:
     """Verdicts of the raw CAE model at three speeds: the first too slow for OLC, the last outside."""
     asked = matrix(campaign, 20.0, 30.0, 70.0)
     config = StudyConfig(approaches=("cae",))
-    return certify_matrix(campaign, CRITERIA, asked, config, cache=Cache(module_cache), workers=1)
+    return certify_matrix(campaign, CRITERIA, asked, config, cache=Cache(shared_cache), workers=1)
 
 
 @pytest.fixture(scope="module")
-def text(certification: Certification, module_cache: Path) -> str:
+def text(certification: Certification, shared_cache: Path) -> str:
     """Its report."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("CRASHFUSE_CACHE", str(module_cache))
+        patch.setenv("CRASHFUSE_CACHE", str(shared_cache))
         return certification_report(certification)
 
 
@@ -155,11 +155,11 @@ def test_the_domain_is_told_in_numbers(certification: Certification) -> None:
     assert "5.0 mph above the fastest" in reach
 
 
-def test_a_single_test_makes_a_dossier_that_says_so(campaign: Campaign, module_cache: Path) -> None:
+def test_a_single_test_makes_a_dossier_that_says_so(campaign: Campaign, shared_cache: Path) -> None:
     """No record, no figures of one, no table of repeats; everything outside."""
     alone = replace(campaign, tests=campaign.tests[:1])
     config = StudyConfig(approaches=("cae",))
-    found = certify_matrix(alone, CRITERIA, matrix(campaign, 20.0), config, cache=Cache(module_cache), workers=1)
+    found = certify_matrix(alone, CRITERIA, matrix(campaign, 20.0), config, cache=Cache(shared_cache), workers=1)
     text = certification_report(found)
     assert "There is no record: with a single test, none can be left out." in text
     assert "How well tests repeat" not in headings(text)

@@ -23,9 +23,9 @@ CONFIG = StudyConfig(approaches=("cae", "displacement_domain"), windows_ms=(40.0
 
 
 @pytest.fixture(scope="module")
-def finished(campaign: Campaign, module_cache: Path) -> Study:
+def finished(campaign: Campaign, shared_cache: Path) -> Study:
     """Two tests left out, alone and with their speed groups."""
-    return run_study(campaign, CONFIG, held_out=["T2", "T4"], cache=Cache(module_cache), workers=1)
+    return run_study(campaign, CONFIG, held_out=["T2", "T4"], cache=Cache(shared_cache), workers=1)
 
 
 @pytest.fixture
@@ -50,9 +50,9 @@ def test_a_study_is_found_again_with_every_rating(finished: Study, past: PastRes
     assert found.worst("cae", 60.0)[0] == min(rated, key=lambda test: rated[test])
 
 
-def test_a_prediction_is_found_again_with_its_condition(campaign: Campaign, module_cache: Path) -> None:
+def test_a_prediction_is_found_again_with_its_condition(campaign: Campaign, shared_cache: Path) -> None:
     """Speed and weights to nine digits, in whatever unit they were given."""
-    fit = Fit.of(campaign, "displacement_domain", CONFIG, cache=Cache(module_cache))
+    fit = Fit.of(campaign, "displacement_domain", CONFIG, cache=Cache(shared_cache))
     asked = Condition(31.7 * MPH, 910.0, 790.5, (("drive", "2 wheels"),))
     past = PastResult.of_prediction(campaign, [fit.estimate(asked)], CONFIG)
     keep(past)

@@ -51,6 +51,12 @@ def _checkpoints() -> int:
     return len(list((Cache().folder / "checkpoints").glob("*.bin")))
 
 
+@pytest.fixture(scope="module")
+def undisturbed(campaign: Campaign) -> LfTcn:
+    """A training that nothing stopped."""
+    return LfTcn(SMALL).fit(campaign)
+
+
 @pytest.fixture
 def every_step(monkeypatch: pytest.MonkeyPatch) -> None:
     """Report and save after each step."""
@@ -61,9 +67,8 @@ def every_step(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("every_step")
 @pytest.mark.slow
-def test_a_training_that_was_killed_goes_on_from_its_last_checkpoint(campaign: Campaign) -> None:
+def test_a_training_that_was_killed_goes_on_from_its_last_checkpoint(campaign: Campaign, undisturbed: LfTcn) -> None:
     """In mid-epoch, with dropout: no step is done twice, weights and curve are those of an undisturbed run."""
-    undisturbed = LfTcn(SMALL).fit(campaign)
     with pytest.raises(Killed):
         LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(_dies_at("Training LF TCN", 17)))
     assert _checkpoints() == 1
@@ -143,7 +148,7 @@ def test_a_damaged_checkpoint_is_not_taken(campaign: Campaign) -> None:
 )
 @pytest.mark.slow
 def test_a_checkpoint_of_something_else_is_not_taken(
-    campaign: Campaign, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Entry], Entry]
+    campaign: Campaign, undisturbed: LfTcn, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Entry], Entry]
 ) -> None:
     """Its checksum is right and its content is not: the training begins anew, and nothing of it remains."""
     _cancel_at_once(LfTcn(SMALL, cache=Cache()), campaign)
@@ -152,8 +157,7 @@ def test_a_checkpoint_of_something_else_is_not_taken(
     reports: list[Progress] = []
     trained = LfTcn(SMALL, cache=Cache()).fit(campaign, Watch(reports.append))
     assert reports[0].done == 0
-    monkeypatch.undo()
-    assert _bits(trained.network_) == _bits(LfTcn(SMALL).fit(campaign).network_)
+    assert _bits(trained.network_) == _bits(undisturbed.network_)
 
 
 def test_without_a_cache_nothing_is_left_on_disk(campaign: Campaign) -> None:
