@@ -94,6 +94,7 @@ def _shown(page: str) -> list[re.Match[str]]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("one_cache")
 @pytest.mark.parametrize("page", [page for page in PAGES if _shown(page)])
 def test_what_a_page_shows_is_what_is_printed(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On the sample campaign: all commands whose output is shown, and the code above them."""
