@@ -92,12 +92,14 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Monk
     monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path_factory.getbasetemp() / "caches" / uuid4().hex))
 
 
-@pytest.fixture(autouse=True)
-def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def few_draws() -> Iterator[None]:
     """Few draws of a band are rated: of a small study all of them would take longer than all else together."""
-    monkeypatch.setattr("crashfuse.study.repeatability._N_DRAWS", 10)
-    monkeypatch.setattr("crashfuse.study.fold._RATED_DRAWS", 10)
-    monkeypatch.setattr("crashfuse.certification.forecast._RATED_DRAWS", 5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("crashfuse.study.repeatability._N_DRAWS", 10)
+        patch.setattr("crashfuse.study.fold._RATED_DRAWS", 10)
+        patch.setattr("crashfuse.certification.forecast._RATED_DRAWS", 5)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -124,7 +124,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def shown(installed: Path, place: Path, campaign_on_disk: Path) -> dict[str, Any]:
     """What one process with crashfuse and the package shows of it: its own tests, then all else, faults last."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(installed)])}
+    path = os.pathsep.join([str(ROOT), str(installed)])
+    environment = {**os.environ, "PYTHONPATH": path, "CRASHFUSE_CACHE": str(place / "cache")}
     tests = DATA / "scaled_cae" / "tests", place / "test_careless.py"
     command = [sys.executable, "-c", SHOW, *map(str, (campaign_on_disk, place, *tests))]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, encoding="utf-8")

@@ -56,7 +56,7 @@ def run(program: Path, *arguments: str) -> str:
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=program,
-        env={**os.environ, "PYTHONPATH": str(program)},
+        env={**os.environ, "PYTHONPATH": str(program), "CRASHFUSE_CACHE": str(program / "cache")},
         capture_output=True,
         text=True,
         encoding="utf-8",
