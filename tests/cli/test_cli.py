@@ -296,7 +296,7 @@ def test_a_name_that_the_terminal_cannot_show_is_no_traceback(
     with TextIOWrapper(BytesIO(), encoding="ascii") as terminal, monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", terminal)
         assert cli.main(["check", str(campaign_folder)]) == cli.DONE
-        assert terminal.buffer.getvalue().startswith(b"\\u540d\\u524d: 4 tests, 24 CAE runs.")  # type: ignore[attr-defined]
+        assert terminal.buffer.getvalue().startswith(b"\\u540d\\u524d: 4 tests, 24 CAE runs.")
 
 
 def test_memory_that_runs_out_is_a_sentence(
