@@ -1,4 +1,4 @@
-"""The fused approach: both domains and the raw CAE, with weights learned from left-out tests (beyond the paper)."""
+"""The fused approach: all that predicts a test, and the raw CAE, with weights learned from left-out tests."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,6 +14,7 @@ from crashfuse.approaches.fused.components import COMPONENTS, Component, Tests, 
 from crashfuse.approaches.fused.prior import PRIOR, SPREAD, STRENGTH
 from crashfuse.approaches.fused.weights import Pool, Scores, spread
 from crashfuse.approaches.left_out import STRIDE, predicted, speed_groups
+from crashfuse.approaches.pretrained.approach import Pretrained
 from crashfuse.approaches.settings import Device, Settings
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
@@ -30,13 +31,14 @@ _WIDENINGS = (0.6, 0.7, 0.8, 0.9, *WIDENINGS)
 
 
 class Fused(Approach):
-    """A mixture of the time domain, the displacement domain and the raw CAE.
+    """A mixture of time domain, displacement domain, pre-trained network and raw CAE (beyond the paper).
 
     The expected accelerations are averaged with the weights of :class:`crashfuse.approaches.fused.weights.Pool`, so
     velocity and displacement, which are integrated from the mean, agree with it. Each whole pulse of the band is drawn
-    from one of the three. The CAE's draws are its pulse plus the error that it had in some test, with either sign.
+    from one of them. The CAE's draws are its pulse plus the error that it had in some test, with either sign.
 
-    It always uses the fast forms of both approaches, as the paper has no fused approach.
+    It always uses the fast forms of both approaches, as the paper has no fused approach. The pre-trained network exists
+    only as a part of it.
 
     Parameters
     ----------
@@ -48,15 +50,15 @@ class Fused(Approach):
     Attributes
     ----------
     calibration_ : Calibration
-        Calibration of the band, on tests that both approaches predicted from the others.
+        Calibration of the band, on tests that all approaches predicted from the others.
     """
 
     name = "fused"
     label = "Fused"
     in_words = "the fused prediction"
     description = (
-        "time domain, displacement domain and raw CAE averaged with weights that left-out tests decide (by CRPS); "
-        "of the two approaches the one with the narrower band counts for more; the band is the mixture's."
+        "time domain, displacement domain, a network pre-trained on simulated vehicles and raw CAE, averaged with "
+        "weights that left-out tests decide (by CRPS) and narrow bands increase; the band is the mixture's."
     )
     colour = "#009E73"
     preference = 10
@@ -77,6 +79,9 @@ class Fused(Approach):
         settings = Settings(seed=self.seed, device=self._wanted, cache=self.cache)
         return TimeDomain.create(settings), DisplacementDomain.create(settings)
 
+    def _pretrained(self) -> Pretrained:
+        return Pretrained(seed=self.seed, cache=self.cache)
+
     @property
     def device(self) -> str:
         """Device of the time domain."""
@@ -88,18 +93,18 @@ class Fused(Approach):
             part.prepare(campaign, conditions, watch)
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
-        """Fit both approaches, and learn the weights from their predictions of tests that they have not seen."""
+        """Fit the approaches, and learn the weights from their predictions of tests that they have not seen."""
         campaign = self._thinned(campaign)
         time_domain, displacement_domain = self._unfitted()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
         self.displacement_domain_, _ = fitted(displacement_domain, campaign, self.cache, watch)
+        self.pretrained_, _ = fitted(self._pretrained(), campaign, self.cache, watch)
         self._begin(campaign)
         watch.report("Weights of the mixture", 0, 1)
         groups = speed_groups(campaign)
         alone = self._alone()
-        apart = self._tests.unseen(
-            [self.time_domain_.left_out_groups_, self.displacement_domain_.left_out_groups_], groups
-        )
+        said = (self.time_domain_, self.displacement_domain_, self.pretrained_)
+        apart = self._tests.unseen([part.left_out_groups_ for part in said], groups)
         learned_from = alone + [left_out for left_out in apart if len(groups[left_out.number]) > 1]
         measured = self._tests.measured_mps2
         scores = [
@@ -125,9 +130,9 @@ class Fused(Approach):
         self.pool_ = Pool(PRIOR, spread=SPREAD, strength=STRENGTH)
 
     def _alone(self) -> list[Unseen]:
-        """Components for each test left out alone, where both approaches predicted it from the others."""
-        both = [self.time_domain_.left_out_, self.displacement_domain_.left_out_]
-        return self._tests.unseen(both, [(number,) for number in range(len(self._tests.speeds_mps))])
+        """Components for each test left out alone, where all approaches predicted it from the others."""
+        said = [self.time_domain_.left_out_, self.displacement_domain_.left_out_, self.pretrained_.left_out_]
+        return self._tests.unseen(said, [(number,) for number in range(len(self._tests.speeds_mps))])
 
     def _mixed(self, components: Sequence[Component]) -> Component:
         """The mixture of thinned components."""
@@ -137,7 +142,7 @@ class Fused(Approach):
         return self.pool_.weights(np.array([spread(draws[:, _JUDGED]) for draws in thinned_draws]))
 
     def predict(self, condition: Condition) -> Prediction:
-        """Average the three predictions at a condition, and mix their draws."""
+        """Average the predictions at a condition, and mix their draws."""
         return self.predict_from(condition, [part.predict(condition) for part in self.parts])
 
     @property
@@ -147,9 +152,10 @@ class Fused(Approach):
         return self.time_domain_, self.displacement_domain_
 
     def predict_from(self, condition: Condition, parts: Sequence[Prediction]) -> Prediction:
-        """Mix the predictions of both parts with the raw CAE."""
+        """Mix the predictions of both parts with those of the pre-trained network and the raw CAE."""
         speed, cae = condition.speed_mps, self.displacement_domain_.model_.pulse(condition).accel_mps2
-        components = [Component(said.accel_mps2, said.draws_mps2) for said in parts if said.draws_mps2 is not None]
+        said = (*parts, self.pretrained_.predict(condition))
+        components = [Component(own.accel_mps2, own.draws_mps2) for own in said if own.draws_mps2 is not None]
         components.append(self._tests.raw(cae, speed))
         nearness = self._tests.nearness(speed)
         weights = self._weights([own.draws[:, ::STRIDE] for own in components])
@@ -160,7 +166,7 @@ class Fused(Approach):
         return Prediction(condition, mixture.mean, mixture.widened(self._widening(nearness)), tuple(notes))
 
     def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
-        """Predictions of both approaches for tests that they have not seen, mixed with the learned weights."""
+        """Predictions of the approaches for tests that they have not seen, mixed with the learned weights."""
         self._require("calibration_")
         tests = campaign.evenly_over_speed(MOST_TESTS).tests
         found = {}
@@ -185,9 +191,13 @@ class Fused(Approach):
         return Sentence("Made of {}, because the nearest test is {} away ({}).", parts, away, source)
 
     def learned(self) -> FittedState:
-        """Fitted states of both approaches, and the weights."""
+        """Fitted states of the approaches, and the weights."""
         self._require("calibration_")
-        parts = {"time": self.time_domain_.learned(), "displacement": self.displacement_domain_.learned()}
+        parts = {
+            "time": self.time_domain_.learned(),
+            "displacement": self.displacement_domain_.learned(),
+            "pretrained": self.pretrained_.learned(),
+        }
         check = self.calibration_
         return FittedState.of(
             {"widening": check.widening, "far": check.far},
@@ -196,11 +206,12 @@ class Fused(Approach):
         )
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
-        """Restore both approaches and the weights."""
+        """Restore the approaches and the weights."""
         campaign = self._thinned(campaign)
         time_domain, displacement_domain = self._unfitted()
         self.time_domain_ = time_domain.restore(campaign, learned.part("time"))
         self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"))
+        self.pretrained_ = self._pretrained().restore(campaign, learned.part("pretrained"))
         self._begin(campaign)
         self.pool_.logits_ = learned.arrays["logits"]
         values = learned.values
@@ -209,7 +220,7 @@ class Fused(Approach):
 
     @property
     def state(self) -> dict[str, object]:
-        """Weights where both approaches have equally wide bands, and the coverage of left-out tests by the band."""
+        """Weights where all have equally wide bands, and the coverage of left-out tests by the band."""
         if not hasattr(self, "calibration_"):
             return {}
         weights = self.pool_.weights(np.ones(len(COMPONENTS))).round(4).tolist()

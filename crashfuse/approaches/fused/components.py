@@ -1,4 +1,4 @@
-"""The components of the mixture: what both approaches and the raw CAE say of a crash that was not learned from."""
+"""The components of the mixture: what the approaches and the raw CAE say of a crash that was not learned from."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.signals.pulse import FloatArray
 
-COMPONENTS = ("time domain", "displacement domain", "raw CAE")
+COMPONENTS = ("time domain", "displacement domain", "pre-trained network", "raw CAE")
 
 
 class Component(NamedTuple):

@@ -8,14 +8,13 @@ import numpy as np
 
 from crashfuse.signals.pulse import FloatArray
 
-_EQUAL: FloatArray = np.array([-0.4, 0.4, -2.9])  # logits of time domain, displacement domain, raw CAE
-_SLOPES: FloatArray = np.array([-0.3, 0.3, 0.0])  # by the log ratio of the two approaches' spreads
-_AGAINST_CAE: FloatArray = np.array([0.0, 0.0, -1.5])  # by the log ratio of the raw CAE's spread to theirs
+_EQUAL: FloatArray = np.array([0.0, 0.6, 1.0, -2.0])  # logits, in the order of the components
+_SLOPES: FloatArray = np.array([-0.6, -0.6, -0.6, -1.0])  # of each by the log ratio of its own spread
 
-PRIOR: FloatArray = np.column_stack([_EQUAL, _SLOPES, _AGAINST_CAE])
-"""Prior mean of logits and slopes, shape (3, 3)."""
+PRIOR: FloatArray = np.column_stack([_EQUAL, np.diag(_SLOPES)])
+"""Prior mean of logits and slopes, shape (4, 5)."""
 
-SPREAD: FloatArray = np.array([1.0, 0.2, 0.2])
+SPREAD: FloatArray = np.array([1.0, 0.4, 0.4, 0.4, 0.2])
 """Prior standard deviations of the logits and of their slopes: a handful of tests says little about a slope."""
 
 STRENGTH = 10.0

@@ -78,22 +78,22 @@ def spread(draws: FloatArray) -> float:
 class Pool:
     """Component weights: a softmax of logits, linear in log ratios of the components' spreads.
 
-    Far from the tests and beyond them bands grow, not all alike: so of two approaches the one with the narrower band
-    counts for more, and the last component, the raw CAE, the less the narrower both are beside it. How much is learned.
+    Far from the tests and beyond them bands grow, not all alike: so of the approaches those with narrow bands count for
+    more, and the last component, the raw CAE, the less the narrower they are beside it. How much is learned.
 
     Parameters
     ----------
-    prior : ndarray, shape (n_components, 3)
-        Prior mean of the logits where all spreads are equal, and of their slopes: by the log ratio of the first two
-        spreads, and by that of the last to their geometric mean. It is 0 for two.
-    spread : float or ndarray, shape (3,)
+    prior : ndarray, shape (n_components, n_components + 1)
+        Prior mean of the logits where all spreads are equal, and of their slopes: by the log ratio of each spread, in
+        the order of the components, to the geometric mean of the approaches'.
+    spread : float or ndarray, shape (n_components + 1,)
         Prior standard deviation of the logits, and of the slopes.
     strength : float
         Weight of the data against the prior: nats per test that a score improved by 100 % counts.
 
     Attributes
     ----------
-    logits_ : ndarray, shape (n_components, 3)
+    logits_ : ndarray, shape (n_components, n_components + 1)
     """
 
     def __init__(self, prior: FloatArray, *, spread: float | FloatArray, strength: float) -> None:
@@ -130,6 +130,6 @@ class Pool:
 
 
 def log_ratios(spreads: FloatArray) -> FloatArray:
-    """What logits are linear in: 1, and the log ratios of the first two spreads and of the last to both."""
-    first, second, *others = np.log(np.maximum(spreads, _LEAST_MPS2))
-    return np.array([1.0, first - second, others[-1] - (first + second) / 2 if others else 0.0])
+    """What logits are linear in: 1, and the log ratio of each spread to the geometric mean of all but the last."""
+    logs = np.log(np.maximum(spreads, _LEAST_MPS2))
+    return np.concatenate([[1.0], logs - logs[:-1].mean()])

@@ -1,0 +1,201 @@
+"""The pre-trained network as an approach: what it expects of a test beside those that it is shown."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache as kept
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import torch
+from safetensors.torch import load
+from scipy.ndimage import gaussian_filter1d
+
+from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
+from crashfuse.approaches.calibration import Calibration, Coverage, calibrate, widening_far
+from crashfuse.approaches.left_out import STRIDE, LeftOut, speed_groups
+from crashfuse.approaches.nearness import nearness
+from crashfuse.approaches.pretrained.network import PretrainedNetwork, unit
+from crashfuse.approaches.settings import Settings
+from crashfuse.cae.model import CaeModel
+from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.errors import CrashfuseError, UsageError
+from crashfuse.execution.cache import Cache
+from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.signals.pulse import FloatArray
+from crashfuse.signals.thinning import in_full
+
+_WEIGHTS = Path(__file__).with_name("weights.safetensors")
+_SHA256 = "150f17b2b59769a06b7e62e26fab0d9dd96fc11e2c282f709bbb085beed8856f"
+"""What the weights have to be: a change of them is a change of the code, and cached fits are made anew."""
+
+_N_DRAWS = 200
+_SMOOTH = 1.5  # samples of 0.8 ms: a CFC 60 pulse holds no errors that change faster
+_LEAST_CHECKED = 3  # tests; with fewer, too little is left to learn from
+_UNCHECKED = 1.5  # widening that fewer tests, or tests at a single speed, cannot tell
+
+
+class Pretrained(Approach):
+    """A transformer that ``benchmarks/pretraining.py`` trained on simulated vehicles of many kinds.
+
+    It reads each test beside the CAE pulse at its condition, and says what a test beside another CAE pulse would show.
+    No weight of it depends on the campaign: to fit is to check the band on left-out tests.
+
+    Parameters
+    ----------
+    cache : Cache, optional
+        Storage for the CAE emulator.
+
+    Attributes
+    ----------
+    calibration_ : Calibration
+        Calibration of the band on tests left out one by one.
+    left_out_, left_out_groups_ : LeftOut
+        Predictions of these tests, and of each test from those at other speeds.
+    """
+
+    name = "pretrained"
+    label = "Pre-trained network"
+    in_words = "the pre-trained network"
+    description = "a network that was trained once on simulated vehicles of many kinds and reads the tests of this one."
+    colour = "#8C564B"
+    preference = 35
+
+    def __init__(self, *, seed: int = 0, cache: Cache | None = None) -> None:
+        self.seed = seed
+        self.cache = cache
+
+    @classmethod
+    def create(cls, settings: Settings) -> Self:
+        """Create it with seed and cache."""
+        return cls(seed=settings.seed, cache=settings.cache)
+
+    def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
+        """Take up the tests, and check the band on each, predicted from the others."""
+        if not campaign.tests:
+            raise UsageError("The pre-trained network learns from tests; this campaign has none.")
+        campaign = self._begin(campaign, watch)
+        n, groups = len(campaign.tests), speed_groups(campaign)
+        if n < _LEAST_CHECKED:
+            self.left_out_ = self.left_out_groups_ = LeftOut.of({})
+            self.calibration_ = Calibration(_UNCHECKED, ())
+            return self
+        alone = {number: self._unseen(number, (number,)) for number in range(n)}
+        tests = campaign.tests
+
+        def check(widening: float) -> list[Coverage]:
+            return [Coverage.of(tests[number], _widened(own, widening)[1:]) for number, own in alone.items()]
+
+        near = calibrate(check)
+        apart = {
+            number: alone[number] if len(group) == 1 else self._unseen(number, group)
+            for number, group in enumerate(groups)
+            if len(group) < n
+        }
+        self.left_out_, groups_left_out = (
+            LeftOut.of({number: _widened(own, near.widening) for number, own in some.items()})
+            for some in (alone, apart)
+        )
+        measured = np.array([test.pulse.accel_mps2 for test in tests])
+        far = widening_far(measured, self._vectors[:, 0], groups_left_out) if apart else _UNCHECKED
+        self.calibration_ = replace(near, far=far)
+        self.left_out_ = self.left_out_.widened({number: self._further(number, (number,)) for number in alone})
+        self.left_out_groups_ = groups_left_out.widened(
+            {number: self._further(number, groups[number]) for number in apart}
+        )
+        return self
+
+    def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> Campaign:
+        campaign = self._thinned(campaign)
+        self.model_ = CaeModel(cache=self.cache).fit(campaign.cae, watch)
+        self._vectors = np.array([test.condition.vector for test in campaign.tests])
+        self._measured = np.array([test.pulse.accel_mps2[::STRIDE] for test in campaign.tests])
+        self._cae = np.array([self.model_.pulse(test.condition).accel_mps2[::STRIDE] for test in campaign.tests])
+        return campaign
+
+    def _further(self, number: int, out: Sequence[int]) -> float:
+        speeds = self._vectors[:, 0]
+        return self.calibration_.further(nearness(speeds[number], np.delete(speeds, out)))
+
+    def _unseen(self, number: int, out: Sequence[int]) -> FloatArray:
+        """A test's pulses from all but these: the expected one, then draws."""
+        rest = np.delete(np.arange(len(self._vectors)), out)
+        return self._pulses(rest, self._vectors[number], self._cae[number], [self.seed, number])
+
+    def _pulses(
+        self, tests: FloatArray | slice, vector: FloatArray, cae: FloatArray, seed: Sequence[int]
+    ) -> FloatArray:
+        """Expected pulse and draws on every tenth sample, from some tests, at a condition with this CAE pulse."""
+        measured = np.vstack([self._measured[tests], np.zeros_like(cae)])
+        said = [measured, np.vstack([self._cae[tests], cae]), np.vstack([self._vectors[tests], vector])]
+        known = torch.arange(len(measured)) < len(measured) - 1
+        threads = torch.get_num_threads()
+        torch.set_num_threads(1)  # the same numbers on any machine, under any load
+        with torch.inference_mode():
+            forecast = _network()(*(torch.tensor(each, dtype=torch.float32)[None] for each in said), known[None])
+        torch.set_num_threads(threads)
+        mean, deviation, factors = (
+            each[0, -1].double().numpy()
+            for each in (forecast.mean_mps2, forecast.log_deviation.exp(), forecast.factors)
+        )
+        rng = np.random.default_rng(seed)
+        alone = gaussian_filter1d(rng.standard_normal((_N_DRAWS, mean.size)), _SMOOTH, axis=1)
+        alone *= np.sqrt(2 * np.sqrt(np.pi) * _SMOOTH)  # smoothing keeps the deviation
+        errors = deviation * alone + rng.standard_normal((_N_DRAWS, factors.shape[1])) @ factors.T
+        return mean + float(unit(torch.tensor(vector[0]))) * np.vstack([np.zeros_like(mean), errors])
+
+    def predict(self, condition: Condition) -> Prediction:
+        """Predict the pulse at a condition."""
+        self._require("calibration_")
+        cae = self.model_.pulse(condition).accel_mps2
+        near = nearness(condition.speed_mps, self._vectors[:, 0])
+        widening = self.calibration_.widening * self.calibration_.further(near)
+        pulses = self._pulses(slice(None), condition.vector, cae[::STRIDE], [self.seed])
+        pulses = in_full(_widened(pulses, widening), STRIDE)
+        return Prediction(condition, pulses[0], pulses[1:], (*self._thinning, *self.model_.notes(condition)))
+
+    def left_out(self, campaign: Campaign) -> dict[str, Prediction]:
+        """Predictions of the tests from the check of the band."""
+        self._require("calibration_")
+        return self.left_out_.predictions(campaign.evenly_over_speed(MOST_TESTS))
+
+    def learned(self) -> FittedState:
+        """Fitted state: the check of the band."""
+        self._require("calibration_")
+        check = self.calibration_
+        left_out = {"left_out": self.left_out_.learned(), "left_out_groups": self.left_out_groups_.learned()}
+        return FittedState.of({"widening": check.widening, "far": check.far}, {"inside": check.inside}, **left_out)
+
+    def restore(self, campaign: Campaign, learned: FittedState) -> Self:
+        """Take up the tests again."""
+        self._begin(campaign)
+        self.calibration_ = Calibration.of(
+            learned.values["widening"], learned.arrays["inside"], far=learned.values["far"]
+        )
+        self.left_out_ = LeftOut.restored(learned.part("left_out"))
+        self.left_out_groups_ = LeftOut.restored(learned.part("left_out_groups"))
+        return self
+
+    @property
+    def state(self) -> dict[str, object]:
+        """Coverage of left-out tests by the band."""
+        checked = hasattr(self, "calibration_") and self.calibration_.tests
+        return {"band_check": self.calibration_.state} if checked else {}
+
+
+def _widened(pulses: FloatArray, factor: float) -> FloatArray:
+    """Draws moved away from the expected pulse in row 0."""
+    return pulses[0] + factor * (pulses - pulses[0])
+
+
+@kept
+def _network() -> PretrainedNetwork:
+    """The network with its weights, which have to be those that this code was shipped with."""
+    content = _WEIGHTS.read_bytes()
+    if hashlib.sha256(content).hexdigest() != _SHA256:
+        raise CrashfuseError(f"{_WEIGHTS.name} is not the file that belongs to this version; install crashfuse again.")
+    network = PretrainedNetwork()
+    network.load_state_dict({name: weight.float() for name, weight in load(content).items()})
+    return network.eval()
