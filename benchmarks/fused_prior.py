@@ -1,10 +1,9 @@
-"""Fit the prior of the fused weights to random vehicles: ``python benchmarks/fused_prior.py``.
+"""Compare priors of the fused weights on random vehicles: ``python benchmarks/fused_prior.py``.
 
 Of each vehicle a few even choices of one and of two tests are learned from; with more, left-out tests decide. All
-others are predicted by the time domain, the displacement domain and the raw CAE. Printed are the logits and slopes with
-which the mixture rates best over 0–60 ms, on average over the vehicles, and its mean rating: with the numbers that are
-shipped, with the fitted ones, and with those fitted to every other vehicle on the rest. Two networks of 500 steps stand
-for the four of a study, which take too long to train for each vehicle.
+others are predicted by the time domain, the displacement domain, the pre-trained network and the raw CAE. Printed is
+the mean rating over 0–60 ms, averaged over the vehicles, of mixtures by the shipped prior and by others beside it. Two
+networks of 500 steps stand for the four of a study, which take too long to train for each vehicle.
 """
 
 import argparse
@@ -13,17 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from joblib import Parallel, delayed
-from scipy.interpolate import RegularGridInterpolator
-from scipy.optimize import minimize
 from scipy.special import softmax
 from threadpoolctl import threadpool_limits
 from vehicles import World
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.fused.components import COMPONENTS, Tests
+from crashfuse.approaches.fused.components import Tests
 from crashfuse.approaches.fused.prior import PRIOR
 from crashfuse.approaches.fused.weights import log_ratios, spread
 from crashfuse.approaches.left_out import STRIDE
+from crashfuse.approaches.pretrained.approach import Pretrained
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.campaign import Campaign
@@ -35,23 +33,21 @@ from crashfuse.study.subsets import subsets
 _NETWORKS = TcnConfig(members=2, min_steps=500, epochs=10)
 _SIZES = (1, 2)  # tests learned from
 _JUDGED = slice(75)  # 60 ms of every tenth sample
-_SHARES = np.array([0.0, 0.15, 0.3, 0.5, 0.7, 1.0])  # of the time domain in what is not the raw CAE
-_OF_CAE = np.array([0.0, 0.1, 0.25, 1.0])
-_RIDGE = 6e-4  # a logit of 1 away from the start has to be worth 0.0003 of the rating
-_START: FloatArray = np.array([0.4, 0.6, -2.0, -1.0])
+_STEPS = (-0.5, 0.5)  # of a logit or slope beside the shipped one
 
 
 @dataclass(frozen=True, eq=False)
 class _Case:
-    """A test predicted by all components: log ratios of their spreads, and ratings of mixtures of them."""
+    """A test predicted by all components: log ratios of their spreads, and their pulses where they are rated."""
 
     log_ratios: FloatArray
-    rated: RegularGridInterpolator
+    measured: FloatArray
+    predicted: FloatArray
 
-    def rating(self, told: FloatArray) -> float:
-        """Rating of the mixture."""
-        weights = softmax(_logits(told) @ self.log_ratios)
-        return float(self.rated([weights[2], weights[0] / (weights[0] + weights[1])])[0])
+    def ratings(self, priors: Sequence[FloatArray]) -> list[float]:
+        """Rating of the mixture by each prior."""
+        mixtures = np.array([softmax(prior @ self.log_ratios) @ self.predicted for prior in priors])
+        return [rating.overall for rating in rate_many(self.measured, mixtures, dt_s=RATING_DT_S)]
 
 
 def _campaign(seed: int) -> Campaign:
@@ -83,45 +79,35 @@ def _cases(seed: int) -> list[_Case]:
 
 def _predicted(campaign: Campaign, held_out: Sequence[str], cache: Cache) -> Iterator[_Case]:
     rest = campaign.without(held_out)
-    parts = [TimeDomain(_NETWORKS, cache=cache).fit(rest), (domain := DisplacementDomain(cache=cache).fit(rest))]
+    domain = DisplacementDomain(cache=cache).fit(rest)
+    parts = [TimeDomain(_NETWORKS, cache=cache).fit(rest), domain, Pretrained(cache=cache).fit(rest)]
     tests = Tests.of(rest, domain.model_)
     for test in (campaign.test(test_id) for test_id in held_out):
         said = [part.predict(test.condition) for part in parts]
         raw = tests.raw(domain.model_.pulse(test.condition).accel_mps2, test.condition.speed_mps)
         draws = [*(each.draws_mps2 for each in said if each.draws_mps2 is not None), raw.draws]
         spreads = np.array([spread(own[:, ::STRIDE][:, _JUDGED]) for own in draws])
-        means = np.array([*(each.accel_mps2 for each in said), raw.mean])
-        weights = [[(1 - c) * share, (1 - c) * (1 - share), c] for c in _OF_CAE for share in _SHARES]
-        curves = [rated_curves(test.pulse, Pulse(GRID_S, own @ means), 60.0) for own in np.array(weights)]
-        ratings = rate_many(curves[0][0], np.array([mixture for _, mixture in curves]), dt_s=RATING_DT_S)
-        overall = np.reshape([rating.overall for rating in ratings], (_OF_CAE.size, _SHARES.size))
-        rated = RegularGridInterpolator((_OF_CAE, _SHARES), overall)
-        yield _Case(log_ratios(spreads), rated)
+        means = [*(each.accel_mps2 for each in said), raw.mean]
+        curves = [rated_curves(test.pulse, Pulse(GRID_S, own), 60.0) for own in means]
+        yield _Case(log_ratios(spreads), curves[0][0], np.array([own for _, own in curves]))
 
 
-def _logits(told: FloatArray) -> FloatArray:
-    """Logits and slopes as the prior has them; the time domain's logit is 0 where the spreads are equal."""
-    equal, slope, cae, cae_slope = told
-    return np.array([[0.0, -slope / 2, 0.0], [equal, slope / 2, 0.0], [cae, 0.0, cae_slope]])
-
-
-def _mean_rating(vehicles: Sequence[Sequence[_Case]], told: FloatArray) -> float:
-    return float(np.mean([np.mean([case.rating(told) for case in own]) for own in vehicles]))
-
-
-def _fitted(vehicles: Sequence[Sequence[_Case]]) -> FloatArray:
-    """Logit of the displacement domain and its slope, logit of the raw CAE and its slope."""
-
-    def loss(told: FloatArray) -> float:
-        return _RIDGE / 2 * float(((told - _START) ** 2).sum()) - _mean_rating(vehicles, told)
-
-    starts = (_START, _START + np.array([0.3, 0.0, -2.0, -0.5]))  # ratings jump, so gradients are of no use
-    found = [minimize(loss, start, method="Nelder-Mead", options={"maxfev": 250}) for start in starts]
-    return np.asarray(min(found, key=lambda result: float(result.fun)).x)
+def _beside(prior: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    """Priors that differ in one logit or one slope, and one without the pre-trained network."""
+    names = ("time domain", "displacement domain", "pre-trained network", "raw CAE")
+    for row, name in enumerate(names):
+        for column, kind in ((0, "logit"), (row + 1, "slope")):
+            for step in _STEPS:
+                changed = prior.copy()
+                changed[row, column] += step
+                yield f"{kind} of the {name} {step:+.1f}", changed
+    without = prior.copy()
+    without[2] = [-100.0, *np.zeros(prior.shape[1] - 1)]
+    yield "without the pre-trained network", without
 
 
 def main() -> None:
-    """Measure, fit and print a Markdown table."""
+    """Measure and print a Markdown table."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--vehicles", type=int, default=10)
     arguments.add_argument("--first", type=int, default=1)
@@ -129,16 +115,11 @@ def main() -> None:
     chosen = arguments.parse_args()
     seeds = range(chosen.first, chosen.first + chosen.vehicles)
     vehicles = Parallel(chosen.workers)(delayed(_cases)(seed) for seed in seeds)
-    time, displacement, cae = PRIOR
-    shipped = np.array([displacement[0] - time[0], displacement[1] - time[1], cae[0] - time[0], cae[2]])
-    halves = vehicles[::2], vehicles[1::2]
-    crosswise = [_mean_rating(judged, _fitted(learned)) for learned, judged in (halves, halves[::-1])]
-    told = _fitted(vehicles)
-    print("| | logit | slope by log ratio | … of the raw CAE to both |\n|---|---:|---:|---:|")
-    for name, row in zip(COMPONENTS, _logits(told), strict=True):
-        print(f"| {name} | " + " | ".join(f"{value:+.2f}" for value in row) + " |")
-    ratings = [_mean_rating(vehicles, shipped), _mean_rating(vehicles, told), float(np.mean(crosswise))]
-    print("\nShipped {:.4f}, fitted {:.4f}, crosswise {:.4f}.".format(*ratings))
+    names, priors = zip(("shipped", PRIOR), *_beside(PRIOR), strict=True)
+    ratings = np.mean([np.mean([case.ratings(priors) for case in own], axis=0) for own in vehicles], axis=0)
+    print("| prior | mean rating |\n|---|---:|")
+    for name, rating in zip(names, ratings, strict=True):
+        print(f"| {name} | {rating:.4f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -28,8 +28,8 @@ SAMPLE_RANGE = ConditionRange(
     Condition(8.0 * MPH, 1922.0 * LB, 1349.0 * LB), Condition(35.2 * MPH, 2185.0 * LB, 1770.0 * LB)
 )  # of the sample campaign, without the slowest
 _BEFORE_CONTACT = 250  # samples, for the filter
-_CRUSH_M = np.arange(0.0, 1.1, 0.005)  # knots of a drawn zone: its folds are part of the curve
-_NEVER_M = 2.0  # a gap that is never closed
+CRUSH_M = np.arange(0.0, 1.1, 0.005)  # knots of a drawn zone: its folds are part of the curve
+NEVER_M = 2.0  # a gap that is never closed
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class World:
         model, truth = _another(CAE_MODEL, rng), _another(TRUTH, rng)
         low, high = SAMPLE_RANGE.low.vector * [0.6, 1, 1], SAMPLE_RANGE.high.vector
         conditions = _spread_out(low, high, n_runs, seed)
-        return cls(model, truth, _library(_recorded([model], conditions, None), conditions), seed)
+        return cls(model, truth, _library(recorded([model], conditions, None), conditions), seed)
 
     @classmethod
     def any(cls, seed: int, n_runs: int = 0) -> Self:
@@ -80,9 +80,9 @@ class World:
         conditions = _spread_out(low * [0.7, 1, 1], high, n_runs or int(np.exp(rng.uniform(4.25, 6.0))), seed)
         streams = [np.random.default_rng([seed, 8, i]) for i in range(len(conditions))]
         # a CAE model's folds do not vary with the specimen, but with the condition they begin elsewhere, too
-        runs = [_folded_elsewhere(model, 0.3 * folding, own) for own in streams] if folds else [model]
+        runs = [folded_elsewhere(model, 0.3 * folding, own) for own in streams] if folds else [model]
         reach = ConditionRange(Condition(*low.tolist()), Condition(*high.tolist()))
-        cae = _library(_recorded(runs, conditions, None), conditions)
+        cae = _library(recorded(runs, conditions, None), conditions)
         return cls(model, truth, cae, seed, reach, scatter, folding)
 
     def conditions(self, rng: np.random.Generator, n: int) -> list[Condition]:
@@ -98,16 +98,16 @@ class World:
     def library(self, tests: Sequence[CrashTest]) -> CaeLibrary:
         """The CAE runs, and one at the condition of each test."""
         conditions = tuple(test.condition for test in tests)
-        paired = _recorded([self.model], conditions, None).astype(np.float32)
+        paired = recorded([self.model], conditions, None).astype(np.float32)
         ids = (*self.cae.ids, *(f"CAE-{test.id}" for test in tests))
         return CaeLibrary(ids, (*self.cae.conditions, *conditions), np.vstack([self.cae.accel_mps2, paired]))
 
     def test(self, conditions: Sequence[Condition], first: int) -> tuple[CrashTest, ...]:
         """Run one test per condition, numbered from ``first``: equal numbers have equal scatter and noise."""
         streams = [np.random.default_rng([self.seed, 1, first + i]) for i in range(len(conditions))]
-        specimens = [_folded_elsewhere(self._specimen(rng), self.folding_m, rng) for rng in streams]
+        specimens = [folded_elsewhere(self._specimen(rng), self.folding_m, rng) for rng in streams]
         noise = np.array([rng.normal(0.0, SENSOR_NOISE_MPS2, N_SAMPLES + 2 * _BEFORE_CONTACT) for rng in streams])
-        pulses = _recorded(specimens, conditions, noise)
+        pulses = recorded(specimens, conditions, noise)
         return tuple(
             CrashTest(f"T{first + i}", condition, Pulse(GRID_S, pulse))
             for i, (condition, pulse) in enumerate(zip(conditions, pulses, strict=True))
@@ -119,9 +119,9 @@ class World:
         return Campaign(f"vehicle {self.seed}", self.library(tests) if paired else self.cae, tests)
 
     def _specimen(self, rng: np.random.Generator) -> Vehicle:
-        if len(self.truth.rails.force_n) < len(_CRUSH_M):
+        if len(self.truth.rails.force_n) < len(CRUSH_M):
             return scattered(self.truth, rng)
-        return _varied(self.truth, 0.02 * self.scatter, 0.02 * self.scatter, 0.004 * self.scatter, rng)
+        return varied(self.truth, 0.02 * self.scatter, 0.02 * self.scatter, 0.004 * self.scatter, rng)
 
 
 def _another(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
@@ -158,16 +158,14 @@ def _drawn_vehicle(mass_kg: float, rng: np.random.Generator) -> Vehicle:
     rate = about(1400.0, 0.4)
 
     def zone(knots_m: Sequence[float], shares: npt.ArrayLike, gap_m: float, folds: float = 0.0) -> CrushZone:
-        base = force * np.interp(
-            _CRUSH_M, knots_m, np.asarray(shares) * np.exp(0.1 * rng.standard_normal(len(knots_m)))
-        )
-        waves = folds * np.sin(2 * np.pi * _CRUSH_M / about(0.11, 0.35) + rng.uniform(0, 2 * np.pi))
-        curve = base * (1 + waves) * np.exp(_wandering(0.06, 0.08, rng))
+        base = force * np.interp(CRUSH_M, knots_m, np.asarray(shares) * np.exp(0.1 * rng.standard_normal(len(knots_m))))
+        waves = folds * np.sin(2 * np.pi * CRUSH_M / about(0.11, 0.35) + rng.uniform(0, 2 * np.pi))
+        curve = base * (1 + waves) * np.exp(wandering(0.06, 0.08, rng))
         return CrushZone(
-            tuple(_CRUSH_M.tolist()), tuple(curve.tolist()), about(60.0, 0.2) * force, gap_m=gap_m, rate_mps=rate
+            tuple(CRUSH_M.tolist()), tuple(curve.tolist()), about(60.0, 0.2) * force, gap_m=gap_m, rate_mps=rate
         )
 
-    engine_gap = _NEVER_M if rng.random() < 0.15 else rng.uniform(0.22, 0.5)
+    engine_gap = NEVER_M if rng.random() < 0.15 else rng.uniform(0.22, 0.5)
     return Vehicle(
         powertrain_kg=mass_kg * rng.uniform(0.09, 0.16),
         rear_share=rng.uniform(0.1, 0.4),
@@ -189,7 +187,7 @@ def _drawn_vehicle(mass_kg: float, rng: np.random.Generator) -> Vehicle:
 
 def _misjudged(truth: Vehicle, bias: float, rng: np.random.Generator) -> Vehicle:
     """A CAE model of this vehicle: no rate effect, forces, gaps, folds and joints off by multiples of ``bias``."""
-    model = _varied(truth, 0.08 * bias, 0.1 * bias, 0.02 * bias, rng, stretch=0.08 * bias)
+    model = varied(truth, 0.08 * bias, 0.1 * bias, 0.02 * bias, rng, stretch=0.08 * bias)
     stiffness, damping, strength, rear_stiffness, rear_damping, powertrain = np.exp(
         0.3 * bias * rng.standard_normal(6)
     ).tolist()
@@ -202,43 +200,41 @@ def _misjudged(truth: Vehicle, bias: float, rng: np.random.Generator) -> Vehicle
     )
 
 
-def _varied(
+def varied(
     vehicle: Vehicle, whole: float, along: float, gap_m: float, rng: np.random.Generator, *, stretch: float = 0.01
 ) -> Vehicle:
     """Forces off as a whole and along the crush, gaps moved, folds stretched."""
 
     def zone(old: CrushZone) -> CrushZone:
-        factors = np.exp(whole * rng.standard_normal() + _wandering(along, 0.15, rng))
+        factors = np.exp(whole * rng.standard_normal() + wandering(along, 0.15, rng))
         length = np.exp(stretch * rng.standard_normal())
-        curve = np.interp(_CRUSH_M * length, _CRUSH_M, old.force_n)
+        curve = np.interp(CRUSH_M * length, CRUSH_M, old.force_n)
         gap = abs(old.gap_m + gap_m * rng.standard_normal()) if old.gap_m else 0.0
         return replace(old, force_n=tuple((curve * factors).tolist()), gap_m=gap)
 
     return _by_zone(vehicle, zone)
 
 
-def _folded_elsewhere(vehicle: Vehicle, folding_m: float, rng: np.random.Generator) -> Vehicle:
+def folded_elsewhere(vehicle: Vehicle, folding_m: float, rng: np.random.Generator) -> Vehicle:
     """Folds of rails and shell that drift from where they were, and in one of four crashes jump once."""
     if not folding_m:
         return vehicle
 
     def zone(old: CrushZone) -> CrushZone:
-        walk = np.cumsum(rng.standard_normal(_CRUSH_M.size)) * np.sqrt(_CRUSH_M[1] / 0.5) * folding_m
+        walk = np.cumsum(rng.standard_normal(CRUSH_M.size)) * np.sqrt(CRUSH_M[1] / 0.5) * folding_m
         jump = (rng.random() < 0.25) * 3 * folding_m * np.sign(rng.standard_normal())
         start = rng.uniform(0.1, 0.4)
-        moved = _CRUSH_M + walk + jump / (1 + np.exp(-np.clip((_CRUSH_M - start) / 0.015, -50, 50)))
-        fade = 1 - np.exp(-_CRUSH_M / 0.03)  # contact begins where it did
-        return replace(
-            old, force_n=tuple(np.interp(_CRUSH_M + (moved - _CRUSH_M) * fade, _CRUSH_M, old.force_n).tolist())
-        )
+        moved = CRUSH_M + walk + jump / (1 + np.exp(-np.clip((CRUSH_M - start) / 0.015, -50, 50)))
+        fade = 1 - np.exp(-CRUSH_M / 0.03)  # contact begins where it did
+        return replace(old, force_n=tuple(np.interp(CRUSH_M + (moved - CRUSH_M) * fade, CRUSH_M, old.force_n).tolist()))
 
     return replace(vehicle, rails=zone(vehicle.rails), shell=zone(vehicle.shell))
 
 
-def _wandering(size: float, length_m: float, rng: np.random.Generator) -> FloatArray:
+def wandering(size: float, length_m: float, rng: np.random.Generator) -> FloatArray:
     """A smooth random function of crush with this standard deviation and length scale."""
     phases, waves = rng.uniform(0, 2 * np.pi, 12), rng.standard_normal(12) / length_m
-    curve: FloatArray = size * np.sqrt(2 / 12) * np.cos(np.multiply.outer(_CRUSH_M, waves) + phases).sum(axis=1)
+    curve: FloatArray = size * np.sqrt(2 / 12) * np.cos(np.multiply.outer(CRUSH_M, waves) + phases).sum(axis=1)
     return curve
 
 
@@ -251,7 +247,8 @@ def _library(pulses: FloatArray, conditions: tuple[Condition, ...]) -> CaeLibrar
     return CaeLibrary(tuple(map(str, range(len(conditions)))), conditions, pulses.astype(np.float32))
 
 
-def _recorded(vehicles: Sequence[Vehicle], conditions: Sequence[Condition], noise: FloatArray | None) -> FloatArray:
+def recorded(vehicles: Sequence[Vehicle], conditions: Sequence[Condition], noise: FloatArray | None) -> FloatArray:
+    """Pulses on the study grid, CFC 60, of one vehicle at all conditions or of one for each."""
     n_samples = N_SAMPLES + _BEFORE_CONTACT
     fleet = vehicles[0] if len(vehicles) == 1 else vehicles
     records = np.pad(simulate(fleet, conditions, n_samples).accel_mps2, ((0, 0), (_BEFORE_CONTACT, 0)))

@@ -1,7 +1,8 @@
 """What is thought of the components before a vehicle's own left-out tests are heard.
 
-``python benchmarks/fused_prior.py`` fits such numbers to random vehicles of many kinds, so that the mixture learned
-from one or two tests rates best on the others; they are rounded here.
+Round numbers with which mixtures learned from one or two tests rate well on others, on random vehicles
+(``benchmarks/fused_prior.py``) and on campaigns of other kinds. By the random vehicles alone the pre-trained network
+would count for more, but it was trained on similar ones.
 """
 
 import numpy as np

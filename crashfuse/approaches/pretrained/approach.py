@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from safetensors.torch import load
 from scipy.ndimage import gaussian_filter1d
@@ -125,7 +126,7 @@ class Pretrained(Approach):
         return self._pulses(rest, self._vectors[number], self._cae[number], [self.seed, number])
 
     def _pulses(
-        self, tests: FloatArray | slice, vector: FloatArray, cae: FloatArray, seed: Sequence[int]
+        self, tests: npt.NDArray[np.intp] | slice, vector: FloatArray, cae: FloatArray, seed: Sequence[int]
     ) -> FloatArray:
         """Expected pulse and draws on every tenth sample, from some tests, at a condition with this CAE pulse."""
         measured = np.vstack([self._measured[tests], np.zeros_like(cae)])
@@ -144,7 +145,8 @@ class Pretrained(Approach):
         alone = gaussian_filter1d(rng.standard_normal((_N_DRAWS, mean.size)), _SMOOTH, axis=1)
         alone *= np.sqrt(2 * np.sqrt(np.pi) * _SMOOTH)  # smoothing keeps the deviation
         errors = deviation * alone + rng.standard_normal((_N_DRAWS, factors.shape[1])) @ factors.T
-        return mean + float(unit(torch.tensor(vector[0]))) * np.vstack([np.zeros_like(mean), errors])
+        one = float(unit(torch.tensor(vector[0])))
+        return np.asarray(mean + one * np.vstack([np.zeros_like(mean), errors]))
 
     def predict(self, condition: Condition) -> Prediction:
         """Predict the pulse at a condition."""
@@ -187,7 +189,7 @@ class Pretrained(Approach):
 
 def _widened(pulses: FloatArray, factor: float) -> FloatArray:
     """Draws moved away from the expected pulse in row 0."""
-    return pulses[0] + factor * (pulses - pulses[0])
+    return np.asarray(pulses[0] + factor * (pulses - pulses[0]))
 
 
 @kept

@@ -128,12 +128,13 @@ class _Layer(nn.Module):
         query, key, value = projected
         attended = functional.scaled_dot_product_attention(query, key, value, attn_mask=seen)
         hidden = hidden + self.joined(attended.transpose(1, 2).flatten(2))
-        return hidden + self.perceptron(hidden)
+        outputs: Tensor = hidden + self.perceptron(hidden)
+        return outputs
 
 
 def _steps(accel_mps2: Tensor, cae_mps2: Tensor, speeds_mps: Tensor) -> Tensor:
     """Motion under a pulse, and its difference from the CAE pulse, by steps."""
-    beyond = ((accel_mps2 - cae_mps2) / unit(speeds_mps)).unflatten(-1, (_STEPS, _STEP))
+    beyond = ((accel_mps2 - cae_mps2) / unit(speeds_mps)).view(*accel_mps2.shape[:2], _STEPS, _STEP)
     return torch.cat([_motion(accel_mps2, speeds_mps), beyond], -1)
 
 
@@ -144,7 +145,7 @@ def _motion(accel_mps2: Tensor, speeds_mps: Tensor) -> Tensor:
     scaled = torch.stack([accel_mps2 / unit(speeds_mps), velocity / speeds_mps, displacement / _CRUSH_M], -2)
     middle = displacement[..., _STEP // 2 :: _STEP, None]
     phase = middle * (2 * math.pi / _WAVELENGTH_M) * 2.0 ** torch.arange(_WAVES, device=middle.device)
-    by_step = scaled.unflatten(-1, (_STEPS, _STEP)).transpose(-3, -2).flatten(-2)
+    by_step = scaled.view(*scaled.shape[:-1], _STEPS, _STEP).transpose(-3, -2).flatten(-2)
     return torch.cat([by_step, phase.sin(), phase.cos()], -1)
 
 

@@ -28,7 +28,7 @@ def fused(campaign: Campaign, quick_networks: None) -> Fused:  # noqa: ARG001
 
 def _weights(fused: Fused, condition: Condition) -> FloatArray:
     """The weights at a condition: by the spread of what each component draws there over the first 60 ms."""
-    parts = [part.predict(condition).draws_mps2 for part in fused.parts]
+    parts = [part.predict(condition).draws_mps2 for part in (*fused.parts, fused.pretrained_)]
     tests = fused._tests
     raw = tests.raw(fused.displacement_domain_.model_.pulse(condition).accel_mps2, condition.speed_mps).draws
     spreads = [spread(draws[:, :750:10]) for draws in (*parts, raw) if draws is not None]
@@ -50,6 +50,7 @@ def test_the_expected_pulse_is_the_weighted_mean_of_its_components(campaign: Cam
     components = [
         fused.time_domain_.predict(condition).accel_mps2,
         fused.displacement_domain_.predict(condition).accel_mps2,
+        fused.pretrained_.predict(condition).accel_mps2,
         fused.displacement_domain_.model_.pulse(condition).accel_mps2,
     ]
     weights = _weights(fused, condition)
@@ -68,7 +69,7 @@ def test_the_reason_is_a_sentence_with_the_weights(campaign: Campaign, fused: Fu
     assert found is not None
     shares = dict(part.split(" % ")[::-1] for part in found[1].split(", "))
     assert sum(map(int, shares.values())) == 100
-    assert shares.keys() <= {"time domain", "displacement domain", "raw CAE"}
+    assert shares.keys() <= {"time domain", "displacement domain", "pre-trained network", "raw CAE"}
     assert list(shares.values()) == sorted(shares.values(), key=int, reverse=True)
     assert len(fused.calibration_.tests) == 3
 
@@ -132,8 +133,8 @@ def test_a_single_test_is_enough(campaign: Campaign) -> None:
     assert np.isfinite(prediction.accel_mps2).all()
     assert "weights of other vehicles" in prediction.notes[0]
     np.testing.assert_array_equal(fused.pool_.logits_, PRIOR)
-    told = {part: int(share) for share, part in re.findall(r"(\d+) % (time|displacement|raw)", prediction.notes[0])}
-    told_in_order = [told[part] for part in ("time", "displacement", "raw")]
+    told = {part: int(share) for share, part in re.findall(r"(\d+) % (time|displacement|pre|raw)", prediction.notes[0])}
+    told_in_order = [told[part] for part in ("time", "displacement", "pre", "raw")]
     np.testing.assert_allclose(told_in_order, 100 * _weights(fused, condition), atol=1)
     # the last draws are the CAE's, with the error that it had in T2, scaled with the speed, of either sign
     model = fused.displacement_domain_.model_
@@ -150,7 +151,7 @@ def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign
     wrong = {test.id: test.pulse.accel_mps2 - cae.pulse(test.condition).accel_mps2 for test in rest.tests}
     scores, spreads, means = [], [], []
     for i, test in enumerate(rest.tests):
-        learned = [part.left_out_ for part in (fused.time_domain_, fused.displacement_domain_)]
+        learned = [part.left_out_ for part in (fused.time_domain_, fused.displacement_domain_, fused.pretrained_)]
         rows = [(left, left.numbers.tolist().index(i)) for left in learned]
         others = [(rest.tests[j].id, speeds_mph[i] / speeds_mph[j]) for j in range(3) if j != i]
         errors = np.array([wrong[other] * ratio for other, ratio in others])
@@ -169,8 +170,8 @@ def test_the_weights_are_learned_from_the_first_60_ms_of_left_out_tests(campaign
         )
     told = fused.state["weights_at_equal_bands"]
     assert isinstance(told, dict)
-    assert list(told) == ["time domain", "displacement domain", "raw CAE"]
-    np.testing.assert_allclose(list(told.values()), fused.pool_.weights(np.ones(3)), atol=1e-4)
+    assert list(told) == ["time domain", "displacement domain", "pre-trained network", "raw CAE"]
+    np.testing.assert_allclose(list(told.values()), fused.pool_.weights(np.ones(4)), atol=1e-4)
 
 
 @pytest.mark.slow

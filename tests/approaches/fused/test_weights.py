@@ -71,9 +71,9 @@ def test_the_narrower_band_counts_for_more_where_that_proved_right() -> None:
     assert fitted.weights(EQUAL)[0] == pytest.approx(0.5, abs=0.05)
 
 
-def test_the_raw_cae_counts_the_less_the_wider_it_is_beside_both_others() -> None:
+def test_the_raw_cae_counts_the_less_the_wider_it_is_beside_the_others() -> None:
     """By the slope of its prior, whatever the unit."""
-    prior = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-1.0, 0.0, -1.0]])
+    prior = np.array([[0.0] * 4, [0.0] * 4, [-1.0, 0.0, 0.0, -1.0]])
     alone = Pool(prior, spread=1.0, strength=10.0).fit([])
     shares = [alone.weights(unit * np.array([1.0, 4.0, wide]))[2] for unit in (1.0, 9.81) for wide in (2.0, 8.0)]
     expected = 1 / (1 + np.array([2.0, 8.0]) * np.exp(1.0))
@@ -84,7 +84,7 @@ def test_the_weights_are_the_best_of_all(monkeypatch: pytest.MonkeyPatch) -> Non
     """No small change of the logits lowers what they minimise: the gradient is that of the score."""
     rng = np.random.default_rng(5)
     scores = [_scores(rng, *offsets) for offsets in ((0.2, 0.5, 0.9), (0.6, 0.1, 0.4), (0.3, 0.3, 0.2))]
-    prior, scale, strength = rng.standard_normal((3, 3)), 0.7, 10.0
+    prior, scale, strength = rng.standard_normal((3, 4)), 0.7, 10.0
     fitted = Pool(prior, spread=scale, strength=strength).fit(scores)
     best = fitted.logits_
 
@@ -94,7 +94,7 @@ def test_the_weights_are_the_best_of_all(monkeypatch: pytest.MonkeyPatch) -> Non
         return float(strength * np.sum(found) + 0.5 * np.sum(((logits - prior) / scale) ** 2))
 
     least = loss(best)
-    for step in 0.02 * rng.standard_normal((20, 3, 3)):
+    for step in 0.02 * rng.standard_normal((20, 3, 4)):
         assert loss(best + step) > least
 
 

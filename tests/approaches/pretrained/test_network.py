@@ -1,0 +1,96 @@
+"""The network reads what it may, and what a pulse means does not depend on where it stands among the others."""
+
+import numpy as np
+import torch
+
+from crashfuse.approaches.left_out import STRIDE
+from crashfuse.approaches.pretrained.network import N_TIMES, Forecast, PretrainedNetwork, _integral, _motion
+from crashfuse.signals.pulse import GRID_S, N_SAMPLES, motion
+from crashfuse.testing import small_campaign
+
+CAMPAIGN = small_campaign()
+
+
+def _arrays(*order: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Tests, CAE pulses and conditions of the small campaign in an order."""
+    tests = [CAMPAIGN.tests[number] for number in order]
+    paired = [CAMPAIGN.cae.paired_run(test.condition) for test in tests]
+    measured = np.array([test.pulse.accel_mps2[::STRIDE] for test in tests])
+    cae = np.array([CAMPAIGN.cae.accel_mps2[run][::STRIDE] for run in paired if run is not None])
+    vectors = np.array([test.condition.vector for test in tests])
+    measured_, cae_, vectors_ = (torch.tensor(own, dtype=torch.float64)[None] for own in (measured, cae, vectors))
+    return measured_, cae_, vectors_
+
+
+def _network() -> PretrainedNetwork:
+    torch.manual_seed(3)
+    network = PretrainedNetwork(width=16, heads=2, layers=1).double().eval()
+    for weight in network.parameters():  # those of the heads are near zero before training
+        torch.nn.init.normal_(weight, std=0.3)
+    return network
+
+
+def _forecast(arrays: tuple[torch.Tensor, ...], *known: bool) -> Forecast:
+    with torch.inference_mode():
+        forecast = _network()(*arrays, torch.tensor(known)[None])
+    assert isinstance(forecast, Forecast)
+    return forecast
+
+
+def test_the_motion_is_that_of_the_pulse() -> None:
+    """Velocity and displacement of the steps' samples by Eqs. 11 and 13, as elsewhere in the program."""
+    measured, _, vectors = _arrays(0, 3)
+    speeds = vectors[..., :1]
+    velocity = (speeds + _integral(measured)).numpy()[0]
+    displacement = _integral(speeds + _integral(measured)).numpy()[0]
+    for number, speed in enumerate(speeds[0, :, 0].tolist()):
+        own = motion(measured[0, number].numpy()[None], speed, GRID_S[STRIDE])
+        np.testing.assert_allclose(velocity[number], own[0][0], atol=1e-9)
+        np.testing.assert_allclose(displacement[number], own[1][0], atol=1e-9)
+    by_step = _motion(measured, speeds)[0, 0, :, 5:10].flatten().numpy()
+    np.testing.assert_allclose(by_step, velocity[0] / speeds[0, 0].numpy(), atol=1e-9)
+
+
+def test_a_pulse_that_is_not_known_changes_no_forecast() -> None:
+    """Neither its own nor another's, whatever was measured there."""
+    measured, cae, vectors = _arrays(0, 1, 2, 3)
+    known = (True, True, False, False)
+    before = _forecast((measured, cae, vectors), *known)
+    spoilt = measured.clone()
+    spoilt[0, 2:] = 1000 * torch.randn(2, N_TIMES, dtype=torch.float64)
+    after = _forecast((spoilt, cae, vectors), *known)
+    for one, other in zip(before, after, strict=True):
+        torch.testing.assert_close(one[0, 2:], other[0, 2:], rtol=0, atol=0)
+
+
+def test_what_is_predicted_together_is_what_is_predicted_alone() -> None:
+    """Pulses that are not known do not see each other, and the order of the known ones does not matter."""
+    together = _forecast(_arrays(0, 1, 2, 3), True, True, False, False)
+    alone = _forecast(_arrays(1, 0, 3), True, True, False)
+    for one, other in zip(together, alone, strict=True):
+        torch.testing.assert_close(one[0, 3], other[0, 2], rtol=1e-9, atol=1e-9)
+
+
+def test_the_known_tests_are_read() -> None:
+    """Another measured pulse beside the same CAE pulse changes the forecast."""
+    measured, cae, vectors = _arrays(0, 1, 2)
+    before = _forecast((measured, cae, vectors), True, True, False)
+    after = _forecast((0.9 * measured, cae, vectors), True, True, False)
+    assert (before.mean_mps2[0, 2] - after.mean_mps2[0, 2]).abs().max() > 1
+
+
+def test_a_parked_vehicle_has_a_finite_forecast() -> None:
+    """At no speed nothing is divided by it."""
+    measured, cae, vectors = _arrays(0, 1)
+    vectors[0, 1, 0], cae[0, 1] = 0.0, 0.0
+    forecast = _forecast((measured, cae, vectors), True, False)
+    assert all(bool(torch.isfinite(part).all()) for part in forecast)
+
+
+def test_before_training_it_says_what_the_cae_says() -> None:
+    """The heads begin near zero: a correction is only what was learned."""
+    measured, cae, vectors = (own.float() for own in _arrays(0, 1, 2))
+    torch.manual_seed(0)
+    forecast = PretrainedNetwork()(measured, cae, vectors, torch.tensor([[True, True, False]]))
+    assert forecast.mean_mps2.shape == (1, 3, N_SAMPLES // STRIDE)
+    assert (forecast.mean_mps2[0, 2] - cae[0, 2]).abs().max() < 0.1 * cae[0, 2].abs().max()
