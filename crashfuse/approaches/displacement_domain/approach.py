@@ -8,9 +8,9 @@ from typing import Self, cast
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from crashfuse.approaches.band_check import LEAST_CHECKED, Unseen, checked
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
 from crashfuse.approaches.calibration import CHECK_STRIDE, Calibration
-from crashfuse.approaches.displacement_domain.band_check import LEAST_CHECKED, Unseen, checked
 from crashfuse.approaches.displacement_domain.bias import (
     BiasDraws,
     BiasPart,

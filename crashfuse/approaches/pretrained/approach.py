@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache as kept
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -13,8 +14,9 @@ import torch
 from safetensors.torch import load
 from scipy.ndimage import gaussian_filter1d
 
+from crashfuse.approaches.band_check import LEAST_CHECKED, Unseen, checked
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
-from crashfuse.approaches.calibration import Calibration, Coverage, calibrate, widening_far
+from crashfuse.approaches.calibration import Calibration, widening_far
 from crashfuse.approaches.left_out import STRIDE, LeftOut, speed_groups
 from crashfuse.approaches.nearness import nearness
 from crashfuse.approaches.pretrained.network import PretrainedNetwork, unit
@@ -34,7 +36,6 @@ _SHA256 = "150f17b2b59769a06b7e62e26fab0d9dd96fc11e2c282f709bbb085beed8856f"
 
 _N_DRAWS = 200
 _SMOOTH = 1.5  # samples of 0.8 ms: a CFC 60 pulse holds no errors that change faster
-_LEAST_CHECKED = 3  # tests; with fewer, too little is left to learn from
 _UNCHECKED = 1.5  # widening that fewer tests, or tests at a single speed, cannot tell
 
 
@@ -78,34 +79,17 @@ class Pretrained(Approach):
         if not campaign.tests:
             raise UsageError("The pre-trained network learns from tests; this campaign has none.")
         campaign = self._begin(campaign, watch)
-        n, groups = len(campaign.tests), speed_groups(campaign)
-        if n < _LEAST_CHECKED:
+        if len(campaign.tests) < LEAST_CHECKED:
             self.left_out_ = self.left_out_groups_ = LeftOut.of({})
             self.calibration_ = Calibration(_UNCHECKED, ())
             return self
-        alone = {number: self._unseen(number, (number,)) for number in range(n)}
-        tests = campaign.tests
-
-        def check(widening: float) -> list[Coverage]:
-            return [Coverage.of(tests[number], _widened(own, widening)[1:]) for number, own in alone.items()]
-
-        near = calibrate(check)
-        apart = {
-            number: alone[number] if len(group) == 1 else self._unseen(number, group)
-            for number, group in enumerate(groups)
-            if len(group) < n
-        }
-        self.left_out_, groups_left_out = (
-            LeftOut.of({number: _widened(own, near.widening) for number, own in some.items()})
-            for some in (alone, apart)
-        )
-        measured = np.array([test.pulse.accel_mps2 for test in tests])
-        far = widening_far(measured, self._vectors[:, 0], groups_left_out) if apart else _UNCHECKED
+        near, alone, apart = checked(campaign, self._unseen, watch)
+        measured = np.array([test.pulse.accel_mps2 for test in campaign.tests])
+        far = widening_far(measured, self._vectors[:, 0], apart) if apart.numbers.size else _UNCHECKED
         self.calibration_ = replace(near, far=far)
-        self.left_out_ = self.left_out_.widened({number: self._further(number, (number,)) for number in alone})
-        self.left_out_groups_ = groups_left_out.widened(
-            {number: self._further(number, groups[number]) for number in apart}
-        )
+        groups = speed_groups(campaign)
+        self.left_out_ = alone.widened({number: self._further(number, (number,)) for number in range(len(groups))})
+        self.left_out_groups_ = apart.widened({number: self._further(number, out) for number, out in enumerate(groups)})
         return self
 
     def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> Campaign:
@@ -117,13 +101,15 @@ class Pretrained(Approach):
         return campaign
 
     def _further(self, number: int, out: Sequence[int]) -> float:
+        """By how much more the band grows that is predicted without these tests."""
         speeds = self._vectors[:, 0]
         return self.calibration_.further(nearness(speeds[number], np.delete(speeds, out)))
 
-    def _unseen(self, number: int, out: Sequence[int]) -> FloatArray:
-        """A test's pulses from all but these: the expected one, then draws."""
+    def _unseen(self, number: int, out: Sequence[int]) -> Unseen:
+        """A test's pulses from all but these, as a function of the band's widening."""
         rest = np.delete(np.arange(len(self._vectors)), out)
-        return self._pulses(rest, self._vectors[number], self._cae[number], [self.seed, number])
+        pulses = self._pulses(rest, self._vectors[number], self._cae[number], [self.seed, number])
+        return partial(_widened, pulses)
 
     def _pulses(
         self, tests: npt.NDArray[np.intp] | slice, vector: FloatArray, cae: FloatArray, seed: Sequence[int]

@@ -1,4 +1,4 @@
-"""The check of the displacement domain's band on tests that it was not told of."""
+"""The check of a band on tests that were not learned from."""
 
 from collections.abc import Callable, Mapping, Sequence
 
