@@ -80,7 +80,7 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
     if weights := state.get("weights_at_equal_bands"):
         shares = ", ".join(f"{name} {weight:.2f}" for name, weight in weights.items())
         sentences.append(
-            f"Weights where both approaches have equally wide bands: {shares}; from how well each predicted left-out "
+            f"Weights where all have equally wide bands: {shares}; from how well each predicted left-out "
             "tests (CRPS). The one with the narrower band counts for more."
         )
     if check := state.get("band_check"):
