@@ -51,8 +51,8 @@ def new_figure(height: int) -> go.Figure:
             "font": {"family": _FONT, "size": _FONT_PX, "color": INK},
             "paper_bgcolor": PAPER,
             "plot_bgcolor": PAPER,
-            # with room for ticks and their title: found too small, Plotly draws everything once more
-            "margin": {"l": 64, "r": 44, "t": 40, "b": 56},
+            # with room for ticks, their title and a row of names: found too small, Plotly draws everything once more
+            "margin": {"l": 64, "r": 44, "t": 44, "b": 56},
             "modebar": {"orientation": "v", "remove": UNWANTED_TOOLS},
             "hovermode": "x unified",
             "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
