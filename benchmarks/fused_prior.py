@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from vehicles import World
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.fused.components import Tests
+from crashfuse.approaches.fused.components import COMPONENTS, Tests
 from crashfuse.approaches.fused.prior import PRIOR
 from crashfuse.approaches.fused.weights import log_ratios, spread
 from crashfuse.approaches.left_out import STRIDE
@@ -94,15 +94,14 @@ def _predicted(campaign: Campaign, held_out: Sequence[str], cache: Cache) -> Ite
 
 def _beside(prior: FloatArray) -> Iterator[tuple[str, FloatArray]]:
     """Priors that differ in one logit or one slope, and one without the pre-trained network."""
-    names = ("time domain", "displacement domain", "pre-trained network", "raw CAE")
-    for row, name in enumerate(names):
+    for row, name in enumerate(COMPONENTS):
         for column, kind in ((0, "logit"), (row + 1, "slope")):
             for step in _STEPS:
                 changed = prior.copy()
                 changed[row, column] += step
                 yield f"{kind} of the {name} {step:+.1f}", changed
     without = prior.copy()
-    without[2] = [-100.0, *np.zeros(prior.shape[1] - 1)]
+    without[COMPONENTS.index("pre-trained network"), 0] = -100.0
     yield "without the pre-trained network", without
 
 

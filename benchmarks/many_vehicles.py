@@ -11,7 +11,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.signal import bilinear, lfilter
-from vehicles import CRUSH_M, NEVER_M, folded_elsewhere, recorded, varied, wandering
+from vehicles import CRUSH_M, NEVER_M, NOISE_SAMPLES, folded_elsewhere, recorded, varied, wandering
 
 from crashfuse.approaches.left_out import STRIDE
 from crashfuse.condition import Condition
@@ -22,7 +22,6 @@ from crashfuse.units import MPH
 
 TESTS = 14  # of each vehicle
 AT_ONCE = 32  # vehicles simulated together
-_NOISY = N_SAMPLES + 500  # samples, with those before contact
 _HIGHEST_MPS2 = 3000.0
 _CAE_SPEED_CHANGE, _TEST_SPEED_CHANGE = (-1.5, -0.6), (-1.4, -0.9)  # in 100 ms, in impact speeds; others are left out
 
@@ -229,7 +228,7 @@ def pulses(first: int) -> Pulses:
     """Pulses of the vehicles with 32 seeds from here on, without those that do not stop or whose parts fly apart."""
     campaigns = [_campaign(seed) for seed in range(first, first + AT_ONCE)]
     conditions = [condition for own in campaigns for condition in own.conditions]
-    noise = np.random.default_rng([first, 4712]).normal(0, SENSOR_NOISE_MPS2, (len(conditions), _NOISY))
+    noise = np.random.default_rng([first, 4712]).normal(0, SENSOR_NOISE_MPS2, (len(conditions), NOISE_SAMPLES))
     shape = AT_ONCE, TESTS, N_SAMPLES
     try:
         with np.errstate(all="ignore"):

@@ -28,6 +28,7 @@ SAMPLE_RANGE = ConditionRange(
     Condition(8.0 * MPH, 1922.0 * LB, 1349.0 * LB), Condition(35.2 * MPH, 2185.0 * LB, 1770.0 * LB)
 )  # of the sample campaign, without the slowest
 _BEFORE_CONTACT = 250  # samples, for the filter
+NOISE_SAMPLES = N_SAMPLES + 2 * _BEFORE_CONTACT  # of a record, with those before contact
 CRUSH_M = np.arange(0.0, 1.1, 0.005)  # knots of a drawn zone: its folds are part of the curve
 NEVER_M = 2.0  # a gap that is never closed
 
@@ -106,7 +107,7 @@ class World:
         """Run one test per condition, numbered from ``first``: equal numbers have equal scatter and noise."""
         streams = [np.random.default_rng([self.seed, 1, first + i]) for i in range(len(conditions))]
         specimens = [folded_elsewhere(self._specimen(rng), self.folding_m, rng) for rng in streams]
-        noise = np.array([rng.normal(0.0, SENSOR_NOISE_MPS2, N_SAMPLES + 2 * _BEFORE_CONTACT) for rng in streams])
+        noise = np.array([rng.normal(0.0, SENSOR_NOISE_MPS2, NOISE_SAMPLES) for rng in streams])
         pulses = recorded(specimens, conditions, noise)
         return tuple(
             CrashTest(f"T{first + i}", condition, Pulse(GRID_S, pulse))

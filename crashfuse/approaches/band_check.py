@@ -1,11 +1,13 @@
 """The check of a band on tests that were not learned from."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from crashfuse.approaches.calibration import Calibration, Coverage, calibrate
+from crashfuse.approaches.calibration import Calibration, Coverage, calibrate, widening_far
 from crashfuse.approaches.left_out import LeftOut, speed_groups
+from crashfuse.approaches.nearness import nearness
 from crashfuse.campaign import Campaign
 from crashfuse.execution.progress import Watch
 from crashfuse.signals.pulse import FloatArray
@@ -16,6 +18,7 @@ Unseen = Callable[[float], FloatArray]
 LEAST_CHECKED = 3  # tests; with fewer, too little is left to learn from
 _MOST_CHECKED = 20  # tests; more would not change the widening
 _STEP = "Check of the band"
+_FAR_UNCHECKED = 1.5  # widening far from tests at a single speed, which cannot tell: from random vehicles
 
 
 def checked(
@@ -59,3 +62,23 @@ def _from_other_speeds(
         elif len(groups[number]) < len(campaign.tests):
             pulses[number] = without(number, groups[number])
     return pulses
+
+
+def checked_far(
+    campaign: Campaign, near: Calibration, alone: LeftOut, apart: LeftOut
+) -> tuple[Calibration, LeftOut, LeftOut]:
+    """Widen a band far from all tests, too, until it holds on tests predicted from other speeds.
+
+    Also returned are the predictions of left-out tests, each with its band as wide as that far from the others.
+    """
+    measured = np.array([test.pulse.accel_mps2 for test in campaign.tests])
+    speeds = np.array([test.condition.speed_mps for test in campaign.tests])
+    far = widening_far(measured, speeds, apart) if apart.numbers.size else _FAR_UNCHECKED
+    calibration = replace(near, far=far)
+
+    def further(out: Sequence[Sequence[int]]) -> dict[int, float]:
+        nearest = (nearness(speeds[number], np.delete(speeds, own)) for number, own in enumerate(out))
+        return {number: calibration.further(near_by) for number, near_by in enumerate(nearest)}
+
+    singly = [(number,) for number in range(len(speeds))]
+    return calibration, alone.widened(further(singly)), apart.widened(further(speed_groups(campaign)))

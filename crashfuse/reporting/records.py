@@ -13,7 +13,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.nearest import nearest_sentences
 from crashfuse.study.one_more_test import gains, one_more, sentences
-from crashfuse.study.recommendation import recommend, recommend_for
+from crashfuse.study.recommendation import recommend, recommend_for, recommend_without
 from crashfuse.study.study import Study
 
 
@@ -23,8 +23,7 @@ def study_record(study: Study) -> dict[str, object]:
     window = max(config.windows_ms)
     tests = {}
     for fold in study.folds:
-        rest, condition = config.training_campaign(campaign, fold.held_out), campaign.test(fold.held_out).condition
-        advice = recommend_for(fold.estimates, rest, condition, window)
+        advice = recommend_without(study, fold, window)
         rating = fold.ratings[advice.approach][window].overall
         tests[fold.held_out] = {
             "approach": advice.approach,

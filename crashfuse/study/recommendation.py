@@ -127,10 +127,15 @@ def recommend(study: Study) -> Recommendation:
 _recommended: WeakKeyDictionary[Study, Recommendation] = WeakKeyDictionary()
 
 
+def recommend_without(study: Study, fold: Fold, window_ms: float) -> Recommendation:
+    """The recommendation for a held-out test, made without it."""
+    rest = study.config.training_campaign(study.campaign, fold.held_out)
+    return recommend_for(fold.estimates, rest, fold.test.condition, window_ms)
+
+
 def _recommendation_for_one(study: Study) -> Recommendation:
     (fold,), window_ms = study.folds, max(study.config.windows_ms)
-    rest = study.config.split_configs[0].training_campaign(study.campaign, fold.held_out)
-    advice = recommend_for(fold.estimates, rest, fold.test.condition, window_ms)
+    advice = recommend_without(study, fold, window_ms)
     return replace(advice, sentences=advice.after(fold.ratings[advice.approach][window_ms].overall))
 
 

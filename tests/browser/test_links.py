@@ -17,6 +17,8 @@ VIEW = {"campaign": "sample", "test": "T03", "window": "40", "unit": "m/s²", "s
 SHOWN = ["sample", "T03 · 16.7 mph", "0–40 ms", "m/s²", "Deceleration"]
 USUAL = ("The test", "mph, lb")  # what is left out and the units, where nobody chose: no part of the address
 
+PAGES = ["Data", "Train", "Compare", "Study", "Predict", "Certify", "History"]
+
 
 def asked(user: "User") -> dict[str, str]:
     """What the address says."""
@@ -44,8 +46,7 @@ def test_links_reproduce_their_view_on_a_cold_server(cold_server: "Server", user
             assert urlsplit(user.browser.current_url).path == f"/{page}"
             continue
         user.wait(lambda page=page: same(page))  # type: ignore[misc]
-        pages = [link.split()[-1] for link in user.texts(LINK)]
-        assert pages == ["Data", "Train", "Compare", "Study", "Predict", "Certify", "History"]
+        user.wait(lambda: [link.split()[-1] for link in user.texts(LINK)] == PAGES)
         user.browser.refresh()
         user.wait(lambda page=page: same(page))  # type: ignore[misc]
         other = {"data": "Compare"}.get(page, "Data")

@@ -75,12 +75,13 @@ class Fused(Approach):
         """Create an unfitted mixture, the same under every preset."""
         return cls(seed=settings.seed, device=settings.device, cache=settings.cache)
 
-    def _unfitted(self) -> tuple[TimeDomain, DisplacementDomain]:
+    def _unfitted(self) -> tuple[TimeDomain, DisplacementDomain, Pretrained]:
         settings = Settings(seed=self.seed, device=self._wanted, cache=self.cache)
-        return TimeDomain.create(settings), DisplacementDomain.create(settings)
+        return TimeDomain.create(settings), DisplacementDomain.create(settings), Pretrained.create(settings)
 
-    def _pretrained(self) -> Pretrained:
-        return Pretrained(seed=self.seed, cache=self.cache)
+    @property
+    def _learning(self) -> tuple[TimeDomain, DisplacementDomain, Pretrained]:
+        return self.time_domain_, self.displacement_domain_, self.pretrained_
 
     @property
     def device(self) -> str:
@@ -95,16 +96,15 @@ class Fused(Approach):
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Fit the approaches, and learn the weights from their predictions of tests that they have not seen."""
         campaign = self._thinned(campaign)
-        time_domain, displacement_domain = self._unfitted()
+        time_domain, displacement_domain, pretrained = self._unfitted()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
         self.displacement_domain_, _ = fitted(displacement_domain, campaign, self.cache, watch)
-        self.pretrained_, _ = fitted(self._pretrained(), campaign, self.cache, watch)
+        self.pretrained_, _ = fitted(pretrained, campaign, self.cache, watch)
         self._begin(campaign)
         watch.report("Weights of the mixture", 0, 1)
         groups = speed_groups(campaign)
         alone = self._alone()
-        said = (self.time_domain_, self.displacement_domain_, self.pretrained_)
-        apart = self._tests.unseen([part.left_out_groups_ for part in said], groups)
+        apart = self._tests.unseen([part.left_out_groups_ for part in self._learning], groups)
         learned_from = alone + [left_out for left_out in apart if len(groups[left_out.number]) > 1]
         measured = self._tests.measured_mps2
         scores = [
@@ -131,8 +131,8 @@ class Fused(Approach):
 
     def _alone(self) -> list[Unseen]:
         """Components for each test left out alone, where all approaches predicted it from the others."""
-        said = [self.time_domain_.left_out_, self.displacement_domain_.left_out_, self.pretrained_.left_out_]
-        return self._tests.unseen(said, [(number,) for number in range(len(self._tests.speeds_mps))])
+        singly = [(number,) for number in range(len(self._tests.speeds_mps))]
+        return self._tests.unseen([part.left_out_ for part in self._learning], singly)
 
     def _mixed(self, components: Sequence[Component]) -> Component:
         """The mixture of thinned components."""
@@ -208,10 +208,10 @@ class Fused(Approach):
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore the approaches and the weights."""
         campaign = self._thinned(campaign)
-        time_domain, displacement_domain = self._unfitted()
+        time_domain, displacement_domain, pretrained = self._unfitted()
         self.time_domain_ = time_domain.restore(campaign, learned.part("time"))
         self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"))
-        self.pretrained_ = self._pretrained().restore(campaign, learned.part("pretrained"))
+        self.pretrained_ = pretrained.restore(campaign, learned.part("pretrained"))
         self._begin(campaign)
         self.pool_.logits_ = learned.arrays["logits"]
         values = learned.values

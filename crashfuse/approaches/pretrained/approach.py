@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache as kept
 from functools import partial
 from pathlib import Path
@@ -14,13 +13,14 @@ import torch
 from safetensors.torch import load
 from scipy.ndimage import gaussian_filter1d
 
-from crashfuse.approaches.band_check import LEAST_CHECKED, Unseen, checked
+from crashfuse.approaches.band_check import LEAST_CHECKED, Unseen, checked, checked_far
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
-from crashfuse.approaches.calibration import Calibration, widening_far
-from crashfuse.approaches.left_out import STRIDE, LeftOut, speed_groups
+from crashfuse.approaches.calibration import Calibration
+from crashfuse.approaches.left_out import STRIDE, LeftOut
 from crashfuse.approaches.nearness import nearness
 from crashfuse.approaches.pretrained.network import PretrainedNetwork, unit
 from crashfuse.approaches.settings import Settings
+from crashfuse.approaches.threads import single_thread
 from crashfuse.cae.model import CaeModel
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -36,7 +36,7 @@ _SHA256 = "150f17b2b59769a06b7e62e26fab0d9dd96fc11e2c282f709bbb085beed8856f"
 
 _N_DRAWS = 200
 _SMOOTH = 1.5  # samples of 0.8 ms: a CFC 60 pulse holds no errors that change faster
-_UNCHECKED = 1.5  # widening that fewer tests, or tests at a single speed, cannot tell
+_UNCHECKED = 1.5  # widening that fewer tests than are checked cannot tell
 
 
 class Pretrained(Approach):
@@ -83,13 +83,8 @@ class Pretrained(Approach):
             self.left_out_ = self.left_out_groups_ = LeftOut.of({})
             self.calibration_ = Calibration(_UNCHECKED, ())
             return self
-        near, alone, apart = checked(campaign, self._unseen, watch)
-        measured = np.array([test.pulse.accel_mps2 for test in campaign.tests])
-        far = widening_far(measured, self._vectors[:, 0], apart) if apart.numbers.size else _UNCHECKED
-        self.calibration_ = replace(near, far=far)
-        groups = speed_groups(campaign)
-        self.left_out_ = alone.widened({number: self._further(number, (number,)) for number in range(len(groups))})
-        self.left_out_groups_ = apart.widened({number: self._further(number, out) for number, out in enumerate(groups)})
+        near_and_left_out = checked(campaign, self._unseen, watch)
+        self.calibration_, self.left_out_, self.left_out_groups_ = checked_far(campaign, *near_and_left_out)
         return self
 
     def _begin(self, campaign: Campaign, watch: Watch = SILENT) -> Campaign:
@@ -99,11 +94,6 @@ class Pretrained(Approach):
         self._measured = np.array([test.pulse.accel_mps2[::STRIDE] for test in campaign.tests])
         self._cae = np.array([self.model_.pulse(test.condition).accel_mps2[::STRIDE] for test in campaign.tests])
         return campaign
-
-    def _further(self, number: int, out: Sequence[int]) -> float:
-        """By how much more the band grows that is predicted without these tests."""
-        speeds = self._vectors[:, 0]
-        return self.calibration_.further(nearness(speeds[number], np.delete(speeds, out)))
 
     def _unseen(self, number: int, out: Sequence[int]) -> Unseen:
         """A test's pulses from all but these, as a function of the band's widening."""
@@ -118,11 +108,8 @@ class Pretrained(Approach):
         measured = np.vstack([self._measured[tests], np.zeros_like(cae)])
         said = [measured, np.vstack([self._cae[tests], cae]), np.vstack([self._vectors[tests], vector])]
         known = torch.arange(len(measured)) < len(measured) - 1
-        threads = torch.get_num_threads()
-        torch.set_num_threads(1)  # the same numbers on any machine, under any load
-        with torch.inference_mode():
+        with single_thread(), torch.inference_mode():
             forecast = _network()(*(torch.tensor(each, dtype=torch.float32)[None] for each in said), known[None])
-        torch.set_num_threads(threads)
         mean, deviation, factors = (
             each[0, -1].double().numpy()
             for each in (forecast.mean_mps2, forecast.log_deviation.exp(), forecast.factors)

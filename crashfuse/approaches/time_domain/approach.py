@@ -9,8 +9,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
+from crashfuse.approaches.band_check import checked_far
 from crashfuse.approaches.base import MOST_TESTS, FittedState, Prediction
-from crashfuse.approaches.calibration import Calibration, widening_far
+from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.left_out import LeftOut, speed_groups
 from crashfuse.approaches.nearness import nearness
@@ -27,7 +28,6 @@ from crashfuse.errors import UsageError
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 
-_FAR_UNCHECKED = 1.5  # widening far from tests at a single speed, which cannot tell: from random vehicles
 _DRIFT_MPS = 12.0  # length scale of increments over speed: a 10 mph test says less about 35 mph than a 30 mph test
 _KERNEL_STEP = "Derivatives of the LF networks"
 
@@ -85,7 +85,7 @@ class TimeDomain(TcnApproach):
                 self.network_, self.scaling_, self._vectors, accel, self.config, checkpoint, watch
             )
             return self
-        self._learn(campaign, accel, watch)
+        self._learn(campaign, watch)
         return self
 
     def _lf(self) -> LfTcn:
@@ -143,7 +143,7 @@ class TimeDomain(TcnApproach):
         self.left_out_groups_ = LeftOut.restored(learned.part("left_out_groups"))
         return self
 
-    def _learn(self, campaign: Campaign, accel: FloatArray, watch: Watch) -> None:
+    def _learn(self, campaign: Campaign, watch: Watch) -> None:
         lf = mean_outputs(self.network_, self.scaling_.inputs(self._vectors, self.config))
         watch.report("Fine-tuning on tests", 0, 1)
         kernel = self._kernel.among(self._vectors) * self._alike(self._vectors)[:, None, :, None]
@@ -166,16 +166,7 @@ class TimeDomain(TcnApproach):
             if len(group) > 1:
                 pulses[number] = self._band.pulses(tests[number].condition, without(number, group), calibration)
         apart = LeftOut.of(pulses if max(map(len, groups)) < len(tests) else {})
-        speeds = self._vectors[:, 0]
-        far = widening_far(accel, speeds, apart) if apart.numbers.size else _FAR_UNCHECKED
-        self.calibration_ = replace(calibration, far=far)
-
-        def further(out: Sequence[tuple[int, ...]]) -> dict[int, float]:
-            near = (nearness(speeds[number], np.delete(speeds, own)) for number, own in enumerate(out))
-            return {number: self.calibration_.further(q) for number, q in enumerate(near)}
-
-        self.left_out_ = alone.widened(further([(number,) for number in range(len(tests))]))
-        self.left_out_groups_ = apart.widened(further(groups))
+        self.calibration_, self.left_out_, self.left_out_groups_ = checked_far(campaign, calibration, alone, apart)
         ends = [self._band.stopping(tests[n].condition).end_share(p.mean) for n, p in left_out.items()]
         self._delta_v_misfit = float(np.abs(np.array(ends) - self._band.end_shares).mean())
 

@@ -4,13 +4,14 @@ Threads within a product wait for each other at every step, which costs more tha
 other work. Also, one thread gives the same numbers on any machine under any load.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from typing import Self, TypeVar
 
 import torch
 
+from crashfuse.approaches.threads import single_thread
 from crashfuse.approaches.time_domain.network import Tcn
 
 S = TypeVar("S")
@@ -19,16 +20,9 @@ T = TypeVar("T")
 _SMALL = 1_000_000  # weights of a member; above this, threads within a product pay off
 
 
-@contextmanager
-def quick_threads(network: Tcn) -> Iterator[None]:
+def quick_threads(network: Tcn) -> AbstractContextManager[None]:
     """Context in which a single thread computes a small network."""
-    before = torch.get_num_threads()
-    if network.size < _SMALL:
-        torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+    return single_thread() if network.size < _SMALL else nullcontext()
 
 
 class Crew:

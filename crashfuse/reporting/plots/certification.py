@@ -83,7 +83,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
         dragmode=False,
         margin={"t": 52, "b": 36},
         modebar={"remove": [*UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]},
-        legend={"y": 0, "yref": "container", "yanchor": "bottom"},
+        legend={"y": 0, "yanchor": "bottom"},
     )
     plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
     figure.update_xaxes(**plain, side="top", tickangle=0, range=[-0.5, len(names) - 0.5], showspikes=False)

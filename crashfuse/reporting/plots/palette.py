@@ -13,6 +13,7 @@ from crashfuse.units import MPH
 PAPER, INK = "#FFFFFF", "#262A33"
 GRID, AXIS, CURSOR = "#E3E6EA", "#868D98", "#5B6270"
 WINDOW, WINDOW_INK = "#FFF4CC", "#6B5900"
+CORRIDOR = "#7A5AB5"  # of the rating
 MEASURED_COLOUR = "#000000"
 COLOURS: Mapping[str, str] = {name: approach.colour for name, approach in CLASSES.items()}
 """Of each approach, from Okabe & Ito's palette, which colour-blind readers can tell apart."""
@@ -53,7 +54,7 @@ IN_THE_DARK: Mapping[str, str] = {
     WINDOW: "#423B22",
     WINDOW_INK: "#E3CB74",
     MEASURED_COLOUR: "#F5F7FA",
-    "#7A5AB5": "#B79CF0",  # corridors of the rating
+    CORRIDOR: "#B79CF0",
     **_FILLS_IN_THE_DARK,
     **{approach.colour: approach.dark_colour for approach in CLASSES.values() if approach.dark_colour},
     **dict(zip(_SLOW_TO_FAST, _SLOW_TO_FAST_IN_THE_DARK, strict=True)),

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
+from plotly.colors import hex_to_rgb
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.cae_library import CaeLibrary
@@ -20,7 +21,7 @@ from crashfuse.reporting.plots.canvas import (
 )
 from crashfuse.reporting.plots.curves import TEST, Curve, by_speed, draw_curves
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import COLOURS, CURSOR
+from crashfuse.reporting.plots.palette import COLOURS, CORRIDOR, CURSOR
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.pulse import motion as integrals
@@ -115,11 +116,11 @@ def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT
     time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * display.accel_scale
     largest = np.abs(accel).max()
     outline = np.concatenate([time, time[::-1]]).astype(np.float32)
-    for name, share, colour in (("outer", OUTER_CORRIDOR, 0.10), ("inner", INNER_CORRIDOR, 0.30)):
+    for name, share, alpha in (("outer", OUTER_CORRIDOR, 0.10), ("inner", INNER_CORRIDOR, 0.30)):
         half = share * largest
         figure.add_scatter(
             x=outline, y=np.concatenate([accel - half, (accel + half)[::-1]]).astype(np.float32), mode="lines",
-            line={"width": 0, "color": "#7A5AB5"}, fill="toself", fillcolor=f"rgba(122, 90, 181, {colour})",
+            line={"width": 0, "color": CORRIDOR}, fill="toself", fillcolor=f"rgba{(*hex_to_rgb(CORRIDOR), alpha)}",
             name=f"Corridor of the rating, {name} (± {half:.1f} {display.unit})", hoverinfo="skip", meta=BAND,
         )  # fmt: skip
     return figure

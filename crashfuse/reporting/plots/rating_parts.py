@@ -59,10 +59,11 @@ def rated_curves(
     figure = new_figure(height=980 + room_for_names([TEST, approach, *further]))
     curves, scale = explanation.compared, display.accel_scale
     add_corridors(figure, Pulse(curves.time_s, curves.reference), display)
-    lines, rated = curve_lines(further), np.flatnonzero(explanation.window_ms > GRID_S / MS)
+    grid_ms = GRID_S / MS
+    lines, rated = curve_lines(further), grid_ms < explanation.window_ms
     for name, pulse in further.items():  # behind what is rated
         accel = pulse.accel_mps2[rated] * scale
-        add_line(figure, GRID_S[rated] / MS, accel, name=name, line=lines[name], legendrank=_LAST)
+        add_line(figure, grid_ms[rated], accel, name=name, line=lines[name], legendrank=_LAST)
     _draw(figure, curves, approach, scale, row=1)
     distance = np.abs(curves.comparison - curves.reference)
     for name, colour, half_mps2 in (

@@ -96,7 +96,6 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
     if any(trial.wrong for trial in trials):
         _legend(figure, "wrong verdict", color=_DISAGREES, symbol="circle-open", line_color=_DISAGREES)
     figure.update_layout(hovermode="closest", hoverlabel={"align": "left"}, margin={"t": 96})
-    figure.update_layout(legend={"y": 1, "yref": "container", "yanchor": "top"})  # clear of the first row's title
     figure.update_xaxes(title="Left-out test, in order of speed", row=len(criteria))
     return figure
 

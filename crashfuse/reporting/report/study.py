@@ -19,7 +19,7 @@ from crashfuse.reporting.report.sections import details, repeats_table
 from crashfuse.reporting.report.why import why
 from crashfuse.study.account import worst_test
 from crashfuse.study.fold import Fold
-from crashfuse.study.recommendation import recommend, recommend_for
+from crashfuse.study.recommendation import recommend, recommend_without
 from crashfuse.study.study import Study
 from crashfuse.wording import speed
 
@@ -122,8 +122,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
     test = study.campaign.test(fold.held_out)
     window = display.window_ms
     notes = [note for note in options.notes if note.test == test.id]
-    rest = study.config.training_campaign(study.campaign, test.id)
-    advice = recommend_for(fold.estimates, rest, test.condition, window)
+    advice = recommend_without(study, fold, window)
     repeat = study.repeats(window).get(test.id)
     shown: dict[str, object] = {
         "test": test,

@@ -81,7 +81,7 @@ def _uploaded(campaign: Campaign) -> Matrix | None:
         state[wrong], state["uploaded"] = None, None
         content = file.getvalue()
         try:
-            uploaded(content, _FILE, lambda path: Matrix.read(path, campaign.factors))
+            _checked(content, campaign.fingerprint, campaign)
             state["uploaded"] = kept_tables.keep(content)
         except CrashfuseError as error:
             state[wrong] = error
@@ -97,12 +97,12 @@ def _uploaded(campaign: Campaign) -> Matrix | None:
             "The matrix of this link is not on this server: it was uploaded elsewhere, or removed after a year without "
             "use. Upload it again."
         )
-    return _checked(digest, campaign.fingerprint, content, campaign)
+    return _checked(content, campaign.fingerprint, campaign)
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)
-def _checked(digest: str, fingerprint: str, _content: bytes, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
-    return uploaded(_content, _FILE, lambda path: Matrix.read(path, _campaign.factors))
+def _checked(content: bytes, fingerprint: str, _campaign: Campaign) -> Matrix:  # noqa: ARG001 - the key
+    return uploaded(content, _FILE, lambda path: Matrix.read(path, _campaign.factors))
 
 
 def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:

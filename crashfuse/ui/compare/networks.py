@@ -1,7 +1,8 @@
 """The networks before and after fine-tuning on tests, and how they were trained."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import plotly.graph_objects as go
@@ -39,9 +40,10 @@ def show(comparison: Comparison) -> None:
             curves = comparison.choose_curves([TEST, *({BASELINE} & {*comparison.predictions})])
     columns = st.columns(2, gap="medium")
     if choice == _BEFORE_AND_AFTER:
+        drawn = cache(partial(_beside_the_cae, comparison, curves))  # once for both columns
         for column, name in zip(columns, states, strict=False):
             with column:
-                _show_beside_the_cae(comparison, name, curves)
+                _show_beside_the_cae(comparison, name, curves, drawn)
         return
     st.caption("Both learning curves are kept with the predictions, and written to study.json.")
     name = "time_domain" if "time_domain" in states else "lf_tcn"
@@ -69,12 +71,14 @@ def show(comparison: Comparison) -> None:
             show_figure(plot("fine-tuning"), alt="Loss over steps")
 
 
-def _show_beside_the_cae(comparison: Comparison, name: str, curves: Shown) -> None:
+def _show_beside_the_cae(
+    comparison: Comparison, name: str, curves: Shown, drawn: Callable[[], dict[str, go.Figure]]
+) -> None:
     fold = comparison.fold
     rating = fold.ratings[name][comparison.window_ms]
     st.markdown(f"**{_TITLES[name]}** · {LABELS[name]} {rating.overall:.3f}, {rating.grade.lower()}")
     show_cached_figure(
-        lambda: _beside_the_cae(comparison, curves)[name],
+        lambda: drawn()[name],
         f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}",
         name,
         comparison.key,
