@@ -7,11 +7,12 @@ the vehicles the structure around the sensor rings, in the CAE model at another 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.signal import bilinear, lfilter
-from vehicles import CRUSH_M, NEVER_M, NOISE_SAMPLES, folded_elsewhere, recorded, varied, wandering
+from vehicles import CRUSH_M, NEVER_M, NOISE_SAMPLES, folded_elsewhere, recorded, scattered_about, varied, wandering
 
 from crashfuse.approaches.left_out import STRIDE
 from crashfuse.condition import Condition
@@ -71,10 +72,7 @@ class _Kind:
     @classmethod
     def drawn(cls, mass_kg: float, rng: np.random.Generator) -> Self:
         """A vehicle of any kind."""
-
-        def about(value: float, spread: float) -> float:
-            return float(value * np.exp(spread * rng.standard_normal()))
-
+        about = partial(scattered_about, rng)
         force = mass_kg * 15.6**2 / 2 / rng.uniform(0.38, 0.8)  # mean barrier force at 35 mph
         rails, shell = rng.uniform(0.3, 0.8), rng.uniform(0.1, 0.65)
         box, second = rng.uniform(0.08, 0.28), rng.uniform(0.25, 0.5)

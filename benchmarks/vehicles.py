@@ -7,6 +7,7 @@ CAE models that are nearly right or far off, and on some vehicles folds that beg
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -147,12 +148,14 @@ def _by_zone(vehicle: Vehicle, changed: Callable[[CrushZone], CrushZone]) -> Veh
     return replace(vehicle, rails=rails, shell=shell, engine=engine, firewall=firewall)
 
 
+def scattered_about(rng: np.random.Generator, value: float, spread: float) -> float:
+    """A number whose logarithm has this standard deviation."""
+    return float(value * np.exp(spread * rng.standard_normal()))
+
+
 def _drawn_vehicle(mass_kg: float, rng: np.random.Generator) -> Vehicle:
     """A vehicle of any kind that stops 15.6 m/s within about 0.4 to 0.75 m."""
-
-    def about(value: float, spread: float) -> float:
-        return float(value * np.exp(spread * rng.standard_normal()))
-
+    about = partial(scattered_about, rng)
     force = mass_kg * 15.6**2 / 2 / rng.uniform(0.4, 0.75)  # mean barrier force at 35 mph
     rails, shell = rng.uniform(0.35, 0.75), rng.uniform(0.15, 0.6)
     box, second = rng.uniform(0.1, 0.25), rng.uniform(0.25, 0.45)
