@@ -8,6 +8,7 @@ import pytest
 
 HEAVY = {"numpy", "numba", "scipy", "pandas", "sklearn", "pyarrow", "torch", "plotly", "streamlit", "pytest"}
 HEAVY |= {"torch._dynamo"}  # the compiler
+HEAVY |= {"scipy.stats", "scipy.signal"}  # each takes as long as the rest of SciPy
 RATE = "import numpy as np, crashfuse; t = np.sin(np.arange(600) / 90); crashfuse.rate_iso18571(t, 0.9 * t, dt_s=1e-4)"
 IN_TURN = """
 import sys
@@ -43,12 +44,19 @@ def test_a_rating_loads_numpy_alone() -> None:
 
 
 @pytest.mark.slow
+def test_the_pages_load_no_networks() -> None:
+    """Names and figures of all approaches are drawn without torch, which takes as long to load as all else."""
+    (pages,) = loaded("import sys, crashfuse.ui.frame, crashfuse.reporting.report; print(*sys.modules)")
+    assert not {"torch", "scipy.stats", "scipy.signal", "sklearn", "pytest"} & pages
+
+
+@pytest.mark.slow
 def test_loading_predicting_and_training_load_one_after_the_other_what_each_needs(campaign_on_disk: Path) -> None:
-    """A campaign no torch and no figures; a prediction no dashboard and no contracts; a training no torch.compile.
+    """A campaign no torch and no figures; a prediction without networks no torch; a training no torch.compile.
 
     The compiler takes 1.6 CPU-seconds and 70 MB to load.
     """
     campaign, prediction, training = loaded(IN_TURN, str(campaign_on_disk))
     assert not {"torch", "plotly", "streamlit", "sklearn", "pytest"} & campaign
-    assert not {"streamlit", "pytest"} & prediction
+    assert not {"torch", "streamlit", "pytest"} & prediction
     assert {"torch", "torch._dynamo"} & training == {"torch"}

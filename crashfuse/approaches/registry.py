@@ -1,29 +1,39 @@
 """All approaches by name. A new one needs its own module and an entry here, or an entry point of another package.
 
-Its class defines the rest.
+Its class defines the rest. Those with networks are listed by what they say of themselves (an abstract base of their
+class), so that whoever only names or draws approaches does not wait for PyTorch.
 """
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from inspect import isabstract
 from math import inf
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.cae import Cae
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.fused.approach import Fused
+from crashfuse.approaches.fused.about import AboutFused
 from crashfuse.approaches.settings import Settings
-from crashfuse.approaches.time_domain.approach import TimeDomain
-from crashfuse.approaches.time_domain.lf_tcn import LfTcn
+from crashfuse.approaches.time_domain.about import AboutLfTcn, AboutTimeDomain
 from crashfuse.errors import CrashfuseError, UsageError, one_of
 from crashfuse.extensions import Broken, load, said
 
 _ALL: tuple[type[Approach], ...] = (
     Cae,
-    LfTcn,
-    TimeDomain,
+    AboutLfTcn,
+    AboutTimeDomain,
     DisplacementDomain,
-    Fused,
+    AboutFused,
 )
+
+
+def _with_networks() -> tuple[type[Approach], ...]:
+    """The classes behind those that are listed by what they say: imported when one is created."""
+    from crashfuse.approaches.fused.approach import Fused
+    from crashfuse.approaches.time_domain.approach import TimeDomain
+    from crashfuse.approaches.time_domain.lf_tcn import LfTcn
+
+    return LfTcn, TimeDomain, Fused
 
 
 def _checked(name: str, found: object) -> type[Approach]:
@@ -84,7 +94,10 @@ def create(name: str, settings: Settings) -> Approach:
     """
     if name in _BROKEN:
         raise UsageError(_BROKEN[name])
-    return one_of("approach", name, CLASSES).create(settings)
+    known = one_of("approach", name, CLASSES)
+    if isabstract(known):
+        known = next((each for each in _with_networks() if issubclass(each, known)), known)
+    return known.create(settings)
 
 
 @contextmanager

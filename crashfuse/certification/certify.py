@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from crashfuse.approaches.fused.approach import Fused
+from crashfuse.approaches.fused.about import AboutFused
 from crashfuse.approaches.registry import BASELINE
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria
@@ -23,7 +23,7 @@ from crashfuse.study.plan import check_window
 from crashfuse.study.running import workers_at
 from crashfuse.wording import joined
 
-APPROACH = Fused.name
+APPROACH = AboutFused.name
 """The approach whose predictions are judged if no other is asked for."""
 _LEARN, _JUDGE = "Left-out tests", "Conditions of the matrix"  # steps
 

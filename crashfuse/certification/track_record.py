@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from scipy.stats import beta
+from scipy.special import betaincinv
 
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.verdict import WORDS, Verdict
@@ -21,14 +21,14 @@ _LEVEL = 0.95
 def share_bounds(count: int, n: int, level: float = _LEVEL) -> tuple[float, float]:
     """Exact two-sided bounds of a share of which ``count`` in ``n`` were seen (Clopper & Pearson 1934)."""
     tail = (1 - level) / 2
-    lower = float(beta.ppf(tail, count, n - count + 1)) if count else 0.0
-    upper = float(beta.ppf(1 - tail, count + 1, n - count)) if count < n else 1.0
+    lower = float(betaincinv(count, n - count + 1, tail)) if count else 0.0
+    upper = float(betaincinv(count + 1, n - count, 1 - tail)) if count < n else 1.0
     return lower, upper
 
 
 def largest_share(count: int, n: int, level: float = _LEVEL) -> float:
     """Exact one-sided upper bound of such a share."""
-    return float(beta.ppf(level, count + 1, n - count)) if count < n else 1.0
+    return float(betaincinv(count + 1, n - count, level)) if count < n else 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -241,7 +241,7 @@ def _add_workers(parser: argparse.ArgumentParser) -> None:
 
 
 class _Approaches:
-    """Names of all approaches, looked up only when the help is shown, since that imports torch."""
+    """Names of all approaches, looked up only when the help is shown, since that imports SciPy."""
 
     def __iter__(self) -> Iterator[str]:
         from crashfuse.approaches.registry import APPROACHES

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.warping import warping_paths
@@ -39,6 +38,8 @@ def humps(curve: FloatArray) -> tuple[Hump, ...]:
     A hump rises by at least a tenth of the largest value above the valleys beside it. Together they fill the curve; it
     may have none.
     """
+    from scipy.signal import find_peaks  # half a second
+
     upright = curve if curve.sum() > 0 else -curve
     peaks, _ = find_peaks(upright, prominence=_PROMINENCE * np.abs(curve).max())
     valleys = [int(left + upright[left:right].argmin()) for left, right in pairwise(peaks)]

@@ -14,7 +14,6 @@ from typing import Self
 
 import numpy as np
 import pandas as pd
-from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
@@ -83,6 +82,8 @@ class ConditionRange:
 
     def spread(self, n: int) -> tuple[Condition, ...]:
         """Conditions that fill the range evenly: the first points of the Halton sequence, so always the same."""
+        from scipy.stats import qmc  # half a second
+
         shares = qmc.Halton(d=3, scramble=False).random(n + 1)[1:]  # the first is a corner
         return self._at(self.low.vector + shares * (self.high.vector - self.low.vector))
 

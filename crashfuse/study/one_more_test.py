@@ -15,7 +15,7 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 import pandas as pd
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.study.cost import Cost
@@ -104,7 +104,7 @@ def one_more(curve: LearningCurve) -> OneMore | None:
     laws = [(*_law(ratings, exponent), n**-exponent - (n + 1.0) ** -exponent) for exponent in EXPONENTS]
     ahead = [slope * step for slope, _, step in laws]
     slope, error, step = laws[1]
-    reach = float(student.ppf(0.975, ratings.shape[1] - 2)) * error * step
+    reach = float(stdtrit(ratings.shape[1] - 2, 0.975)) * error * step
     before = (n - 1.0) ** -EXPONENTS[1] - n ** -EXPONENTS[1]
     rating = float(ratings.iloc[:, -1].mean()) + slope * (before + step)
     return OneMore(n, ahead[1], min(ahead) - reach, max(ahead) + reach, rating)

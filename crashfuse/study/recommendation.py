@@ -15,7 +15,7 @@ import numpy as np
 from crashfuse.approaches.fused.weights import Scores
 from crashfuse.approaches.left_out import STRIDE
 from crashfuse.approaches.registry import BASELINE, CLASSES, by_preference
-from crashfuse.approaches.time_domain.approach import TimeDomain
+from crashfuse.approaches.time_domain.about import AboutTimeDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import DT_S, FloatArray
@@ -98,8 +98,8 @@ def recommend_for(
 def _by_the_paper(names: Sequence[str], campaign: Campaign, condition: Condition) -> Recommendation:
     """The paper's own advice (Sect. 4.3), for use when no left-out predictions are available."""
     away = min(abs(test.condition.speed_mps - condition.speed_mps) for test in campaign.tests)
-    beside = TimeDomain.name in names and away <= _NEAR_MPS
-    chosen = TimeDomain.name if beside else names[0]
+    beside = AboutTimeDomain.name in names and away <= _NEAR_MPS
+    chosen = AboutTimeDomain.name if beside else names[0]
     reason = Sentence(
         "Use {}: the nearest test is {} away, and the paper (Sect. 4.3) trusts the time domain beside a test of about "
         "the same speed, else the displacement domain.",

@@ -107,17 +107,19 @@ class Computation:
         missing = [each for each in wanted if each not in self.known]
         late = [each for each in missing if CLASSES[each.approach].trains_networks]
         early = [each for each in missing if not CLASSES[each.approach].trains_networks]
-        tasks, repeats = _tasks(early), [Task(repeated=repeated)]
+        tasks = _tasks(early)
         self._expect(early, late)
         shared = self._prepared(missing, trained=False)
-        if not late:
-            self._compute([*tasks, *repeats], shared, _EARLY, early)
-        elif self.workers.are_elsewhere(tasks):
-            trained = self._train_beside([*tasks, *repeats], late, shared, early)
+        elsewhere = self.workers.are_elsewhere(tasks)
+        if elsewhere:  # what is not known of repeatability in the end is computed there
+            tasks.append(Task(repeated=repeated))
+        if elsewhere and late:
+            trained = self._train_beside(tasks, late, shared, early)
             self._compute(_tasks(late), trained, _LATE, late)
         else:  # here, one after the other: what can be shown first is not delayed by training
             self._compute(tasks, shared, _EARLY, early)
-            self._compute(_tasks(late), self._prepared(late), _LATE, late)
+            if late:
+                self._compute(_tasks(late), self._prepared(late), _LATE, late)
         self.seconds["held_out_tests"] = time.perf_counter() - start
 
     def _train_beside(

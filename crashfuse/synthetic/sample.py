@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from scipy.stats import qmc
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
@@ -120,6 +119,8 @@ def sample_campaign(seed: int = 0) -> Campaign:
             zip(test_conditions, measured_pulses(test_conditions, seed), strict=True), start=1
         )
     ]
+    from scipy.stats import qmc  # half a second
+
     hypercube = qmc.scale(qmc.LatinHypercube(d=3, rng=seed).random(_N_RUNS), _LOW, _HIGH).round(2).tolist()
     conditions = [_condition(*row) for row in hypercube + [list(row[:3]) for row in TABLE_1]]
     ids = [f"CAE-{number:04d}" for number in range(1, _N_RUNS + 1)] + [f"CAE-{test.id}" for test in tests]

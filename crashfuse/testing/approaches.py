@@ -82,7 +82,7 @@ class ApproachContract:
     def test_it_says_all_that_is_shown_of_it(self) -> None:
         """Label, sentence name, description, colours and preference, none of which another one has."""
         approach, others = self.approach, [other for other in CLASSES.values() if other.name != self.approach.name]
-        assert CLASSES.get(approach.name) in (None, approach)
+        assert issubclass(approach, CLASSES.get(approach.name, Approach))
         assert approach.label
         assert approach.in_words.startswith("the ")
         assert re.fullmatch(r"[^.]{20}.*\.", approach.description)
@@ -148,7 +148,7 @@ class ApproachContract:
     def test_what_it_mixes_can_be_predicted_by_others(self) -> None:
         """Given its parts' predictions it makes the same of them as alone."""
         approach, condition = self.fitted(), CAMPAIGN.test(_HELD_OUT).condition
-        assert tuple(type(part) for part in approach.parts) == approach.made_of
+        assert all(isinstance(*each) for each in zip(approach.parts, approach.made_of, strict=True))
         assert all(part.preference > approach.preference for part in approach.parts)
         parts = [part.predict(condition) for part in approach.parts]
         assert _same(approach.predict_from(condition, parts), approach.predict(condition))

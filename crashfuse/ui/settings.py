@@ -1,7 +1,6 @@
 """Settings of the fits: approaches, preset, seed and device; other pages use the same settings."""
 
 import streamlit as st
-import torch
 
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.approaches.settings import DEVICES, PRESETS
@@ -37,9 +36,11 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
         )  # fmt: skip
         if leaving_out:
             choose_left_out()
+        from torch import cuda  # imported while the first pages are read
+
         st.radio(
             "Networks are trained on",
-            DEVICES if torch.cuda.is_available() or st.session_state["device"] == "cuda" else ("auto", "cpu"),
+            DEVICES if cuda.is_available() or st.session_state["device"] == "cuda" else ("auto", "cpu"),
             format_func={"auto": "A GPU if there is one", "cpu": "The CPU", "cuda": "The GPU"}.__getitem__,
             key="device",
             persist_state="session",

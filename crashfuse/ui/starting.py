@@ -12,7 +12,7 @@ import streamlit as st
 
 from crashfuse.ui.navigation import navigate
 
-_SLOW = (  # what the pages need; most of the time is that of PyTorch, SciPy, scikit-learn and pandas
+_SLOW = (  # what the pages need; most of the time is that of SciPy, Plotly and pandas
     "crashfuse.ui.frame",
     "crashfuse.reporting.report",
     "crashfuse.ui.explanations",
@@ -20,6 +20,7 @@ _SLOW = (  # what the pages need; most of the time is that of PyTorch, SciPy, sc
     "pandas.io.formats.style",
     "streamlit.elements.plotly_chart",
 )
+_NEXT = "torch"  # what a first prediction needs: it takes as long again
 _SWITCH_S = 5e-4  # while importing: the server's own threads wait for the interpreter a tenth of the usual time
 
 _lock = threading.Lock()
@@ -46,6 +47,7 @@ def _import(done: Future[None]) -> None:
         done.set_exception(error)
     else:
         done.set_result(None)
+        import_module(_NEXT)
     finally:
         sys.setswitchinterval(usual)
 

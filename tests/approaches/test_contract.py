@@ -2,7 +2,8 @@
 
 import pytest
 
-from crashfuse.approaches.registry import CLASSES
+from crashfuse.approaches.registry import CLASSES, create
+from crashfuse.approaches.settings import Settings
 from crashfuse.testing import ApproachContract
 
 pytestmark = pytest.mark.usefixtures("quick_networks")
@@ -10,5 +11,5 @@ pytestmark = pytest.mark.usefixtures("quick_networks")
 for _name, _approach in CLASSES.items():
     _marks = [pytest.mark.slow] if _approach.trains_networks or _approach.made_of else []
     globals()[f"Test_{_name}"] = type(
-        f"Test_{_name}", (ApproachContract,), {"approach": _approach, "pytestmark": _marks}
+        f"Test_{_name}", (ApproachContract,), {"approach": type(create(_name, Settings())), "pytestmark": _marks}
     )

@@ -9,6 +9,7 @@ from crashfuse.approaches.cae import Cae
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.execution.progress import Watch
+from crashfuse.execution.workers import Local
 from crashfuse.study import tasks
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.running import run_study
@@ -54,6 +55,14 @@ def test_nothing_trains_before_the_only_test_is_shown(campaign: Campaign, monkey
     watch = Watch(on_part=lambda part: order.append(f"shown {len(part.config.approaches)}"))
     run_study(campaign, CONFIG, held_out=["T1"], watch=watch, workers=2)
     assert order == ["shown 1", "training", "shown 2"]
+
+
+def test_nobody_else_is_asked_to_compute_a_single_fold(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without networks too: its repeatability is no second task that other processes would be started for."""
+    monkeypatch.setattr(Local, "submitted", None)
+    study = run_study(campaign, CONFIG, held_out=["T1"], workers=2)
+    assert set(study.fold("T1").ratings) == set(CONFIG.approaches)
+    assert study.repeatability["T1"]
 
 
 def test_a_speed_group_of_one_test_is_that_test_alone(campaign: Campaign) -> None:

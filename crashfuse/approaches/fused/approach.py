@@ -10,6 +10,7 @@ from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Predict
 from crashfuse.approaches.calibration import WIDENINGS, Calibration, Coverage, calibrate, widening_far
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.fit_cache import fitted
+from crashfuse.approaches.fused.about import AboutFused
 from crashfuse.approaches.fused.components import COMPONENTS, Component, Tests, Unseen, mixed, thinned_out
 from crashfuse.approaches.fused.prior import PRIOR, SPREAD, STRENGTH
 from crashfuse.approaches.fused.weights import Pool, Scores, spread
@@ -30,7 +31,7 @@ _N_DRAWS = 400
 _WIDENINGS = (0.6, 0.7, 0.8, 0.9, *WIDENINGS)
 
 
-class Fused(Approach):
+class Fused(AboutFused):
     """A mixture of time domain, displacement domain, pre-trained network and raw CAE (beyond the paper).
 
     The expected accelerations are averaged with the weights of :class:`crashfuse.approaches.fused.weights.Pool`, so
@@ -52,18 +53,6 @@ class Fused(Approach):
     calibration_ : Calibration
         Calibration of the band, on tests that all approaches predicted from the others.
     """
-
-    name = "fused"
-    label = "Fused"
-    in_words = "the fused prediction"
-    description = (
-        "time domain, displacement domain, a network pre-trained on simulated vehicles and raw CAE, averaged with "
-        "weights that left-out tests decide (by CRPS) and narrow bands increase; the band is the mixture's."
-    )
-    colour = "#009E73"
-    preference = 10
-    trains_networks = True
-    made_of = (TimeDomain, DisplacementDomain)
 
     def __init__(self, *, seed: int = 0, device: Device = "auto", cache: Cache | None = None) -> None:
         self.seed = seed

@@ -15,6 +15,7 @@ from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.left_out import LeftOut, speed_groups
 from crashfuse.approaches.nearness import nearness
+from crashfuse.approaches.time_domain.about import AboutTimeDomain
 from crashfuse.approaches.time_domain.band import Band
 from crashfuse.approaches.time_domain.fine_tuning import PENALTIES, Increments, Posterior
 from crashfuse.approaches.time_domain.kernel_blocks import KernelBlocks
@@ -32,7 +33,7 @@ _DRIFT_MPS = 12.0  # length scale of increments over speed: a 10 mph test says l
 _KERNEL_STEP = "Derivatives of the LF networks"
 
 
-class TimeDomain(TcnApproach):
+class TimeDomain(AboutTimeDomain, TcnApproach):
     """The multi-fidelity (MF) TCN: the LF networks with increments learned from the tests (Eq. 6).
 
     Parameters as :class:`LfTcn`.
@@ -52,17 +53,6 @@ class TimeDomain(TcnApproach):
     losses_ : ndarray, shape (n_members, n_steps)
         Loss on the tests before each step; only after fine-tuning by Adam.
     """
-
-    name = "time_domain"
-    label = "Time domain"
-    in_words = "the time domain"
-    description = (
-        "the multi-fidelity (MF) networks: those of the LF TCN with increments of their weights learned from the "
-        "tests (Eq. 6); under the fast preset in closed form, their strength chosen by leaving tests out, with the "
-        "posterior, widened until it holds on left-out tests, as the band."
-    )
-    colour, dark_colour = "#0072B2", "#2E93D6"
-    preference = 30
 
     def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:
         """Train the LF networks, and compute the tangent kernel between these conditions."""

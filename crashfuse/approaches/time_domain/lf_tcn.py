@@ -8,6 +8,7 @@ import torch
 
 from crashfuse.approaches.base import Approach, FittedState, Prediction
 from crashfuse.approaches.settings import Device, Settings
+from crashfuse.approaches.time_domain.about import AboutLfTcn
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.scaling import Scaling
@@ -29,7 +30,6 @@ _MOST_POINTS = 200  # most points of a learning curve shown
 class TcnApproach(Approach):
     """Common base of the LF TCN and the time domain: hyperparameters, and prediction by a network."""
 
-    trains_networks = True
     network_: Tcn
     scaling_: Scaling
     _library: CaeLibrary
@@ -63,7 +63,7 @@ class TcnApproach(Approach):
         return Prediction(condition, accel, notes=self._library.extrapolation(condition))
 
 
-class LfTcn(TcnApproach):
+class LfTcn(AboutLfTcn, TcnApproach):
     """The LF networks as an approach of their own.
 
     Parameters
@@ -83,17 +83,6 @@ class LfTcn(TcnApproach):
     losses_ : ndarray, shape (n_members, n_epochs, 2)
         Training and validation loss after each epoch.
     """
-
-    name = "lf_tcn"
-    label = "LF TCN"
-    in_words = "the LF TCN"
-    description = (
-        "the low-fidelity (LF) networks: temporal convolutional networks (TCN) trained on the CAE runs and on no test "
-        "(Eq. 5)."
-    )
-    colour, dash = "#CC79A7", "dot"
-    preference = 40
-    learns_from_tests = False
 
     def prepare(self, campaign: Campaign, conditions: Sequence[Condition], watch: Watch = SILENT) -> None:  # noqa: ARG002
         """Train the networks."""
