@@ -1,5 +1,6 @@
 """What many tests need: a small campaign with closed-form pulses, in memory and on disk, and a cache of their own."""
 
+import gc
 import os
 import shutil
 import sys
@@ -10,7 +11,6 @@ from uuid import uuid4
 
 import pandas as pd
 import pytest
-import torch
 
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.campaign import Campaign
@@ -39,13 +39,23 @@ needs_other_readers = pytest.mark.skipif(
 
 
 def pytest_configure() -> None:
-    """Compiled code is kept; where tests run side by side, each keeps to one core, as contended threads cost more."""
+    """Compiled code is kept; while all tests are read, which is not in vain, nothing is searched for waste."""
     sys.dont_write_bytecode = False  # a hundred processes would compile the program anew, and each worker all tests
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        os.environ["OMP_NUM_THREADS"] = "1"  # for processes that tests start
-        os.environ["LOKY_MAX_CPU_COUNT"] = "1"  # for studies that are not told how many processes to take
-        torch.set_num_threads(1)
+    gc.disable()  # else a third of the time that it takes
+
+
+def pytest_collection_finish() -> None:
+    """What was read stays to the end: it is never searched."""
+    gc.freeze()
+    gc.enable()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes() -> None:
+    """Where tests run side by side, each keeps to one core, as contended threads cost more."""
+    os.environ["OMP_NUM_THREADS"] = "1"
+    os.environ["LOKY_MAX_CPU_COUNT"] = "1"  # for studies that are not told how many processes to take
 
 
 @pytest.hookimpl(wrapper=True, optionalhook=True)
