@@ -46,8 +46,7 @@ def pytest_configure() -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What was read stays to the end: it is never searched."""
-    gc.freeze()
+    """From here on there is waste."""
     gc.enable()
 
 
