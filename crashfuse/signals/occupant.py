@@ -95,27 +95,24 @@ def vehicle_pulse_index(
     """Peak deceleration of 1 kg behind 30 mm of slack on a spring of 2500 N/m in the vehicle (VPI, ISO/TR 12353-3).
 
     The mass follows m·y'' = −k·max(0, y − s − slack), with y(0) = 0 and y'(0) = v0; the spring only pulls, undamped.
-    It is integrated by y(t + Δt) = 2 y(t) − y(t − Δt) + Δt²·y''(t), all draws at once. A vehicle that brakes at a
+    It is integrated by y(t + Δt) − y(t) = y(t) − y(t − Δt) + Δt²·y''(t), all draws at once. A vehicle that brakes at a
     constant rate a has VPI = a (1 + √(1 + 2·slack·k/(m·a))). An occupant model may have another slack and spring.
 
     Parameters as for :func:`occupant_load_criterion`. Returns m/s², positive; NaN where the spring is longest at the
     end of the record or never taut, as the peak is yet to come.
     """
     n = displacement_m.shape[-1]
-    vehicle = np.ascontiguousarray(displacement_m.reshape(-1, n).T)
-    stretch = np.zeros_like(vehicle)
-    before: FloatArray = np.zeros(vehicle.shape[1])
-    now: FloatArray = velocity_mps[..., 0].ravel() * dt_s
     slack_m, stiffness = occupant.vpi_slack_mm / _MM_PER_M, occupant.vpi_stiffness_npm  # of 1 kg
-    pull = stiffness * dt_s**2
-    for at, own in zip(vehicle[1:], stretch[1:], strict=True):
+    taut = np.ascontiguousarray(displacement_m.reshape(-1, n).T) + slack_m
+    stretch = np.zeros_like(taut)
+    step: FloatArray = velocity_mps[..., 0].ravel() * dt_s
+    now, pulled = step.copy(), np.empty_like(step)
+    for at, own in zip(taut[1:], stretch[1:], strict=True):
         np.subtract(now, at, out=own)
-        own -= slack_m
         np.maximum(own, 0.0, out=own)
-        following = 2 * now
-        following -= before
-        following -= pull * own
-        before, now = now, following
+        np.multiply(own, stiffness * dt_s**2, out=pulled)
+        step -= pulled
+        now += step
     longest = stretch.argmax(axis=0)
     peaked = (longest > 0) & (longest < n - 1)
     index: FloatArray = np.where(peaked, stiffness * stretch.max(axis=0), np.nan)
