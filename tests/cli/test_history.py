@@ -32,8 +32,8 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
 def test_two_studies_are_compared_by_folder_and_by_id(run: Run, tmp_path: Path) -> None:
     """The numbers are those of both scores.csv; every rating as CSV on request."""
     write_campaign(small_campaign(), tmp_path / "campaign")
-    options = ("--approach", "cae", "displacement_domain", "--held-out", "T2", "T4", "--workers", "1")
-    options += ("--leave-out", "both")
+    options = ["--approach", "cae", "displacement_domain", "--held-out", "T2", "T4", "--workers", "1"]
+    options += ["--leave-out", "both"]
     for seed in (0, 1):
         code, *_ = run("study", tmp_path / "campaign", "--out", tmp_path / f"{seed}", "--seed", seed, *options)
         assert code == cli.DONE
