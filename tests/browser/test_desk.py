@@ -78,30 +78,6 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
     user.sees("secret-car", "h1")
 
 
-def test_nobody_cancels_what_another_waits_for(small_server: "Server", user: "User") -> None:
-    """The other sees whose it is and asks for it, too; cancelled by the first, it goes on until the other cancels."""
-    user.open(small_server, "compare", preset="paper")
-    user.press("Predict test")
-    first = user.find("button", "Cancel")
-    assert first
-    mine = user.browser.current_window_handle
-    user.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})  # another browser from now on
-    user.browser.switch_to.new_window("tab")
-    user.open(small_server, "compare", preset="paper")
-    user.sees("Started by browser ")
-    assert "Cancel" not in user.texts("button")
-    user.press("I want it, too")
-    user.sees("Also wanted by browser ")
-    user.browser.switch_to.window(mine)
-    user.sees("Also wanted by browser ")
-    user.press("Cancel")
-    user.sees("Started by browser ")
-    user.browser.switch_to.window(user.browser.window_handles[-1])
-    user.press("Cancel")
-    user.sees("Cancelled.")
-    assert ": cancelled: " in small_server.log
-
-
 def test_a_server_that_asks_for_a_log_in_shows_nothing_before(
     user: "User", campaign_on_disk: Path, tmp_path: Path
 ) -> None:

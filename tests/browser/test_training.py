@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
 
 
-def test_a_training_survives_a_reload_is_joined_and_can_be_cancelled_by_another_session(
+def test_a_training_survives_a_reload_and_ends_when_nobody_waits_for_it_any_more(
     small_server: "Server", user: "User"
 ) -> None:
-    """Reload in the middle, open a second tab, cancel there: the first tab says so, and offers to start again."""
+    """A second tab finds it, another browser sees whose it is and asks for it, too; it goes on until both cancel."""
     user.open(small_server, "train", seed="1", preset="paper")  # which takes hours
     user.press("Start")
     user.sees("LF TCN: ")
@@ -27,8 +27,22 @@ def test_a_training_survives_a_reload_is_joined_and_can_be_cancelled_by_another_
     user.open(small_server, "train", seed="1", preset="paper")
     user.sees("LF TCN: ")
     assert not user.all("button", "Start")
+    second = user.browser.current_window_handle
+    user.browser.execute_cdp_cmd("Network.clearBrowserCookies", {})  # another browser from now on
+    user.browser.switch_to.new_window("tab")
+    user.open(small_server, "train", seed="1", preset="paper")
+    user.sees("Started by browser ")
+    assert "Cancel" not in user.texts("button")
+    user.press("I want it, too")
+    user.sees("Also wanted by browser ")
+    user.browser.switch_to.window(second)
+    user.sees("Also wanted by browser ")
+    user.press("Cancel")
+    user.sees("Started by browser ")
+    user.browser.switch_to.window(user.browser.window_handles[-1])
     user.press("Cancel")
     user.sees("Cancelled.")
+    assert ": cancelled: " in small_server.log
     user.browser.switch_to.window(first)
     assert "Start" in user.sees("Cancelled.")
     user.go("Data")
