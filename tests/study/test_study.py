@@ -13,7 +13,7 @@ import pytest
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.registry import APPROACHES
+from crashfuse.approaches.registry import APPROACHES, CLASSES
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import Cancelled
@@ -66,7 +66,10 @@ def test_correcting_the_cae_model_helps(finished: Study) -> None:
     assert finished.mean_rating("displacement_domain", 60.0) > finished.mean_rating("cae", 60.0) + 0.05
 
 
-@pytest.mark.parametrize("approach", APPROACHES)
+@pytest.mark.parametrize(
+    "approach",
+    [pytest.param(name, marks=[pytest.mark.slow] * each.trains_networks) for name, each in CLASSES.items()],
+)
 def test_the_held_out_pulse_does_not_reach_its_own_prediction(
     campaign: Campaign, finished: Study, approach: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -100,6 +103,7 @@ def test_another_training_pulse_does_reach_the_prediction(campaign: Campaign, fi
         assert np.abs(estimate.prediction.accel_mps2 - before.accel_mps2).max() > 1.0
 
 
+@pytest.mark.slow
 def test_leaving_a_speed_group_out_learns_from_other_speeds_only(campaign: Campaign) -> None:
     """T2 at 25 mph is predicted as if T3 at 26 mph did not exist; T4 has no companion, so nothing changes for it."""
     config = StudyConfig(approaches=("displacement_domain",), leave_out="speed group")

@@ -125,6 +125,7 @@ def test_a_cae_model_that_is_right_keeps_its_component(campaign: Campaign) -> No
     assert error < 0.05 * np.abs(cae).max()
 
 
+@pytest.mark.slow
 def test_a_single_test_is_enough(campaign: Campaign) -> None:
     """Then nothing is learned about the weights, and the sentence says so."""
     fused = Fused().fit(campaign.without(["T1", "T3", "T4"]))

@@ -1,10 +1,12 @@
 """The optimiser."""
 
+import pytest
 import torch
 
 from crashfuse.approaches.time_domain.adam import Adam
 
 
+@pytest.mark.slow
 def test_the_steps_are_those_of_torchs_own() -> None:
     """Weights after 30 steps on random gradients, with a rate that changes, some gradients zero for a while."""
     generator = torch.Generator().manual_seed(0)

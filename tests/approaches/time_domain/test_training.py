@@ -166,6 +166,7 @@ def test_without_a_cache_nothing_is_left_on_disk(campaign: Campaign) -> None:
     assert not (Cache().folder / "checkpoints").exists()
 
 
+@pytest.mark.slow
 def test_members_train_as_they_would_alone() -> None:
     """The loss of an ensemble is a sum, so each member's gradient is that of its own loss."""
     inputs = torch.randn(20, 30, SMALL.n_inputs, generator=torch.Generator().manual_seed(0))
