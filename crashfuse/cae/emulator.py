@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
@@ -24,6 +25,8 @@ from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 _NOISE = np.geomspace(1e-6, 2.0, 30)  # candidate ratios of a mode's noise variance to its signal variance
 _LOG_NOISE_PRIOR = -0.5 * (np.log(_NOISE / 1e-3) / 3.0) ** 2
 _LOG_LENGTH_PRIOR = np.log([0.5, 3.0, 3.0])  # speed matters more than weight
+_ENOUGH = {"ftol": 1e-8, "gtol": 1e-2, "maxiter": 40}
+_LEAST_SHARE = 1e-6  # of the largest mode: smaller ones are noise of single-precision pulses
 _LEAST_MPS = 0.5  # slower runs are divided by this speed, as their pulses are almost zero
 _LIKE = 30  # number of nearby runs whose errors represent the error at a condition
 _LEARNED = (
@@ -94,26 +97,30 @@ class Emulator:
         return self
 
     def _fit_modes(self, pulses: FloatArray) -> None:
-        left, size, modes = np.linalg.svd(pulses, full_matrices=False)
-        keep = min(self.config.modes, int((size > 1e-6 * size[0]).sum()) if size[0] > 0 else 0)
-        scale = size[:keep] / np.sqrt(len(pulses))
-        scores = left[:, :keep] * np.sqrt(len(pulses))  # each of unit variance
-        some = np.linspace(0, len(pulses) - 1, min(len(pulses), self.config.max_length_runs)).astype(int)
+        n = len(pulses)
+        squares, left = eigh(pulses @ pulses.T, subset_by_index=[max(n - self.config.modes, 0), n - 1])
+        size, left = np.sqrt(np.maximum(squares[::-1], 0.0)), left[:, ::-1]
+        keep = int((size > _LEAST_SHARE * size[0]).sum()) if size[0] > 0 else 0
+        size, left = size[:keep], left[:, :keep]
+        scale = size / np.sqrt(n)
+        scores = left * np.sqrt(n)  # each of unit variance
+        some = np.linspace(0, n - 1, min(n, self.config.max_length_runs)).astype(int)
         x, y = self.inputs_[some], scores[some]
 
-        def loss(log_length: FloatArray) -> float:
-            evidence = _evidence(x, y, np.exp(log_length)).max(axis=1).sum()
-            return float(-evidence + 0.5 * np.sum((log_length - _LOG_LENGTH_PRIOR) ** 2))
+        def loss(log_length: FloatArray) -> tuple[float, FloatArray]:
+            _, evidence, slope = _evidence(x, y, np.exp(log_length))
+            away = log_length - _LOG_LENGTH_PRIOR
+            return float(0.5 * away @ away) - evidence, away - slope
 
-        best = minimize(loss, _LOG_LENGTH_PRIOR, method="Nelder-Mead", options={"maxfev": 80, "xatol": 0.05})
+        best = minimize(loss, _LOG_LENGTH_PRIOR, jac=True, method="L-BFGS-B", options=_ENOUGH)
         self.length_scales_ = np.exp(best.x)
-        self.noise_ = _NOISE[_evidence(x, y, self.length_scales_).argmax(axis=1)]
-        values, vectors = _eigen(self.inputs_, self.length_scales_)
+        self.noise_ = _evidence(x, y, self.length_scales_)[0]
+        values, vectors = _eigen(_correlation(self.inputs_, self.inputs_, self.length_scales_))
         inverse = 1 / (values[:, None] + self.noise_)
         weights = vectors @ ((vectors.T @ scores) * inverse)
         self.weights_ = weights * scale  # weights of the correlations with each run, shape (n_runs, n_modes)
         self.residuals_ = (weights / (vectors**2 @ inverse)) * scale  # of each run, leaving it out
-        self.modes_ = modes[:keep]
+        self.modes_ = (left / size).T @ pulses
 
     def predict(self, condition: Condition) -> FloatArray:
         """Predict the CAE pulse at a condition, in m/s², shape (1250,).
@@ -159,19 +166,29 @@ def _correlation(x: FloatArray, z: FloatArray, length_scales: FloatArray) -> Flo
     return correlation
 
 
-def _eigen(x: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, FloatArray]:
-    values, vectors = np.linalg.eigh(_correlation(x, x, length_scales))
+def _eigen(correlation: FloatArray) -> tuple[FloatArray, FloatArray]:
+    values, vectors = np.linalg.eigh(correlation)
     return np.maximum(values, 0.0), vectors
 
 
-def _evidence(x: FloatArray, y: FloatArray, length_scales: FloatArray) -> FloatArray:
-    """Log marginal likelihood of each mode (rows) at each noise ratio (columns), with the optimal variance.
+def _evidence(x: FloatArray, y: FloatArray, length_scales: FloatArray) -> tuple[FloatArray, float, FloatArray]:
+    """Most probable noise of each mode, the log marginal likelihood of all, and its slope by each log length scale.
 
-    In the eigenbasis of the correlation matrix, noise only adds to the eigenvalues: one decomposition serves all.
+    The variance of each mode is the optimal one (Rasmussen & Williams, Eqs. 2.30 and 5.9). In the eigenbasis of the
+    correlation matrix, noise only adds to the eigenvalues: one decomposition serves all candidates.
     """
-    values, vectors = _eigen(x, length_scales)
+    correlation = _correlation(x, x, length_scales)
+    values, vectors = _eigen(correlation)
+    turned, n = vectors.T @ y, len(x)
     variance = values[:, None] + _NOISE
-    misfit = ((vectors.T @ y) ** 2).T @ (1 / variance)
-    n = len(x)
-    evidence: FloatArray = -0.5 * (n * np.log(misfit / n) + np.log(variance).sum(axis=0)) + _LOG_NOISE_PRIOR
-    return evidence
+    misfit = (turned**2).T @ (1 / variance)
+    evidence = -0.5 * (n * np.log(misfit / n) + np.log(variance).sum(axis=0)) + _LOG_NOISE_PRIOR
+    best, modes = evidence.argmax(axis=1), np.arange(y.shape[1])
+    inverse = 1 / variance[:, best]
+    told = vectors @ (turned * inverse) * np.sqrt(n / misfit[modes, best])
+    by_correlation = told @ told.T - (vectors * inverse.sum(axis=1)) @ vectors.T
+    scaled = x / length_scales
+    u = np.sqrt(5) * cdist(scaled, scaled)
+    by_share = by_correlation * (5 / 3 * (1 + u) * np.exp(-u))
+    slope = [0.5 * np.sum(by_share * np.subtract.outer(own, own) ** 2) for own in scaled.T]
+    return _NOISE[best], float(evidence[modes, best].sum()), np.array(slope)

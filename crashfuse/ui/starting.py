@@ -50,6 +50,16 @@ def _import(done: Future[None]) -> None:
         import_module(_NEXT)
     finally:
         sys.setswitchinterval(usual)
+    _know_the_code()
+
+
+def _know_the_code() -> None:
+    """Digest the code that computes, after the first page: the first job of a new version then needs not wait for it."""
+    from crashfuse.approaches.registry import CLASSES
+    from crashfuse.execution.code_digest import code_digest
+
+    for module in ("crashfuse.study.estimate", *(approach.__module__ for approach in CLASSES.values())):
+        code_digest(module)
 
 
 def run() -> None:

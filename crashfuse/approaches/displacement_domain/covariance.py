@@ -13,6 +13,8 @@ to rows that agree in one column, such as the test number or the powertrain.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from typing import Self
 
 import numpy as np
 
@@ -60,17 +62,17 @@ class Part:
 class Covariance:
     """Covariance between two sets of rows; distances and masks, which no hyperparameter changes, are computed once.
 
+    A part is computed between those rows only that it links: not at all between tests that share nothing of it.
+
     Parameters
     ----------
     x, z : ndarray, shape (n, n_columns + 1) and (m, n_columns + 1)
     """
 
     def __init__(self, parts: Sequence[Part], x: FloatArray, z: FloatArray) -> None:
-        self.parts = tuple(parts)
-        self._ends = np.cumsum([len(part.priors) for part in self.parts])
-        columns = {column for part in parts for group in part.groups for column, _ in group}
-        self._squares = {column: np.subtract.outer(x[:, column], z[:, column]) ** 2 for column in columns}
-        self._factors = [_factor(part, x, z) for part in parts]
+        self._shape = len(x), len(z)
+        self._ends = np.cumsum([len(part.priors) for part in parts])
+        self._blocks = [_Block.of(part, x, z) for part in parts]
 
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
         """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
@@ -79,10 +81,29 @@ class Covariance:
     def terms(self, logs: FloatArray) -> list[FloatArray]:
         """Terms of the parts in order, shape (n, m) each."""
         terms = []
-        for part, factor, own in zip(self.parts, self._factors, np.split(logs, self._ends[:-1]), strict=True):
-            squares = [[self._squares[column] for column, _ in group] for group in part.groups]
-            terms.append(_term(factor, squares, own)[0])
+        for block, own in zip(self._blocks, np.split(logs, self._ends[:-1]), strict=True):
+            terms.append(term := np.zeros(self._shape))
+            term[block.where] = _term(block.factor, block.squares, own)[0]
         return terms
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Block:
+    """The rows and columns between which a part is not zero, its known factor and its squared distances there."""
+
+    where: tuple[np.ndarray, ...]
+    factor: FloatArray
+    squares: list[list[FloatArray]]
+
+    @classmethod
+    def of(cls, part: Part, x: FloatArray, z: FloatArray) -> Self:
+        factor = _factor(part, x, z)
+        rows, columns = (np.flatnonzero(factor.any(axis=axis)) for axis in (1, 0))
+        where, one, two = np.ix_(rows, columns), x[rows], z[columns]
+        squares = [
+            [np.subtract.outer(one[:, column], two[:, column]) ** 2 for column, _ in group] for group in part.groups
+        ]
+        return cls(where, factor[where], squares)
 
 
 class TrainingCovariance:
@@ -140,12 +161,14 @@ def _term(
     """
     scaled, inverse_squares = np.exp(2 * logs[0]) * factor, iter(np.exp(-2 * logs[1:]))
     shares = [[square * next(inverse_squares) for square in group] for group in squares]
-    groups = [_matern(np.sum(own, axis=0)) for own in shares]
-    term = scaled * np.prod([value for value, _ in groups], axis=0)
+    distances = [np.sqrt(5 * reduce(np.add, own)) for own in shares]
+    decays = [np.exp(-u) for u in distances]
+    matern = [(1 + u + u**2 / 3) * decay for u, decay in zip(distances, decays, strict=True)]
+    term = reduce(np.multiply, matern, scaled)
     derivatives: list[FloatArray] = []
     for g, own in enumerate(shares if slopes else ()):
-        others = [value for h, (value, _) in enumerate(groups) if h != g]
-        common = scaled * groups[g][1] * np.prod(others, axis=0)
+        slope = 5 / 3 * (1 + distances[g]) * decays[g]  # -2 dk/d(r²): times a column's share of r², dk/d(log length)
+        common = reduce(np.multiply, matern[:g] + matern[g + 1 :], scaled * slope)
         derivatives.extend(common * share for share in own)
     return term, derivatives
 
@@ -157,10 +180,3 @@ def _factor(part: Part, x: FloatArray, z: FloatArray) -> FloatArray:
     if part.same is not None:
         factor *= np.equal.outer(x[:, part.same], z[:, part.same])
     return factor
-
-
-def _matern(square: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Matérn-5/2 of a squared distance r², and -2 dk/d(r²), which times a column's share of r² is dk/d(log length)."""
-    u = np.sqrt(5 * square)
-    decay = np.exp(-u)
-    return (1 + u + u**2 / 3) * decay, 5 / 3 * (1 + u) * decay

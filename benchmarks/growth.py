@@ -1,0 +1,123 @@
+"""Time and memory as a campaign grows: ``python benchmarks/growth.py [--runs N …] [--tests N …]``.
+
+Random lumped-parameter vehicles with more and more CAE runs (a thousand simulated ones, repeated at slightly different
+conditions), and with more and more tests. Every row is measured in a process of its own, on one core.
+"""
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from vehicles import World
+
+from crashfuse.approaches.registry import LABELS
+from crashfuse.cae.emulator import Emulator
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.campaign_folder.writer import write_campaign
+from crashfuse.condition import Condition
+from crashfuse.execution.cache import Cache
+from crashfuse.study.config import StudyConfig
+from crashfuse.study.estimate import Fit, estimates_at
+
+_SIMULATED = 1000
+_LEARNING = ("displacement_domain", "time_domain", "fused")  # fused: what is left of it once both are known
+_SEED = 1
+
+
+def main() -> None:
+    """Measure and print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
+    parser.add_argument("--runs", type=int, nargs="*", default=[1_000, 10_000, 100_000])
+    parser.add_argument("--tests", type=int, nargs="*", default=[10, 30, 100, 300])
+    parser.add_argument("--row", nargs=2, metavar=("KIND", "FOLDER"), help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.row:
+        {"runs": _runs_row, "tests": _tests_row}[given.row[0]](Path(given.row[1]))
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        print("| CAE runs | file | check and load | emulator fit | peak memory |\n|---:|---:|---:|---:|---:|")
+        for n in given.runs:
+            _measured("runs", _with_runs(n, Path(scratch)))
+        heads = " | ".join(f"{LABELS[name]}, fit" for name in _LEARNING)
+        print(f"\n| tests | check and load | {heads} | prediction by all | peak memory |\n|---:|{'---:|' * 6}")
+        for n in given.tests:
+            _measured("tests", _with_tests(n, Path(scratch)))
+
+
+def _measured(kind: str, folder: Path) -> None:
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment["CRASHFUSE_CACHE"] = str(folder / "cache")
+    subprocess.run([sys.executable, __file__, "--row", kind, str(folder)], check=True, env=environment)
+
+
+def _with_runs(n: int, scratch: Path) -> Path:
+    """A campaign with this many CAE runs: simulated ones, again and again at weights up to 1 % off."""
+    world = World.of(_SEED, min(n, _SIMULATED))
+    rng, some = np.random.default_rng(_SEED), np.arange(n) % len(world.cae)
+    shares = np.exp(0.01 * rng.uniform(-1, 1, n) * (np.arange(n) >= len(world.cae)))
+    conditions = tuple(
+        Condition(speed, front * share, rear * share)
+        for (speed, front, rear), share in zip(world.cae.vectors[some].tolist(), shares.tolist(), strict=True)
+    )
+    cae = CaeLibrary(tuple(f"C{i:06d}" for i in range(n)), conditions, world.cae.accel_mps2[some])
+    write_campaign(replace(world.campaign(3), cae=cae), folder := scratch / f"runs-{n}")
+    return folder
+
+
+def _with_tests(n: int, scratch: Path) -> Path:
+    write_campaign(World.of(_SEED).campaign(n), folder := scratch / f"tests-{n}")
+    return folder
+
+
+def _runs_row(folder: Path) -> None:
+    with _cpu_seconds() as load:
+        campaign = load_campaign(folder)
+    with _cpu_seconds() as fit:
+        Emulator().fit(campaign.cae)
+    size = sum(path.stat().st_size for path in folder.rglob("*.parquet")) / 1e6
+    print(
+        f"| {len(campaign.cae):,} | {size:.0f} MB | {load[0]:.1f} CPU-s | {fit[0]:.1f} CPU-s | {_peak()} |", flush=True
+    )
+
+
+def _tests_row(folder: Path) -> None:
+    with _cpu_seconds() as load:
+        campaign = load_campaign(folder)
+    config, cache = StudyConfig(), Cache()
+    Fit.of(campaign, "lf_tcn", config, cache=cache)  # depends on no test
+    fits, seconds = [], []
+    for name in _LEARNING:
+        with _cpu_seconds() as own:
+            fits.append(Fit.of(campaign, name, config, cache=cache))
+        seconds.append(own[0])
+    condition = replace(campaign.tests[0].condition, speed_mps=10.0)
+    with _cpu_seconds() as predict:
+        estimates_at(fits, condition)
+    told = " | ".join(f"{each:.1f} CPU-s" for each in (load[0], *seconds))
+    print(f"| {len(campaign.tests)} | {told} | {predict[0]:.2f} CPU-s | {_peak()} |", flush=True)
+
+
+@contextmanager
+def _cpu_seconds() -> Iterator[list[float]]:
+    took: list[float] = []
+    start = time.process_time()
+    yield took
+    took.append(time.process_time() - start)
+
+
+def _peak() -> str:
+    return f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GiB"
+
+
+if __name__ == "__main__":
+    main()
