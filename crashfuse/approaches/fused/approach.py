@@ -84,12 +84,11 @@ class Fused(AboutFused):
 
     def fit(self, campaign: Campaign, watch: Watch = SILENT) -> Self:
         """Fit the approaches, and learn the weights from their predictions of tests that they have not seen."""
-        campaign = self._thinned(campaign)
         time_domain, displacement_domain, pretrained = self._unfitted()
         self.time_domain_, _ = fitted(time_domain, campaign, self.cache, watch)
         self.displacement_domain_, _ = fitted(displacement_domain, campaign, self.cache, watch)
         self.pretrained_, _ = fitted(pretrained, campaign, self.cache, watch)
-        self._begin(campaign)
+        campaign = self._begin(campaign)
         watch.report("Weights of the mixture", 0, 1)
         groups = speed_groups(campaign)
         alone = self._alone()
@@ -114,9 +113,12 @@ class Fused(AboutFused):
         watch.report("Weights of the mixture", 1, 1)
         return self
 
-    def _begin(self, campaign: Campaign) -> None:
+    def _begin(self, campaign: Campaign) -> Campaign:
+        """Set up for a campaign whose tests the parts have learned from; returns it with the tests they learned."""
+        campaign = self._thinned(campaign)
         self._tests = Tests.of(campaign, self.displacement_domain_.model_)
         self.pool_ = Pool(PRIOR, spread=SPREAD, strength=STRENGTH)
+        return campaign
 
     def _alone(self) -> list[Unseen]:
         """Components for each test left out alone, where all approaches predicted it from the others."""
@@ -196,7 +198,6 @@ class Fused(AboutFused):
 
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore the approaches and the weights."""
-        campaign = self._thinned(campaign)
         time_domain, displacement_domain, pretrained = self._unfitted()
         self.time_domain_ = time_domain.restore(campaign, learned.part("time"))
         self.displacement_domain_ = displacement_domain.restore(campaign, learned.part("displacement"))
