@@ -54,7 +54,7 @@ def _import(done: Future[None]) -> None:
 
 
 def _know_the_code() -> None:
-    """Digest the code that computes while the first page is read: the first job of a new version need not wait for it."""
+    """Digest the code that computes while the first page is read: the first job of a new version need not wait."""
     from crashfuse.approaches.registry import CLASSES
     from crashfuse.execution.code_digest import code_digest
 
