@@ -4,6 +4,8 @@ import time
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
+from sklearn.gaussian_process.kernels import Matern
 
 from crashfuse.cae.emulator import Emulator
 from crashfuse.cae_library import CaeLibrary
@@ -96,6 +98,28 @@ def test_noise_of_the_runs_is_not_interpolated() -> None:
     emulator = Emulator().fit(noisy)
     error = np.array([emulator.predict(c) - pulse(c) for c in cae.conditions])
     assert np.sqrt(np.mean(error**2)) < 0.5 * np.sqrt(np.mean(scatter**2))
+
+
+def test_no_other_length_scales_are_more_probable() -> None:
+    """By the densities of scikit-learn's Matérn kernel with the noise that was found, each length alone 10 % off."""
+    cae = half_sines(60, lowest_mps=2.0)
+    found = Emulator().fit(cae)
+    per_speed = cae.accel_mps2 / cae.vectors[:, :1]
+    left = np.linalg.svd(per_speed - per_speed.mean(axis=0), full_matrices=False)[0]
+    scores = left[:, : len(found.modes_)] * np.sqrt(len(cae))
+
+    def log_posterior(lengths: FloatArray) -> float:
+        total = -0.5 * float(np.sum(np.log(lengths / [0.5, 3.0, 3.0]) ** 2))
+        for score, noise in zip(scores.T, found.noise_, strict=True):
+            shape = Matern(lengths, nu=2.5)(found.inputs_) + noise * np.eye(len(cae))
+            variance = score @ np.linalg.solve(shape, score) / len(cae)
+            total += multivariate_normal(cov=variance * shape, allow_singular=True).logpdf(score)
+        return total
+
+    best = log_posterior(found.length_scales_)
+    for off in (0.9, 1.1):
+        for axis in range(3):
+            assert log_posterior(found.length_scales_ * np.where(np.arange(3) == axis, off, 1.0)) < best
 
 
 def test_one_run_is_predicted_everywhere() -> None:
