@@ -21,6 +21,7 @@ _SLOW = (  # what the pages need; most of the time is that of SciPy, Plotly and 
     "streamlit.elements.plotly_chart",
 )
 _NEXT = "torch"  # what a first prediction needs: it takes as long again
+_PREDICTS = "crashfuse.study.estimate"
 _SWITCH_S = 5e-4  # while importing: the server's own threads wait for the interpreter a tenth of the usual time
 
 _lock = threading.Lock()
@@ -50,16 +51,9 @@ def _import(done: Future[None]) -> None:
         import_module(_NEXT)
     finally:
         sys.setswitchinterval(usual)
-    _know_the_code()
-
-
-def _know_the_code() -> None:
-    """Digest the code that computes while the first page is read: the first job of a new version need not wait."""
-    from crashfuse.approaches.registry import CLASSES
     from crashfuse.execution.code_digest import code_digest
 
-    for module in ("crashfuse.study.estimate", *(approach.__module__ for approach in CLASSES.values())):
-        code_digest(module)
+    code_digest(_PREDICTS)  # while the first page is read: the first prediction of a new version need not wait
 
 
 def run() -> None:
