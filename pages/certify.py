@@ -13,7 +13,7 @@ from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.certify.matrix import choose_matrix
 from crashfuse.ui.certify.request import CertificationRequest
 from crashfuse.ui.computation import chosen_config
-from crashfuse.ui.panel import result_of
+from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.tabs import show_tabs
 
 TABS = {
@@ -24,28 +24,31 @@ TABS = {
     "Files and report": files.show,
 }
 
+_JUDGED = "judged"  # session key: whether the conditions that are chosen have verdicts
+
 view = frame.enter_with_campaign("Certify", lambda view: f"from {len(view.campaign.tests)} tests")
 campaign = view.campaign
-st.subheader(
-    "Criteria and conditions",
-    help="Which of the planned tests need not be run, and how often is that answer wrong? Each criterion gets a "
-    "verdict at each condition: met, not met, open, or outside what the tests check.",
-)
-table = st.container()
-left, middle, right = st.columns([1, 1, 2], vertical_alignment="bottom")
-with table:
-    criteria = choose_criteria(view, left, right)
-address.default("approach", APPROACH, APPROACHES)
-approach = middle.selectbox(
-    "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach", persist_state="session"
-)
-matrix = choose_matrix(view)
+with st.expander("Criteria and conditions", icon=":material/tune:", expanded=not st.session_state.get(_JUDGED)):
+    st.caption(
+        "Which of the planned tests need not be run, and how often is that answer wrong? Each criterion gets a verdict "
+        "at each condition: met, not met, open, or outside what the tests check."
+    )
+    table = st.container()
+    left, middle, right = st.columns([1, 1, 2], vertical_alignment="bottom")
+    with table:
+        criteria = choose_criteria(view, left, right)
+    address.default("approach", APPROACH, APPROACHES)
+    approach = middle.selectbox(
+        "Approach that is judged", APPROACHES, format_func=LABELS.__getitem__, key="approach", persist_state="session"
+    )
+    matrix = choose_matrix(view)
 if criteria is None or matrix is None:
+    st.session_state[_JUDGED] = False
     st.stop()
 
 config = replace(chosen_config(), approaches=(approach,), leave_out="test")
 request = CertificationRequest(campaign, criteria, matrix, config)
-verdicts = result_of(
+verdicts = result_or_none(
     request,
     invitation="These conditions have not been judged yet. "
     + explanations.patience(
@@ -55,4 +58,9 @@ verdicts = result_of(
     ),
     button="Certify",
 )
+if (verdicts is not None) != st.session_state.get(_JUDGED, False):  # the choices above fold away, or unfold
+    st.session_state[_JUDGED] = verdicts is not None
+    st.rerun()
+if verdicts is None:
+    st.stop()
 show_tabs(TABS, Judgement(verdicts, config, view.display, request.key), key="certify_tab")

@@ -41,5 +41,4 @@ with st.container(horizontal=True, vertical_alignment="center", gap="small", key
     tab = choose("Tab", list(TABS), key="predict_tab")
     if answer.advice is not None:
         show_pins(view, condition, answer.remember)
-    st.caption(f"{view.display.weight(condition.mass_kg)} in all", width="content")
 TABS[tab](answer)

@@ -99,12 +99,11 @@ def _row(result: PastResult, display: Display) -> dict[str, str]:
         "Date (UTC)": _date(result),
         "Campaign": result.campaign,
         "What": _what(result, display),
-        "Settings": f"{config.preset}, seed {config.seed}",
+        "Settings": f"{config.preset}, seed {config.seed}{_approaches(config.approaches)}",
         "Recommended": LABELS.get(result.approach, result.approach),
         **rated,
         "Left out": _LEFT_OUT[config.leave_out] if result.tests else "–",
         "Data": result.fingerprint[:8],
-        "Approaches": _approaches(config.approaches),
     }
 
 
@@ -115,7 +114,8 @@ def _what(result: PastResult, display: Display) -> str:
 
 
 def _approaches(names: Sequence[str]) -> str:
-    return f"all {len(names)}" if set(names) == set(LABELS) else ", ".join(LABELS.get(name, name) for name in names)
+    """The approaches, to follow the other settings, unless they are all there are."""
+    return "" if set(names) == set(LABELS) else ": " + ", ".join(LABELS.get(name, name) for name in names)
 
 
 def _date(result: PastResult) -> str:

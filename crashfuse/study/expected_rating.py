@@ -63,8 +63,8 @@ class ExpectedRating:
         tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
         if self.farther:
             return Sentence(
-                f"How it will rate is not known: expect less than the {rated} over 0–{self.window_ms:g} ms of {tests} "
-                "within {}, each of which had a nearer test to learn from.",
+                f"Expected rating over 0–{self.window_ms:g} ms: less than the {rated} of {tests} within {{}}, which "
+                "had nearer tests.",
                 within,
             )
         expected = f"Expected rating over 0–{self.window_ms:g} ms: {self.range} ({self.grades})"

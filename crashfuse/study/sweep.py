@@ -172,4 +172,4 @@ def weights_sentence(condition: Condition, tests: Sequence[CrashTest]) -> str:
         return said
     weights = np.array([test.condition.vector[1:] for test in tests])
     front, rear = (weight(*ends) for ends in zip(weights.min(axis=0), weights.max(axis=0), strict=True))
-    return Sentence("{} The tests (black) were run with weights of their own: front {}, rear {}.", said, front, rear)
+    return Sentence("{} The tests were run with weights of their own: front {}, rear {}.", said, front, rear)

@@ -96,7 +96,10 @@ def enter_with_campaign(title: str, detail: Callable[[View], str] | None = None)
 
 
 def show_head(view: View, title: str, detail: str = "", config: StudyConfig | None = None) -> None:
-    """Show in a line the title of a page, what it shows, the settings behind it, and the campaign's notice."""
+    """Show in a line the title of a page, what it shows, the settings behind it, and the campaign's notice.
+
+    Of the notice, where there are settings, only the words before its colon: the rest unfolds from them.
+    """
     with st.container(horizontal=True, vertical_alignment="center", key="head"):
         st.title(title, width="content", anchor=False)
         if detail:
@@ -105,7 +108,9 @@ def show_head(view: View, title: str, detail: str = "", config: StudyConfig | No
             colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
             label = f"{config.preset.capitalize()} settings, seed {config.seed}"
             st.badge(label, color=colour, help="As chosen on the page Train.")
-        if notice := view.campaign.notice:
+        if (notice := view.campaign.notice) and config is not None:
+            st.badge(plain(notice.partition(":")[0]), icon=":material/science:", color="gray", help=plain(notice))
+        elif notice:
             st.caption(f":material/science: {plain(notice)}", width="content")
 
 

@@ -20,7 +20,8 @@ from crashfuse.ui.predict.condition import fill_in
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
-_ROW_PX, _MOST_ROWS, _WHAT_PX = 35, 9, 185  # the last wide enough for a condition
+_ROW_PX, _MOST_ROWS = 35, 9
+_WIDTHS_PX = {"Campaign": 126, "What": 185, "Settings": 110}  # a condition fits; with these, all columns do at 1440 px
 _TABLE, _REFUSED = "past results", "result that could not be opened"  # session keys
 
 
@@ -44,7 +45,7 @@ def show_results(results: list[PastResult], display: Display = DEFAULT) -> None:
     event = st.dataframe(
         table, hide_index=True, on_select=take, selection_mode="single-row", key=_TABLE,
         height=_ROW_PX * min(len(table) + 1, _MOST_ROWS) + 3, alt="Studies and predictions of this machine",
-        column_config={"What": st.column_config.TextColumn(width=_WHAT_PX)},
+        column_config={name: st.column_config.TextColumn(width=width) for name, width in _WIDTHS_PX.items()},
     )  # fmt: skip
     if refused := st.session_state.pop(_REFUSED, ""):
         st.warning(plain(refused), icon=":material/folder_off:")

@@ -8,7 +8,11 @@ STYLE = """<style>
 /* Streamlit writes white on the accent colour, which is too light for it in the dark theme */
 button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsContainer"] :is([data-tag], [data-tag] *) {
   color: light-dark(#FFFFFF, #14181F) }
-/* the first screen belongs to the figure */
+/* the first screen belongs to the figure; the logo stands in the sidebar, or in a narrow window's header */
+@media (min-width: 1100px) {
+  [data-testid="stHeader"] { height: 2.5rem; min-height: 2.5rem }
+  [data-testid="stMainBlockContainer"] { padding-top: 2.5rem }
+}
 [data-testid="stMainBlockContainer"] { padding-inline: clamp(1rem, 3vw, 5rem) }
 [data-testid="stMainBlockContainer"] > [data-testid="stVerticalBlock"] { gap: 0.7rem }
 [data-testid="stMain"] h1 { padding: 0 }
@@ -20,7 +24,7 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 .st-key-recommendation > :first-child { flex-shrink: 1; min-width: 0 }
 .st-key-recommendation > :last-child { flex-shrink: 0 }
 .st-key-recommendation button { min-height: 0; padding-block: 0 }
-.st-key-asked [data-testid="stButton"] button { min-height: 1.9rem }
+.st-key-asked :is([data-testid="stButton"], [data-testid="stPopover"]) button { min-height: 1.9rem }
 .st-key-head [data-testid="stHeading"] { margin: 0 }
 /* a slider right below its number, which it need not repeat */
 .st-key-condition [data-testid="stColumn"] > [data-testid="stVerticalBlock"] { gap: 0 }
@@ -44,6 +48,7 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 :is(a, button, summary, [role="tab"], .js-plotly-plot):focus-visible {
   outline: 2px solid light-dark(#0B5CAD, #79B8F5) !important; outline-offset: 1px }
 [data-testid="stMain"] code { font-size: 0.8rem }
+[data-testid="stCaptionContainer"] code { color: inherit; background: none; padding: 0 }
 /* digits of one width, so that decimal points stand under each other */
 [data-testid="stTable"] td, .cf-ratings { font-variant-numeric: tabular-nums }
 /* on a browser's first visit the sidebar is narrower than requested; three windows would not fit side by side */

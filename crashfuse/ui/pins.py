@@ -41,11 +41,14 @@ def show_pins(view: View, condition: Condition, remember: Callable[[], None]) ->
         help="Keeps it in the figures, a table of differences, the link, the report, and the list on History; up to "
         f"{_MOST}.",
     )  # fmt: skip
-    for text, other in texts.items():
-        st.button(
-            view.display.briefly(other), icon=":material/close:", key=f"unpin {text}", on_click=_unpin,
-            args=(text,), help="Unpin", type="tertiary",
-        )  # fmt: skip
+    if not texts:
+        return
+    with st.popover(f"{len(texts)} pinned", key="pinned"):
+        for text, other in texts.items():
+            st.button(
+                view.display.briefly(other), icon=":material/close:", key=f"unpin {text}", on_click=_unpin,
+                args=(text,), help="Unpin", type="tertiary",
+            )  # fmt: skip
 
 
 def _unpin(text: str) -> None:

@@ -11,9 +11,11 @@ import streamlit as st
 from starlette.datastructures import MutableHeaders
 from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from streamlit import net_util
 from streamlit.runtime.pages_manager import PagesManager
+from streamlit.web.server.starlette.starlette_websocket import is_host_allowed
 
 from crashfuse.errors import OUT_OF_MEMORY, CrashfuseError, out_of_memory
 from crashfuse.execution.memory import share_one_heap
@@ -23,6 +25,11 @@ from crashfuse.ui.visitors import BROWSER
 
 _NO_FRAMING = {"X-Frame-Options": "DENY", "Content-Security-Policy": "frame-ancestors 'none'"}
 _A_YEAR_S = 365 * 24 * 3600
+_ANOTHER_NAME = PlainTextResponse(
+    "crashfuse does not answer under this name. If it should, start it with crashfuse app --allow-host NAME, or add "
+    "the name to server.allowedHosts in .streamlit/config.toml.",
+    403,
+)
 
 # on refusing a page of another origin, Streamlit would ask a server on the network for this machine's address
 net_util._external_ip = ""
@@ -31,7 +38,10 @@ PagesManager.uses_pages_directory = False
 
 
 class Guard:
-    """Lets no other page embed the dashboard, so that nobody clicks in it unknowingly, and names each browser."""
+    """Lets no other page embed the dashboard, so that nobody clicks in it unknowingly, and names each browser.
+
+    Of other names than the allowed ones Streamlit refuses the WebSocket only; here all is refused, and why is said.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -41,7 +51,9 @@ class Guard:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        is_known = BROWSER in HTTPConnection(scope).cookies
+        connection = HTTPConnection(scope)
+        is_known = BROWSER in connection.cookies
+        app = self._app if is_host_allowed(connection.headers.get("host")) else _ANOTHER_NAME
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -53,7 +65,7 @@ class Guard:
                     headers.append("Set-Cookie", cookie + secure)
             await send(message)
 
-        await self._app(scope, receive, guarded)
+        await app(scope, receive, guarded)
 
 
 @asynccontextmanager

@@ -231,6 +231,11 @@ class User:
         return self.arrived(name).read_text(encoding="utf-8")
 
 
+def top_of(user: User, css: str) -> float:
+    """Distance of the first element of this kind from the window's upper edge, in pixels."""
+    return float(user.browser.execute_script("return arguments[0].getBoundingClientRect().top", user.find(css)))
+
+
 def rows(text: str) -> list[dict[str, str]]:
     """A CSV file's rows by column."""
     return list(csv.DictReader(io.StringIO(text)))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, SIDEBAR, TABLE
+from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, SIDEBAR, TABLE, top_of
 
 pytestmark = pytest.mark.slow
 
@@ -55,7 +55,11 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
 
 
 def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: "Server", user: "User") -> None:
-    """Pin one speed, pin another; whoever opens the link sees the same."""
+    """Pin one speed, pin another; whoever opens the link sees the same, and may unpin one.
+
+    The figure stays within 350 px, outside the CAE runs, too.
+    """
+    user.sits_at(1440, 1000)
     user.open(small_server, "predict", **ONE, speed_mph="30")
     user.starts("Predict", FIGURE)
     user.press("Pin this prediction")
@@ -68,21 +72,25 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.wait(lambda: "pins=34mph" in user.browser.current_url)
     field = user.find('input[aria-label="Impact speed (mph)"]')
     field.send_keys(Keys.CONTROL, "a")
-    field.send_keys("25", Keys.ENTER)
+    field.send_keys("60", Keys.ENTER)
+    user.sees("Extrapolation: speed 60 mph lies outside")
     for speed in ("30.0", "34.0"):
         user.sees(f"Displacement domain at {speed} mph", FIGURE)
+    assert top_of(user, FIGURE) <= 350
     link = user.browser.current_url
     user.browser.switch_to.new_window("tab")
     user.becomes_another()
     user.browser.get(link)
     for speed in ("30.0", "34.0"):
         user.sees(f"Displacement domain at {speed} mph", FIGURE)
-    assert user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "25.0"
+    assert user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "60.0"
     user.press("Metrics", f"{MAIN} {PILL}")
     user.sees("Difference, 34.0 mph", f"{MAIN} {TABLE}")
     user.press("Files and report", f"{MAIN} {PILL}")
     report = user.downloads_file("report.html")
     assert "Beside other conditions: Displacement domain" in report
     assert "Difference, 34.0 mph" in report
-    user.go("History")
-    user.sees("History")
+    user.press("2 pinned", f"{MAIN} button")
+    user.press("34.0 mph", '[data-testid="stPopoverBody"] button')
+    user.wait(lambda: "34mph" not in user.browser.current_url)
+    user.find(f"{MAIN} button", "1 pinned")

@@ -39,7 +39,10 @@ def another_site(folder: Path, page: str) -> Iterator[str]:
 
 
 def test_another_site_cannot_embed_the_dashboard(small_server: "Server", user: "User", tmp_path: Path) -> None:
-    """Its frame stays empty; by itself the same address shows the page."""
+    """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page."""
+    user.browser.get(small_server.address.replace("127.0.0.1", "evil.localhost") + "/data")  # which resolves to it, too
+    user.sees("crashfuse does not answer under this name.", "body")
+    user.browser.get_log("performance")  # type: ignore[no-untyped-call] # no foreign host
     frame = f'<iframe src="{small_server.address}/data" width="900" height="700"></iframe>'
     with another_site(tmp_path, frame) as site:
         user.browser.get(site)

@@ -3,10 +3,11 @@
 from typing import TYPE_CHECKING
 
 import pytest
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE, rows
+from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE, rows, top_of
 
 pytestmark = pytest.mark.slow
 
@@ -40,9 +41,13 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User")
 
 
 def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: "User") -> None:
-    """Conditions of a grid, criteria from a file; the cell is in the address, and its condition on Predict."""
+    """Conditions of a grid, criteria from a file; the cell is in the address, and its condition on Predict.
+
+    Once judged, criteria fold away, so that all verdicts stand on the first screen; unfolded they stay so.
+    """
     criteria = user.downloads.parent / "criteria.toml"
     criteria.write_text('confidence = 0.9\n[[criterion]]\nmetric = "peak"\nat_most = 25\n', encoding="utf-8")
+    user.sits_at(1440, 1000)
     link = {"approach": "displacement_domain", "matrix": "Grid", "speeds": "20, 30"}
     user.open(small_server, "certify", campaign="campaign", **link)
     user.sees("No criteria yet")
@@ -50,6 +55,13 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
     user.uploads(criteria)
     user.press("Certify", f"{MAIN} button")
     user.sees("Wrong on left-out tests")
+    user.wait(lambda: not user.all('input[aria-label="Confidence"]'), "The criteria never folded away.")
+    user.press("Criteria and conditions", "summary")
+    user.fill("Confidence", "0.85")
+    user.wait(lambda: "confidence=0.85" in user.browser.current_url)
+    user.fill("Confidence", "0.9")
+    user.wait(lambda: "confidence=0.85" not in user.browser.current_url)
+    user.press("Criteria and conditions", "summary")
     # a column of two rows
     user.clicks_cell("M002 · 30.0 mph", lambda _, height: (200, 0.2 * height), "M002 | peak: not met")
     assert "cell=M002" in user.browser.current_url
@@ -61,21 +73,26 @@ def test_a_click_on_a_cell_of_the_matrix_says_why(small_server: "Server", user: 
     user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "30.0")
 
 
+def presses(user: "User", slider: "WebElement", key: str) -> None:
+    """Press a key on a slider, whose thumb is drawn over a field that cannot be seen."""
+    user.browser.execute_script("arguments[0].focus()", slider)
+    ActionChains(user.browser).send_keys(key).perform()
+
+
 def test_predict_answers_another_speed_at_once(small_server: "Server", user: "User") -> None:
     """The figure, within 350 px, follows number field and slider, and they each other; planning lies in tabs."""
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", approaches=QUICK)
     user.starts("Predict", FIGURE)
     user.sees("Use the")
-    top = "return arguments[0].getBoundingClientRect().top"
-    user.wait(lambda: user.browser.execute_script(top, user.find(FIGURE)) <= 350, "The figure began below 350 px.")
+    user.wait(lambda: top_of(user, FIGURE) <= 350, "The figure began below 350 px.")
     field = user.find('input[aria-label="Impact speed (mph)"]')
     field.send_keys(Keys.CONTROL, "a")
     field.send_keys("31.5", Keys.ENTER)
     user.find('[aria-label*="31.5 mph, front"]')
     slider = user.browser.find_element(By.CSS_SELECTOR, '[data-testid="stSlider"] input')
     user.wait(lambda: slider.get_attribute("value") == "31.5")
-    slider.send_keys(Keys.ARROW_LEFT)
+    presses(user, slider, Keys.ARROW_LEFT)
     user.find('[aria-label*="31.4 mph, front"]')
     user.wait(lambda: field.get_attribute("value") == "31.4")
     user.open_tab("Over speed")
@@ -88,7 +105,7 @@ def test_predict_answers_another_speed_at_once(small_server: "Server", user: "Us
         return user.browser.find_element(By.CSS_SELECTOR, 'input[aria-label^="Speeds (mph)"]')  # the thumb is drawn
 
     usual = slowest().get_attribute("value")
-    slowest().send_keys(Keys.ARROW_RIGHT)
+    presses(user, slowest(), Keys.ARROW_RIGHT)
     user.wait(lambda: "speed_range=" in user.browser.current_url)
     user.browser.back()
     user.wait(lambda: "speed_range=" not in user.browser.current_url)

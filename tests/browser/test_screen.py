@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, TABLE
+from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, TABLE, top_of
 
 pytestmark = pytest.mark.slow
 
@@ -47,11 +47,6 @@ def predicted(engineer: "User") -> "User":
     """Someone before the comparison of the small campaign's first test."""
     engineer.find(".cf-ratings")
     return engineer
-
-
-def top_of(user: "User", css: str) -> float:
-    """Distance of the first element of this kind from the window's upper edge."""
-    return float(user.browser.execute_script("return arguments[0].getBoundingClientRect().top", user.find(css)))
 
 
 def test_compare_shows_its_figure_on_the_first_screen_and_one_tab_at_a_time(predicted: "User") -> None:

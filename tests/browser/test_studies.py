@@ -67,6 +67,7 @@ def test_a_test_is_opened_by_keyboard(small_server: "Server", user: "User") -> N
 
 def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server", user: "User") -> None:
     """Two seeds: a row for each, means and differences, a table to take along; a row opens its study."""
+    user.sits_at(1440, 1000)
     study(user, small_server)
     study(user, small_server, seed="4")
     user.go("History")
@@ -78,6 +79,8 @@ def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server"
     written = user.downloads_file("comparison.csv")
     assert written.startswith("left_out,held_out,approach,window_ms,first,second,difference")
     grid = user.find('[data-testid="stDataFrame"] canvas')
+    inside = "const list = document.querySelector('.dvn-scroller'); return list.scrollWidth - list.clientWidth"
+    assert user.browser.execute_script(inside) <= 0, "A column of the list is cut."
     user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
     across, down = round(18 - grid.rect["width"] / 2), round(52 - grid.rect["height"] / 2)  # the first row's box
     ActionChains(user.browser).move_to_element_with_offset(grid, across, down).click().perform()

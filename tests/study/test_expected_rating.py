@@ -47,7 +47,7 @@ def test_a_condition_farther_from_tests_than_they_from_each_other_is_flagged(cam
     assert far is not None
     assert not near.farther
     assert far.farther
-    assert far.sentence.startswith("How it will rate is not known: expect less than the")
+    assert far.sentence.startswith("Expected rating over 0–60 ms: less than the")
 
 
 def test_where_no_test_was_left_out_nothing_is_expected(campaign: Campaign) -> None:

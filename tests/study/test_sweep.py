@@ -162,7 +162,7 @@ def test_a_sentence_tells_the_weights_of_sweep_and_tests(campaign: Campaign) -> 
     """The tests' are a range, for each has its own."""
     condition = Condition(1.0, 2050 * LB, 1500 * LB)
     assert weights_sentence(condition, campaign.tests) == (
-        "Swept at front 2050 lb, rear 1500 lb. The tests (black) were run with weights of their own: "
+        "Swept at front 2050 lb, rear 1500 lb. The tests were run with weights of their own: "
         "front 2000–2120 lb, rear 1450–1600 lb."
     )
     assert weights_sentence(condition, ()) == "Swept at front 2050 lb, rear 1500 lb."

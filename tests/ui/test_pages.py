@@ -605,7 +605,8 @@ def test_a_new_condition_is_predicted_and_extrapolation_is_flagged(monkeypatch: 
     (speed,) = [field for field in app.number_input if field.label == "Impact speed (mph)"]
     speed.set_value(60.0).run()
     assert "Extrapolation: speed 60 mph lies outside" in words(app)
-    assert "lb in all" in words(app)
+    assert "lb in all" in words(open_tab(app, "predict", "Metrics"))
+    open_tab(app, "predict", "Pulses")
     (drive,) = [box for box in app.selectbox if box.label == "Drive"]
     assert drive.options == ["FWD"]
     drive.select("FWD").run()

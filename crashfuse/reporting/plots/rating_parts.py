@@ -123,5 +123,5 @@ def _number_humps(figure: go.Figure, explanation: RatingExplanation, approach: s
         for time_s, values, side, colour in marks:
             figure.add_annotation(
                 x=time_s / MS, y=float(np.interp(time_s, curves.time_s, values)) * scale, text=f"{number}", ax=0,
-                ay=24 * side, showarrow=True, arrowhead=0, arrowcolor=colour, font={"color": colour, "size": 13},
+                ay=24 * side, showarrow=True, arrowhead=0, arrowcolor=colour, font={"color": INK, "size": 13},
             )  # fmt: skip

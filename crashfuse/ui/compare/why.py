@@ -20,10 +20,6 @@ from crashfuse.ui.text import plain
 def show(comparison: Comparison) -> None:
     """Show the parts of the ratings, and explain that of one approach, at first of the recommended one."""
     display, test = comparison.view.display, comparison.test
-    if comparison.advice is not None:
-        found = _account(comparison.key, comparison.advice.approach, comparison)
-        if found.disappoints or (found.departure is not None and found.departure.apart):
-            explanations.show_account(found.sentences[1:], missed=found.disappoints)
     with st.container(horizontal=True, vertical_alignment="center"):
         approach = _choose_approach(comparison)
         curves = comparison.choose_curves(offered=())
@@ -31,10 +27,14 @@ def show(comparison: Comparison) -> None:
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
     head, _, reason = said["overall"].partition(". ")
     st.markdown(f"**{LABELS[approach]} {head}.** {reason}")
-    others = [part for part in WEIGHTS if part != explanation.costliest]
-    st.markdown("\n".join(f"- {said[part]}" for part in others), help=glossary.RATING_PARTS)
     alt = f"The four scores of every prediction of test {test.id}, as bars"
     show_cached_figure(lambda: comparison.study.plot(test.id, "scores", display=display), alt, "parts", comparison.key)
+    others = [part for part in WEIGHTS if part != explanation.costliest]
+    st.markdown("\n".join(f"- {said[part]}" for part in others), help=glossary.RATING_PARTS)
+    if comparison.advice is not None:
+        found = _account(comparison.key, comparison.advice.approach, comparison)
+        if found.disappoints or (found.departure is not None and found.departure.apart):
+            explanations.show_account(found.sentences[1:], missed=found.disappoints)
     show_cached_figure(
         lambda: comparison.study.plot(test.id, "rating", approaches=[approach], also=curves.also, display=display),
         f"Test {test.id} and its prediction by {LABELS[approach]}: in the corridors, shifted, warped, and their slopes",

@@ -40,8 +40,8 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
         rear_weight_kg=_field(right, *rear, runs[2], step=1.0, digits=0),
         factors=tuple((name, choice) for name, choice in factors.items() if choice),
     )
-    for note in campaign.cae.extrapolation(condition):
-        st.warning(plain(note), icon=":material/warning:")
+    if notes := campaign.cae.extrapolation(condition):
+        st.markdown(f":material/warning: **{plain(' '.join(notes))}**")
     return condition
 
 

@@ -18,7 +18,8 @@ def show(answer: Answer) -> None:
     campaign, estimates = answer.campaign, answer.estimates
     _show_pinned(answer)
     explanations.show_metrics([(LABELS[each.approach], each.metrics) for each in estimates], answer.view)
-    st.caption("  \n".join(map(plain, nearest_sentences(campaign, answer.condition))))
+    weight = f"{answer.view.display.weight(answer.condition.mass_kg)} in all."
+    st.caption("  \n".join(map(plain, [weight, *nearest_sentences(campaign, answer.condition)])))
     said = () if answer.advice is None else answer.advice.sentences
     explanations.show_notes(estimates, (*said, *campaign.cae.extrapolation(answer.condition)))
     explanations.show_fits(estimates)

@@ -85,7 +85,6 @@ def show_next_test(answer: Answer) -> None:
     if not domains or not isinstance(domains[0].bias_, HierarchicalBias):
         st.info("Ranking next tests needs the displacement domain with the fast settings.")
         return
-    st.markdown(NEXT_TEST_MEANING)
     usual = ConditionRange.of(campaign.tests)
     ends, display = [], answer.view.display
     for place, (column, axis) in enumerate(zip(st.columns(3), _AXES, strict=True)):
@@ -100,6 +99,7 @@ def show_next_test(answer: Answer) -> None:
         st.warning(plain(error.args[0]), icon=":material/warning:")
         return
     show_figure(found.plot(display=display), alt="How much each candidate would narrow the band, over its speed")
+    st.caption(NEXT_TEST_MEANING)
     st.markdown(f"**The best {BEST}**" + (f", for {', '.join(f'{k} {v}' for k, v in kind if v)}" if kind else ""))
     show_table(page_tables.next_tests(found.ranked[:BEST], display), "next tests")
     with st.container(horizontal=True):

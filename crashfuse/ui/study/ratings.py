@@ -19,13 +19,13 @@ _ALONE, _GROUP = page_tables.WAYS.values()
 def show(outcome: Outcome) -> None:
     """Show the ratings of one way of leaving tests out."""
     campaign, study = outcome.view.campaign, outcome.study
-    if outcome.whole:
-        worst = worst_test(study, outcome.window_ms)
-        explanations.show_account(worst.sentences, missed=worst.disappoints)
     leave_out = "speed group" if study.config.leave_out == "speed group" else "test"
     if study.speed_groups is not None and choose("Left out", [_ALONE, _GROUP], key="ways") == _GROUP:
         study, leave_out = study.speed_groups, "speed group"
     _show_tests(outcome, study, leave_out)
+    if outcome.whole:
+        worst = worst_test(outcome.study, outcome.window_ms)
+        explanations.show_account(worst.sentences, missed=worst.disappoints)
     st.markdown("**Mean over the tests, by window**")
     show_table(page_tables.mean_ratings(study), "means")
     st.caption(f"{campaign.rating_basis}: Excellent above 0.94, Good above 0.80, Fair above 0.58, else Poor.")
