@@ -21,7 +21,7 @@ from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 _ROW_PX, _MOST_ROWS = 35, 9
-_WIDTHS_PX = {"Campaign": 126, "What": 185, "Settings": 110}  # a condition fits; with these, all columns do at 1440 px
+_WIDTHS_PX = {"Campaign": 110, "What": 180, "Settings": 95}  # a condition fits; with these, all columns do at 1440 px
 _TABLE, _REFUSED = "past results", "result that could not be opened"  # session keys
 
 

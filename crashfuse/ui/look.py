@@ -21,6 +21,7 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 [data-testid="stMain"] [data-testid="stElementContainer"]:not(.st-key-head *)
   [data-testid="stHeading"] > [data-testid="stMarkdownContainer"] { margin-bottom: -0.35rem }
 .st-key-head, .st-key-recommendation { row-gap: 0; column-gap: 1rem }
+.st-key-recommendation { overflow: visible }
 .st-key-recommendation > :first-child { flex-shrink: 1; min-width: 0 }
 .st-key-recommendation > :last-child { flex-shrink: 0 }
 .st-key-recommendation button { min-height: 0; padding-block: 0 }

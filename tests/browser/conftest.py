@@ -231,6 +231,21 @@ class User:
         return self.arrived(name).read_text(encoding="utf-8")
 
 
+def press_tool(user: User, which: str) -> None:
+    """Press the first button below a figure or table of this kind; it lies in a part of the page of its own."""
+
+    def pressed() -> bool:
+        return bool(
+            user.browser.execute_script(
+                "const tool = [...document.querySelectorAll('*')].map(e => e.shadowRoot?.querySelector(arguments[0]))"
+                ".find(Boolean); tool?.click(); return Boolean(tool)",
+                f"button{which}",
+            )
+        )
+
+    user.wait(pressed, f"There is no button {which}.")
+
+
 def top_of(user: User, css: str) -> float:
     """Distance of the first element of this kind from the window's upper edge, in pixels."""
     return float(user.browser.execute_script("return arguments[0].getBoundingClientRect().top", user.find(css)))

@@ -28,7 +28,7 @@ def shows(user: "User", *names: str) -> None:
 def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
     small_server: "Server", user: "User"
 ) -> None:
-    """Corridors, another window and a reload change nothing of it; nothing is hidden by the legend."""
+    """Corridors, another window and a reload change nothing of it; a CAE run is added by its name."""
     band = "Displacement domain (95 % band)"
     user.open(small_server, "compare", **ONE, test="T2")
     user.starts("Predict test T2", FIGURE)
@@ -44,8 +44,12 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
     user.press("Nearest tests")
     user.sees("T3 · 26.0 mph", FIGURE)
     user.sees("T4 · 35.0 mph", FIGURE)
+    user.press("Curves", CURVES)
+    user.find('input[aria-label^="Also show"]').send_keys("C01", Keys.ENTER)
+    user.sees("C01 · ", FIGURE)
     user.browser.refresh()
     user.sees("T1 · 15.0 mph", FIGURE)
+    user.sees("C01 · ", FIGURE)
     assert "Test" not in legend(user)
     assert "curves=displacement_domain" in user.browser.current_url
     user.press("Over displacement", f'{MAIN} [role="tab"], {MAIN} {PILL}')
@@ -94,3 +98,6 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.press("34.0 mph", '[data-testid="stPopoverBody"] button')
     user.wait(lambda: "34mph" not in user.browser.current_url)
     user.find(f"{MAIN} button", "1 pinned")
+    user.go("History")
+    listed = "return document.querySelector('[data-testid=\"stDataFrame\"]')?.textContent ?? ''"
+    user.wait(lambda: "at 34.0 mph" in user.browser.execute_script(listed), "History never listed the prediction.")

@@ -7,7 +7,7 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
 import pytest
 from selenium.webdriver.common.by import By
@@ -84,7 +84,10 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
 def test_a_server_that_asks_for_a_log_in_shows_nothing_before(
     user: "User", campaign_on_disk: Path, tmp_path: Path
 ) -> None:
-    """No name of a campaign; then the page of the link, who it is, and the same after a reload; logged out, nothing."""
+    """No name of a campaign; then the page of the link with its choices, who it is, and the same after a reload.
+
+    No folder outside the roots opens. Logged out, one sees nothing again, and another may log in.
+    """
     secrets = tmp_path / "secrets.toml"
     log = tmp_path / "log"
     with identity_provider() as metadata:
@@ -95,21 +98,38 @@ def test_a_server_that_asks_for_a_log_in_shows_nothing_before(
             encoding="utf-8",
         )
         asked = ("--campaign", str(campaign_on_disk), "--login", str(secrets), "--log", str(log))
+        asked += ("--root", str(campaign_on_disk))
+        view = {
+            "campaign": campaign_on_disk.name,
+            "test": "T1",
+            "purpose": "Fit on all tests",
+            "seed": "3",
+            "approaches": "cae",
+        }
         with serve(tmp_path, None, *asked) as server:
-            user.open(server, "train", campaign=campaign_on_disk.name)
+            user.open(server, "train", **view)
             user.find("button", "Log in")
             assert campaign_on_disk.name not in user.browser.page_source.replace(user.browser.current_url, "")
             assert not user.all('[data-testid="stSelectbox"]')
             user.press("Log in")
             user.press("anna@example.com", "a")
             user.sees("anna@example.com", SIDEBAR)
-            user.wait(lambda: urlsplit(user.browser.current_url).path == "/train")
-            user.sees("Fit on all tests")
+            user.sees("Fit every approach on all tests")
+            asked_for = urlsplit(user.browser.current_url)
+            assert (asked_for.path, dict(parse_qsl(asked_for.query))) == ("/train", view)
             user.browser.refresh()
             user.sees("anna@example.com", SIDEBAR)
+            user.open(server, "data")
+            user.fill("A campaign folder on this computer", str(tmp_path))
+            user.press("Open folder")
+            user.sees("cannot be used")
             user.press("Log out")
             user.find("button", "Log in")
             assert not user.all('[data-testid="stSelectbox"]')
+            user.press("Log in")
+            user.press("ben@example.com", "a")
+            user.sees("ben@example.com", SIDEBAR)
     told = log.read_text(encoding="utf-8")
     assert "anna@example.com: began a session" in told
+    assert f"anna@example.com: was refused {tmp_path}" in told
     assert "anna@example.com: logged out" in told

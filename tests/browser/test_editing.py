@@ -38,7 +38,10 @@ def held_out_choices(user: "User") -> list[str]:
 
 
 def test_a_test_is_left_out_of_use_and_used_again(server: "Server", user: "User", own: Path) -> None:
-    """One click: it is gone from Compare, and every page says so; another click, or Undo, and it is back."""
+    """One click: it is gone from Compare, and every page says so; another click, or Undo, and it is back.
+
+    Taken out of the folder, its file goes, and comes back by Undo, too.
+    """
     user.open_folder(server, own)
     user.press("T3", IN_USE)
     user.sees("Left out of use: T3.")
@@ -57,6 +60,11 @@ def test_a_test_is_left_out_of_use_and_used_again(server: "Server", user: "User"
     user.sees("Left out of use: T3.")
     user.press("Undo")
     user.wait(lambda: not (own / "campaign.toml").exists(), "campaign.toml never went.")
+    user.press("Take out …", f"{MAIN} button")
+    user.press("Take it out of the folder")
+    user.wait(lambda: not (own / "tests" / "T1.csv").exists(), "T1 never left the folder.")
+    user.press("Undo")
+    user.wait((own / "tests" / "T1.csv").exists, "T1 never came back.")
 
 
 def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(

@@ -17,7 +17,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study
 from crashfuse.units import G
-from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, rows
+from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, press_tool, rows
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
@@ -30,21 +30,6 @@ if TYPE_CHECKING:
 BANDED = ("time_domain", "displacement_domain", "fused")
 
 
-def press_tool(user: "User", name: str) -> None:
-    """Press a button below the first figure; it lies in a part of the page of its own."""
-
-    def pressed() -> bool:
-        return bool(
-            user.browser.execute_script(
-                "const tool = [...document.querySelectorAll('*')].map(e => e.shadowRoot?.querySelector(arguments[0]))"
-                ".find(Boolean); tool?.click(); return Boolean(tool)",
-                f'button[data-format="{name}"]',
-            )
-        )
-
-    user.wait(pressed, f"There is no button {name}.")
-
-
 def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     engineer: "User", campaign_on_disk: "Path"
 ) -> None:
@@ -54,7 +39,7 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     engineer.press("Curves", CURVES)
     engineer.press("CAE", f'[data-testid="stPopoverBody"] {PILL}')
     engineer.wait(lambda: "CAE" not in engineer.texts(f"{FIGURE} .legendtext"))
-    press_tool(engineer, "csv")
+    press_tool(engineer, '[data-format="csv"]')
     numbers = rows(engineer.arrived("T1_pulses_0-60ms_g.csv").read_text(encoding="utf-8"))
     shown = set(numbers[0])
     assert "Displacement domain: Velocity, upper (mph)" in shown
@@ -64,7 +49,7 @@ def test_the_numbers_of_a_figure_are_those_of_the_curves_that_are_visible(
     drawn = [float(row["Test: Acceleration (g)"]) for row in numbers]
     np.testing.assert_allclose(drawn, measured, rtol=1e-5, atol=1e-5)
     for form, start in (("svg", b"<svg"), ("png", b"\x89PNG")):
-        press_tool(engineer, form)
+        press_tool(engineer, f'[data-format="{form}"]')
         assert engineer.arrived(f"T1_pulses_0-60ms_g.{form}").read_bytes().startswith(start)
 
 

@@ -7,7 +7,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE, rows, top_of
+from tests.browser.conftest import FIGURE, MAIN, QUICK, TABLE, press_tool, rows, top_of
 
 pytestmark = pytest.mark.slow
 
@@ -16,9 +16,11 @@ if TYPE_CHECKING:
 
     from tests.browser.conftest import Server, User
 
+_CLIPBOARD = "navigator.clipboard.readText().then(arguments[0], () => arguments[0](''))"
+
 
 def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User") -> None:
-    """Corridors, residuals; scores and pulses as CSV; a report from its first to its last line."""
+    """Corridors, residuals; a table copied; scores and pulses as CSV; a report from its first to its last line."""
     engineer.sees("Velocity (mph)", FIGURE)
     assert not engineer.all(FIGURE, "Corridor of the rating")
     engineer.press("Corridors of the rating", "label")
@@ -29,6 +31,10 @@ def test_compare_switches_its_figure_and_hands_out_whole_files(engineer: "User")
     engineer.sees("Corridor of the rating, inner", FIGURE)  # the choice has held
     engineer.open_tab("Ratings and metrics")
     shown = engineer.sees("Corridor", TABLE)
+    engineer.browser.execute_cdp_cmd("Browser.grantPermissions", {"permissions": ["clipboardReadWrite"]})
+    press_tool(engineer, '[title^="Copy this table"]')
+    copied = engineer.wait(lambda: engineer.browser.execute_async_script(_CLIPBOARD))
+    assert copied.splitlines()[0].split("\t")[:2] == ["Approach", "0–20 ms"]
     engineer.open_tab("Files and report")
     scores = rows(engineer.downloads_file("scores.csv"))
     assert {(row["held_out"], row["approach"]) for row in scores} == {("T1", "cae"), ("T1", "displacement_domain")}

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, TABLE, top_of
+from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, QUICK, SIDEBAR, TABLE, top_of
 
 pytestmark = pytest.mark.slow
 
 if TYPE_CHECKING:
-    from tests.browser.conftest import User
+    from tests.browser.conftest import Server, User
 
 LEGIBLE_PX, TEXT, LARGE = 11, 4.5, 3.0
 
@@ -105,6 +105,17 @@ def test_every_word_can_be_read_at_900_px(predicted: "User") -> None:
             app = predicted.find('[data-testid="stApp"]')
             predicted.wait(lambda app=app, ground=ground: app.value_of_css_property("background-color") == ground)  # type: ignore[misc]
             predicted.wait(lambda: not unreadable(predicted), f"Words that cannot be read: {unreadable(predicted)}", 10)
+
+
+def test_the_heat_map_can_be_read_at_900_px(small_server: "Server", user: "User") -> None:
+    """As large as all other words. The sidebar asks for nothing that does not act on the page."""
+    user.sits_at(900, 1000)
+    user.open(small_server, "study", approaches=QUICK)
+    user.starts("Leave out each of 4 tests", FIGURE)
+    user.sees("Mean over the tests")
+    user.wait(lambda: not unreadable(user), f"Words that cannot be read: {unreadable(user)}", 10)
+    user.press("", '[data-testid="stExpandSidebarButton"]')
+    assert "Held-out test" not in user.sees("Rated time window", SIDEBAR)
 
 
 def unreadable(user: "User") -> list[str]:

@@ -70,6 +70,7 @@ def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server"
     user.sits_at(1440, 1000)
     study(user, small_server)
     study(user, small_server, seed="4")
+    user.find('[data-testid="stMarkdownBadge"]', "Fast settings, seed 4")
     user.go("History")
     user.sees("Compare two studies")
     user.sees("mean", f"{MAIN} li")
@@ -80,7 +81,8 @@ def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server"
     assert written.startswith("left_out,held_out,approach,window_ms,first,second,difference")
     grid = user.find('[data-testid="stDataFrame"] canvas')
     inside = "const list = document.querySelector('.dvn-scroller'); return list.scrollWidth - list.clientWidth"
-    assert user.browser.execute_script(inside) <= 0, "A column of the list is cut."
+    cut_px = user.browser.execute_script(inside)
+    assert cut_px <= 0
     user.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", grid)
     across, down = round(18 - grid.rect["width"] / 2), round(52 - grid.rect["height"] / 2)  # the first row's box
     ActionChains(user.browser).move_to_element_with_offset(grid, across, down).click().perform()

@@ -25,12 +25,11 @@ def show(comparison: Comparison) -> None:
         curves = comparison.choose_curves(offered=())
     explanation = comparison.fold.explained(approach, comparison.window_ms)
     said = {part: plain(text) for part, text in rating_sentences(explanation).items()}
-    head, _, reason = said["overall"].partition(". ")
-    st.markdown(f"**{LABELS[approach]} {head}.** {reason}")
+    st.markdown(f"**{LABELS[approach]} {said['overall'].partition('. ')[0].removesuffix('.')}.**")
     alt = f"The four scores of every prediction of test {test.id}, as bars"
     show_cached_figure(lambda: comparison.study.plot(test.id, "scores", display=display), alt, "parts", comparison.key)
-    others = [part for part in WEIGHTS if part != explanation.costliest]
-    st.markdown("\n".join(f"- {said[part]}" for part in others), help=glossary.RATING_PARTS)
+    parts = sorted(WEIGHTS, key=lambda part: part != explanation.costliest)
+    st.markdown("\n".join(f"- {said[part]}" for part in parts), help=glossary.RATING_PARTS)
     if comparison.advice is not None:
         found = _account(comparison.key, comparison.advice.approach, comparison)
         if found.disappoints or (found.departure is not None and found.departure.apart):
