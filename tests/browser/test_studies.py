@@ -70,7 +70,7 @@ def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server"
     user.sits_at(1440, 1000)
     study(user, small_server)
     study(user, small_server, seed="4")
-    user.find('[data-testid="stMarkdownBadge"]', "Fast settings, seed 4")
+    user.sees("Fast settings, seed 4", ".st-key-head")
     user.go("History")
     user.sees("Compare two studies")
     user.sees("mean", f"{MAIN} li")
