@@ -97,8 +97,8 @@ def test_a_server_that_asks_for_a_log_in_shows_nothing_before(
             f'server_metadata_url = "{metadata}"\n',
             encoding="utf-8",
         )
-        asked = ("--campaign", str(campaign_on_disk), "--login", str(secrets), "--log", str(log))
-        asked += ("--root", str(campaign_on_disk))
+        asked = ["--campaign", str(campaign_on_disk), "--login", str(secrets), "--log", str(log)]
+        asked += ["--root", str(campaign_on_disk)]
         view = {
             "campaign": campaign_on_disk.name,
             "test": "T1",

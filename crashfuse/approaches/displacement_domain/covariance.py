@@ -80,7 +80,7 @@ class Covariance:
 
     def terms(self, logs: FloatArray) -> list[FloatArray]:
         """Terms of the parts in order, shape (n, m) each."""
-        terms = []
+        terms: list[FloatArray] = []
         for block, own in zip(self._blocks, np.split(logs, self._ends[:-1]), strict=True):
             terms.append(term := np.zeros(self._shape))
             term[block.where] = _term(block.factor, block.squares, own)[0]
