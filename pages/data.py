@@ -14,6 +14,7 @@ from crashfuse.ui.importing.session import running
 from crashfuse.ui.navigation import open_page, show_link
 from crashfuse.ui.opening import show_open_forms
 from crashfuse.ui.tables import show_table
+from crashfuse.ui.tabs import show_tabs
 from crashfuse.ui.text import plain
 from crashfuse.wording import speed
 
@@ -23,31 +24,40 @@ ASKED = "asked for the next prediction"  # session key
 
 
 def show_summary(view: frame.View) -> None:
-    """Summarise in numbers what was accepted."""
+    """Say in a line what was accepted, and offer the next step."""
     campaign = view.campaign
     speeds = [test.condition.speed_mps for test in campaign.tests]
     paired = sum(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
-    numbers = st.columns(3)
-    numbers[0].metric("Tests", len(campaign.tests), help=f"{paired} of them have a CAE run at their own condition.")
-    numbers[1].metric("Test speeds", view.display.words(speed(min(speeds), max(speeds), form=".0f")))
-    numbers[2].metric("CAE runs", f"{len(campaign.cae):,}")
-    st.caption(
-        f"Fingerprint {campaign.fingerprint[:12]}",
-        help=f"SHA-256 of all data, the same wherever the files lie: {campaign.fingerprint}",
-    )
+    tests = "1 test" if len(campaign.tests) == 1 else f"{len(campaign.tests)} tests"
+    at = view.display.words(speed(min(speeds), max(speeds), form=".0f"))
+    with st.container(horizontal=True, vertical_alignment="center", key="summary"):
+        st.markdown(
+            f"**{tests} at {at}, {len(campaign.cae):,} CAE runs**", width="content",
+            help=f"Tests that have a CAE run at their own condition: {paired}.",
+        )  # fmt: skip
+        st.caption(
+            f"Fingerprint {campaign.fingerprint[:12]}", width="content",
+            help=f"SHA-256 of all data, the same wherever the files lie: {campaign.fingerprint}",
+        )  # fmt: skip
+        asked = offer_next(view)
     for warning in campaign.warnings:
         st.warning(plain(warning), icon=":material/warning:")
     editing.show_last_change(view)
-    if len(campaign.tests) == 1:
+    if asked:
+        open_page("compare")
+
+
+def offer_next(view: frame.View) -> bool:
+    """Show what to do next; True if it was asked for."""
+    if len(view.campaign.tests) == 1:
         show_link("predict", "Next: predict another condition")
-        return
-    request = StudyRequest(campaign, (view.held_out.id,), chosen_config())
+        return False
+    request = StudyRequest(view.campaign, (view.held_out.id,), chosen_config())
     st.button(
         f"Next: predict test {plain(view.held_out.id)} from the others, and compare", type="primary",
         icon=":material/arrow_forward:", on_click=predict_next, args=(request,),
     )  # fmt: skip
-    if st.session_state.pop(ASKED, False):
-        open_page("compare")
+    return bool(st.session_state.pop(ASKED, False))
 
 
 def predict_next(request: StudyRequest) -> None:
@@ -59,7 +69,6 @@ def predict_next(request: StudyRequest) -> None:
 def show_tests(view: frame.View) -> None:
     """All tests overlaid, as read or filtered."""
     campaign, test = view.campaign, view.held_out
-    st.subheader("Tests")
     editing.show_tests_in_use(view)
     options = [AS_READ, *(f"CFC {cfc}" for cfc in CLASSES)]
     address.default("filter", AS_READ, options)
@@ -103,7 +112,6 @@ def show_tests(view: frame.View) -> None:
 def show_conditions(view: frame.View) -> None:
     """Show where tests and CAE runs lie, and how the CAE model rates before any correction."""
     campaign = view.campaign
-    st.subheader("Conditions")
     show_cached_figure(
         lambda: campaign.plot("conditions", held_out=view.held_out.id, display=view.display),
         "Speed against front and rear weight of CAE runs and tests; the same numbers are in the table below",
@@ -122,7 +130,6 @@ def show_conditions(view: frame.View) -> None:
 def show_library(view: frame.View) -> None:
     """The pulses of the CAE model."""
     campaign = view.campaign
-    st.subheader("CAE model")
     show_cached_figure(
         lambda: campaign.plot("cae", display=view.display),
         "Pulses of the CAE model over time: the middle 90 % of all runs, and the runs at the tests' conditions",
@@ -154,6 +161,13 @@ def show_quality(view: frame.View) -> None:
             st.dataframe(runs, hide_index=True)
 
 
+TABS = {
+    "Tests": show_tests,
+    "Conditions": show_conditions,
+    "CAE model": show_library,
+    "Open another campaign": lambda _: show_open_forms(),
+}
+
 view = frame.enter()
 if (source := running()) is not None:
     importing.show(source, view)
@@ -172,8 +186,4 @@ if view is None:
 
 frame.show_head(view, plain(view.campaign.name))
 show_summary(view)
-show_tests(view)
-show_conditions(view)
-show_library(view)
-st.subheader("Open another campaign")
-show_open_forms()
+show_tabs(TABS, view, key="data_tab")

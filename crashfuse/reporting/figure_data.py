@@ -85,13 +85,16 @@ def _is_invisible(trace: Mapping[str, Any]) -> bool:
     return entry or (trace.get("mode") == "markers" and marker.get("opacity") == 0)
 
 
+def unpacked(packed: Mapping[str, Any]) -> np.ndarray[Any, Any]:
+    """An array that Plotly holds packed."""
+    values = np.frombuffer(base64.b64decode(packed["bdata"]), dtype=np.dtype(packed["dtype"]).newbyteorder("<"))
+    shape = packed.get("shape")
+    return values.reshape([int(n) for n in str(shape).split(",")]) if shape else values
+
+
 def _values(data: object) -> np.ndarray[Any, Any]:
     """Values of a trace, which Plotly may hold packed."""
-    if isinstance(data, Mapping):
-        values = np.frombuffer(base64.b64decode(data["bdata"]), dtype=np.dtype(data["dtype"]).newbyteorder("<"))
-        shape = data.get("shape")
-        return values.reshape([int(n) for n in str(shape).split(",")]) if shape else values
-    return np.array([] if data is None else data)
+    return unpacked(data) if isinstance(data, Mapping) else np.array([] if data is None else data)
 
 
 def _numbers(data: object) -> FloatArray:

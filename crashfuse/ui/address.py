@@ -93,6 +93,7 @@ CHOICES: dict[str, Choice] = {
     "unit": Choice(str, "g", ("g", "m/s²"), ("data", "compare", "study", "predict", "certify")),
     "sign": Choice(str, "Acceleration", ("Acceleration", "Deceleration"), ("data", "compare", "predict")),
     # what is shown on a page
+    "data_tab": Choice(pages=("data",), of_campaign=True),
     "filter": Choice(pages=("data",)),
     "purpose": Choice(pages=("train",)),
     "compare_tab": Choice(pages=("compare",)),

@@ -9,6 +9,7 @@ import streamlit as st
 from crashfuse.reporting.plots.canvas import darkened
 from crashfuse.ui import address
 from crashfuse.ui.figure_tools import file_name, offer_files
+from crashfuse.ui.sent_figure import SentFigure
 
 _CACHED = 200  # figures of up to half a megabyte
 _DENSITY = 3  # pixels of a PNG for each on the page
@@ -43,14 +44,15 @@ def show_figure(figure: go.Figure, alt: str, key: str | None = None, *, name: st
     ``alt`` is its alternative text, ``name`` that of its files: what it shows, from :func:`file_name`.
     """
     name = name or file_name(alt)
-    st.plotly_chart(_in_theme(figure), alt=alt, key=key, theme=None, config=_tools(name))
+    sent = SentFigure(darkened(figure) if _is_dark() else figure)
+    st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_tools(name))
     offer_files(figure, name, key or alt)
 
 
 def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable, name: str = "") -> None:
     """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
-    name, figure = name or file_name(alt), _cached(key, st.context.theme.type == "dark", draw)
-    st.plotly_chart(figure, alt=alt, theme=None, config=_tools(name))
+    name, (figure, sent) = name or file_name(alt), _cached(key, _is_dark(), draw)
+    st.plotly_chart(sent, alt=alt, theme=None, config=_tools(name))
     offer_files(figure, name, alt)
 
 
@@ -71,9 +73,9 @@ def show_clickable(
         for point in _points(st.session_state[widget]):
             on_click(point)
 
-    name, figure = name or file_name(alt), _cached((widget, *key), st.context.theme.type == "dark", draw)
+    name, (figure, sent) = name or file_name(alt), _cached((widget, *key), _is_dark(), draw)
     event = st.plotly_chart(
-        figure, alt=alt, key=widget, theme=None, config=_tools(name), on_select=take, selection_mode="points"
+        sent, alt=alt, key=widget, theme=None, config=_tools(name), on_select=take, selection_mode="points"
     )
     offer_files(figure, name, widget)
     return bool(_points(event))
@@ -83,11 +85,16 @@ def _points(event: Any) -> list[str]:  # noqa: ANN401 - Streamlit returns two fo
     return [str(point["customdata"]) for point in event["selection"]["points"] if point.get("customdata")]
 
 
-def _in_theme(figure: go.Figure) -> go.Figure:
-    return darkened(figure) if st.context.theme.type == "dark" else figure
+def _is_dark() -> bool:
+    return bool(st.context.theme.type == "dark")
 
 
 @st.cache_resource(max_entries=_CACHED, show_spinner=False)
-def _cached(key: tuple[Hashable, ...], dark: bool, _draw: Callable[[], go.Figure]) -> go.Figure:  # noqa: ARG001
+def _cached(
+    key: tuple[Hashable, ...],  # noqa: ARG001
+    dark: bool,
+    _draw: Callable[[], go.Figure],
+) -> tuple[go.Figure, SentFigure]:
+    """A figure as it is drawn, of which files are made, and as it is sent."""
     figure = _draw()
-    return darkened(figure) if dark else figure
+    return figure, SentFigure(darkened(figure) if dark else figure)

@@ -16,6 +16,8 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 [data-testid="stMainBlockContainer"] { padding-inline: clamp(1rem, 3vw, 5rem) }
 [data-testid="stMainBlockContainer"] > [data-testid="stVerticalBlock"] { gap: 0.7rem }
 [data-testid="stMain"] h1 { padding: 0 }
+/* whole pixels: a figure that is told the width that it has already is not drawn again */
+[data-testid="stMain"] [data-testid="stFullScreenFrame"] { width: round(down, 100%, 1px) }
 [data-testid="stMain"] h3 { padding: 0.25rem 0 }
 /* Streamlit draws what follows a heading over its lower edge */
 [data-testid="stMain"] [data-testid="stElementContainer"]:not(.st-key-head *)

@@ -72,6 +72,7 @@ def _attempt(open_it: Callable[[], str | Source]) -> None:
     st.session_state.pop(frame.REFUSED, None)
     try:
         opened = open_it()
+        st.session_state["data_tab"] = None  # what was opened is to be seen
         if isinstance(opened, Source):
             begin(opened)
         else:

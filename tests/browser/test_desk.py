@@ -66,6 +66,7 @@ def test_an_upload_is_seen_by_its_owner_and_whoever_has_the_link(
     dropped = tmp_path / "secret-car.zip"
     dropped.write_bytes(zipped({f"secret-car/{path}": file for path, file in content_of(campaign_on_disk).items()}))
     user.open(small_server, "data")
+    user.open_tab("Open another campaign")
     user.uploads(dropped)
     user.press("Open upload")
     user.sees("secret-car", "h1")

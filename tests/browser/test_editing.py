@@ -78,6 +78,7 @@ def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(
     user.open_folder(server, own)
     table = tmp_path / "Versuch 12.csv"
     table.write_bytes(german(clock(), 0 * clock(), half_sine_g(clock()), header="Zeit;Kanal 1;Kanal 2"))
+    user.open_tab("Open another campaign")
     user.uploads(table)
     user.press("Open upload")
     user.sees("Before it can be added")

@@ -1,5 +1,6 @@
 """The first screen in a real browser: what stands above the fold, narrow windows, the keyboard, zoom, contrast."""
 
+import time
 from typing import TYPE_CHECKING
 
 import pytest
@@ -137,3 +138,34 @@ def test_a_page_can_be_used_at_twice_its_size(predicted: "User") -> None:
         "const main = document.querySelector('[data-testid=\"stMain\"]'); return main.scrollWidth - main.clientWidth"
     )
     assert predicted.browser.execute_script(beyond) <= 0
+
+
+_COUNT_DRAWN = """
+window.drawn = 0;
+new MutationObserver(changes => { window.drawn += changes.some(each => each.target.matches("path.js-line")); })
+  .observe(document.body, { subtree: true, attributes: true, attributeFilter: ["d"] });
+"""
+_TOLD_ITS_WIDTH = "return document.querySelector('.js-plotly-plot')?.layout.width && window.drawn"
+
+
+def test_a_figure_is_drawn_once(predicted: "User") -> None:
+    """Streamlit hands it to Plotly a second time, with its width: nothing changes by that."""
+    predicted.go("Train")
+    predicted.find('[data-testid="stRadio"]')
+    predicted.browser.execute_script(_COUNT_DRAWN)
+    predicted.go("Compare")
+    predicted.wait(lambda: predicted.browser.execute_script(_TOLD_ITS_WIDTH))
+    time.sleep(1)
+    assert predicted.browser.execute_script("return window.drawn") == 1
+
+
+def test_data_shows_one_figure_at_a_time_and_the_link_has_which(engineer: "User") -> None:
+    """The tests first; conditions with the ratings, and the CAE model, in tabs of their own."""
+    engineer.go("Data")
+    engineer.find(FIGURE, "Time (ms)")
+    engineer.open_tab("Conditions")
+    engineer.find(FIGURE, "Front weight")
+    assert len(engineer.all(FIGURE)) == 1
+    assert "data_tab=Conditions" in engineer.browser.current_url
+    engineer.browser.back()
+    engineer.find(FIGURE, "rated:")

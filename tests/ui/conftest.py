@@ -65,8 +65,15 @@ class Session:
 
     @property
     def numbers(self) -> dict[str, str]:
-        """The large numbers by their labels."""
-        return {metric.label: metric.value for metric in self.app.metric}
+        """What the page Data says first of a campaign."""
+        (found,) = re.findall(r"(\d+) tests? at (.*), ([\d,]+) CAE runs", self.words)
+        return dict(zip(("Tests", "Test speeds", "CAE runs"), found, strict=True))
+
+    def open_tab(self, page: str, label: str) -> "Session":
+        """Open a tab of a page, if it has tabs now."""
+        for tabs in [group for group in self.app.button_group if group.key == f"{page}_tab"]:
+            tabs.set_value(label)
+        return self.run()
 
     @property
     def buttons(self) -> list[str]:

@@ -34,6 +34,7 @@ Visit = Callable[..., "Session"]
 
 def upload(session: "Session", *files: tuple[str, bytes]) -> "Session":
     """Drop files and open them."""
+    session.open_tab("data", "Open another campaign")
     session.app.file_uploader[0].set_value([(name, content, "application/octet-stream") for name, content in files])
     return session.press("Open upload")
 
@@ -80,6 +81,7 @@ def test_the_sample_is_made_where_it_was_not_shipped(
 
 def open_folder(session: "Session", text: str) -> "Session":
     """Type a folder in and open it."""
+    session.open_tab("data", "Open another campaign")
     session.app.text_input(key="folder").set_value(text)
     return session.press("Open folder")
 
@@ -91,7 +93,8 @@ def test_a_folder_that_is_opened_is_shown(visit: Visit, campaign_folder: Path, c
     assert session.app.sidebar.selectbox(key="campaign").value == campaign_folder.name
     assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
     assert f"Fingerprint {load_campaign(campaign_folder).fingerprint[:12]}" in session.words
-    assert session.charts == 3
+    for tab in ("Tests", "CAE model", "Conditions"):
+        assert session.open_tab("data", tab).charts == 1
     (table,) = session.tables
     assert table["Test"].tolist() == ["T1", "T2", "T3", "T4"]
     assert table["Speed (mph)"].tolist() == ["15.0", "25.0", "26.0", "35.0"]
@@ -108,11 +111,11 @@ def test_the_quality_of_the_cae_runs_is_shown(visit: Visit, campaign_folder: Pat
     table["hourglass_share"] = [0.2, *[0.01] * 22, None]
     table.to_csv(campaign_folder / "cae.csv", index=False)
     (campaign_folder / "campaign.toml").write_text("[cae_quality]\nhourglass_share = 0.1\n")
-    session = open_folder(visit(), str(campaign_folder))
+    session = open_folder(visit(), str(campaign_folder)).open_tab("data", "CAE model")
     assert "22 of 24 pass" in session.words
     assert "1 cannot be judged" in session.words
     assert "Runs that fail" in session.words
-    quality = session.tables[1]
+    (quality,) = session.tables
     assert quality["At worst (%)"].tolist() == ["–", "20", "–"]
     assert session.app.dataframe[0].value["CAE run"].tolist() == ["C00"]
 
@@ -199,7 +202,7 @@ def test_the_files_of_a_campaign_are_opened_together(visit: Visit, campaign_fold
     files = [(path.name, path.read_bytes()) for path in campaign_folder.rglob("*") if path.is_file()]
     session = upload(visit(), *files)
     assert session.numbers == {"Tests": "4", "Test speeds": "15–35 mph", "CAE runs": "24"}
-    assert not session.app.file_uploader[0].value
+    assert not session.open_tab("data", "Open another campaign").app.file_uploader[0].value
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ from crashfuse import (
 from crashfuse.files.archive import zipped
 from crashfuse.reporting.figures import Further
 from crashfuse.reporting.plots.canvas import share_y_range
+from crashfuse.ui.sent_figure import SentFigure
 from crashfuse.wording import IN_SI, KPH_KG
 from tests.readers.nhtsa_files import nhtsa_files
 from tests.ui.test_certify import CRITERIA, MATRIX
@@ -46,8 +47,8 @@ def drawn(session: "Session") -> list[list[dict[str, Any]]]:
 
 
 def traces(*figures: go.Figure) -> list[list[dict[str, Any]]]:
-    """The same of figures of the library."""
-    return [json.loads(figure.to_json())["data"] for figure in figures]
+    """The same of figures of the library, in the form in which pages send them."""
+    return [json.loads(SentFigure(figure).to_json())["data"] for figure in figures]
 
 
 def opened(visit: "Visit", page: str, press: str, **parameters: object) -> "Session":
@@ -62,11 +63,12 @@ def test_on_data(open_campaign: Path, visit: "Visit") -> None:
     """Tests, conditions and CAE runs."""
     campaign = load_campaign(open_campaign)
     session = visit("data", test="T2", only=["T2", "T3"], also=["cae:C05"], **OPTIONS)
-    assert drawn(session) == traces(
-        campaign.plot(tests=["T2", "T3"], also=["C05"], held_out="T2", display=SHOWN),
-        campaign.plot("conditions", held_out="T2", display=SHOWN),
-        campaign.plot("cae", display=SHOWN),
-    )
+    for tab, figure in (
+        ("Tests", campaign.plot(tests=["T2", "T3"], also=["C05"], held_out="T2", display=SHOWN)),
+        ("Conditions", campaign.plot("conditions", held_out="T2", display=SHOWN)),
+        ("CAE model", campaign.plot("cae", display=SHOWN)),
+    ):
+        assert drawn(session.open_tab("data", tab)) == traces(figure)
 
 
 def test_on_compare(open_campaign: Path, visit: "Visit") -> None:

@@ -14,12 +14,16 @@ from crashfuse.signals.pulse import FloatArray
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
 _FONT_PX = 14
-_TITLE = {"title": {"font": {"size": _FONT_PX}}}  # by default a fifth larger than all other words
-_TEMPLATE = go.layout.Template(layout={"xaxis": _TITLE, "yaxis": _TITLE})
+AXIS_TITLE = {"font": {"size": _FONT_PX}}
+"""Look of an axis' title, by default a fifth larger than all other words."""
+_TEMPLATE = go.layout.Template(layout={"xaxis": {"title": AXIS_TITLE}, "yaxis": {"title": AXIS_TITLE}})
 _SHEER = re.compile(r"rgba\((\d+), (\d+), (\d+), ([\d.]+)\)")
 _BAND_POINTS = 320  # 0.32 ms apart: one to three pixels
 _BAND_ALPHA, _BAND_ALPHA_IN_THE_DARK = 0.18, 0.25
 _USUAL_NAMES = 6  # of the approaches and the test
+_ROW_PX, _ROW_MARGIN_PX = 21, 23  # of names above a figure, and the room that ticks and Plotly's own spaces take
+_LETTER_PX, _SYMBOL_PX = 6.4, 46  # of a name, on average, with the symbol and the space beside it
+_NAMES_PX = 915  # in a window of 1440 px
 _EDGE_OPACITY = 0.6  # of a band that is outlined
 
 UNWANTED_TOOLS = ["sendChartToCloud", "lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
@@ -56,7 +60,15 @@ def new_figure(height: int) -> go.Figure:
             "modebar": {"orientation": "v", "remove": UNWANTED_TOOLS},
             "hovermode": "x unified",
             "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
-            "legend": {"orientation": "h", "x": 0, "y": 1, "yref": "container", "xanchor": "left", "yanchor": "top"},
+            "legend": {
+                "orientation": "h",
+                "x": 0,
+                "y": 1,
+                "yref": "container",
+                "xanchor": "left",
+                "yanchor": "top",
+                "tracegroupgap": 0,  # between rows
+            },
             "xaxis": {**axis, **over_time},
             "yaxis": axis,
         }
@@ -71,6 +83,17 @@ def height_under_names(count: int) -> int:
 def room_for_names(names: Collection[str]) -> int:
     """Height that a figure needs beyond its usual one if the legend above it names more than the approaches."""
     return 7 * max(len(names) - _USUAL_NAMES, 0)
+
+
+def room_above(figure: go.Figure) -> int:
+    """Margin in pixels for the rows of names above a figure; with less, Plotly draws it all once more."""
+    if figure.layout.showlegend is False:
+        return 0
+    rows, used = 1, 0.0
+    for name in dict.fromkeys(trace.name for trace in figure.data if trace.name and trace.showlegend is not False):
+        width = _LETTER_PX * len(name) + _SYMBOL_PX
+        rows, used = (rows, used + width) if used + width <= _NAMES_PX else (rows + 1, width)
+    return _ROW_PX * rows + _ROW_MARGIN_PX
 
 
 def darkened(figure: go.Figure) -> go.Figure:

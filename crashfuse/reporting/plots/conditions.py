@@ -60,11 +60,11 @@ def condition_space(
         sides = _label_sides(points[:, [0, row]], (top - bottom + 2 * margin)[[0, row]])
         _draw_tests(figure, library, tests, points, sides, held_out, row, place, display)
         figure.update_yaxes(
-            title=display.title(weight.capitalize(), "lb"),
+            title={"text": display.title(weight.capitalize(), "lb"), "standoff": 8},
             range=[bottom[row] - margin[row], top[row] + margin[row]],
             row=row,
         )
-    figure.update_layout(hovermode="closest")
+    figure.update_layout(hovermode="closest", margin={"l": 72, "t": 52})  # the uppermost tick, too, needs room
     return figure
 
 

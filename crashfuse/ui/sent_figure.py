@@ -1,0 +1,81 @@
+"""Figures in the form in which the browser draws each of them once.
+
+Streamlit hands every figure to Plotly twice, the second time with its width. Plotly would then draw it all anew: packed
+arrays and a template are to it other data whenever they are other objects; plain lists under one ``datarevision`` are
+not. It also draws anew where the names above a figure need more room than its margin has.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+from crashfuse.reporting.figure_data import unpacked
+from crashfuse.reporting.plots.canvas import AXIS_TITLE, room_above
+from crashfuse.signals.pulse import FloatArray
+
+_DIGITS = 6  # of the largest value of a curve, on a screen of thousands of pixels
+_STRAIGHT = 1e-6  # share of a grid's length by which its points may be off
+
+
+class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
+    """A figure for ``st.plotly_chart``; the numbers of its curves are rounded where no eye can see it.
+
+    Streamlit copies a figure whenever it is shown, which takes longer than all else if there are plain lists: so a copy
+    is made once, here.
+    """
+
+    def __init__(self, figure: go.Figure) -> None:
+        super().__init__()
+        drawn = figure.to_plotly_json()
+        data = [_spaced(_plain(trace)) for trace in drawn["data"]]
+        layout = {name: _plain(part) for name, part in drawn["layout"].items() if name != "template"}
+        for name, axis in layout.items():
+            if name[1:5] == "axis" and "title" in axis:
+                axis["title"] = {**AXIS_TITLE, **axis["title"]}
+        layout["datarevision"] = hashlib.sha256(json.dumps(data).encode()).hexdigest()[:16]
+        if "margin" in layout:
+            layout["margin"] = {**layout["margin"], "t": max(layout["margin"]["t"], room_above(figure))}
+        self._sent = {"data": data, "layout": layout}
+
+    def to_dict(self) -> dict[str, Any]:
+        """What is sent."""
+        return dict(self._sent)
+
+
+def _plain(part: Any) -> Any:  # noqa: ANN401 - any part of a figure
+    """The same with lists for packed arrays."""
+    if isinstance(part, Mapping) and "bdata" in part:
+        return _listed(unpacked(part))
+    if isinstance(part, Mapping):
+        return {name: _plain(own) for name, own in part.items()}
+    return [_plain(own) for own in part] if isinstance(part, list | tuple) else part
+
+
+def _listed(values: np.ndarray[Any, Any]) -> list[Any]:
+    """Values as numbers of few digits; None for none, which JSON cannot hold otherwise."""
+    if values.dtype.kind != "f" or not values.size:
+        return list(values.tolist())
+    rounded = np.round(values.astype(np.float64), _decimals(values))
+    cells = rounded.astype(object)
+    cells[~np.isfinite(rounded)] = None
+    return list(cells.tolist())
+
+
+def _decimals(values: FloatArray) -> int:
+    largest = np.nanmax(np.abs(values), initial=0.0)
+    return _DIGITS - int(np.ceil(np.log10(largest))) if 0 < largest < np.inf else _DIGITS
+
+
+def _spaced(trace: dict[str, Any]) -> dict[str, Any]:
+    """The same curve with first position and step for positions that are evenly spaced: half as much is sent."""
+    x = trace.get("x")
+    if trace["type"] != "scatter" or not isinstance(x, list) or len(x) < 3 or {*map(type, x)} != {float}:
+        return trace
+    step = (x[-1] - x[0]) / (len(x) - 1)
+    if step <= 0 or np.abs(np.array(x) - x[0] - step * np.arange(len(x))).max() > _STRAIGHT * (x[-1] - x[0]):
+        return trace
+    return {name: own for name, own in trace.items() if name != "x"} | {"x0": x[0], "dx": step}
