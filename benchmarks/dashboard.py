@@ -94,28 +94,38 @@ def browser() -> Iterator[WebDriver]:
             driver.quit()
 
 
-def settled(browser: WebDriver, title: str, test: str = "", *, rated: Collection[str] = ()) -> float:
-    """Wait until the page has its title, its script has ended and its figures are drawn; returns the time of that.
+_SETTLED = """
+const [title, test, rated] = arguments;
+const text = element => element?.textContent ?? "", main = '[data-testid="stMain"]';
+const seen = figure => figure?.querySelector(".main-svg") && figure.checkVisibility({ visibilityProperty: true });
+const whole = () => {
+  const all = css => [...document.querySelectorAll(css)];
+  const labels = () => all('[data-testid="stMetricLabel"], .cf-name > :first-child').map(label => text(label).trim());
+  return document.querySelector('[data-testid="stApp"]')?.dataset.testScriptState === "notRunning"
+    && text(document.querySelector(`${main} h1`)).includes(title)
+    && (!test || text(document.querySelector(`${main} h3`)).includes(test))
+    && (!rated.length || rated.every(label => labels().includes(label)))
+    && !document.querySelector('[data-stale="true"]')
+    && all('[data-testid="stPlotlyChart"]').every(each => seen(each.querySelector(".js-plotly-plot")));
+};
+window.settled = null;
+const look = () => { if (whole()) window.settled = Date.now(); else setTimeout(look, 20); };
+look();
+"""
 
-    On request its first subheader must also name a test, and there must be ratings with these labels.
+
+def settled(browser: WebDriver, title: str, test: str = "", *, rated: Collection[str] = ()) -> float:
+    """Wait until the page has its title, its script has ended and its figures are seen; returns the time of that.
+
+    The page itself looks: to be asked twenty times a second would take much of a busy browser's time. On request its
+    first subheader must also name a test, and there must be ratings with these labels.
     """
-    script = """
-        const title = document.querySelector('[data-testid="stMain"] h1');
-        const app = document.querySelector('[data-testid="stApp"]');
-        const subheader = document.querySelector('[data-testid="stMain"] h3');
-        const names = '[data-testid="stMetricLabel"], .cf-name > :first-child';
-        const labels = [...document.querySelectorAll(names)].map(l => l.innerText.trim());
-        const figures = [...document.querySelectorAll('[data-testid="stPlotlyChart"]')];
-        return title && title.innerText.includes(arguments[0]) && app.dataset.testScriptState === 'notRunning'
-            && (!arguments[1] || (subheader && subheader.innerText.includes(arguments[1])))
-            && arguments[2].every(label => labels.includes(label))
-            && !document.querySelector('[data-stale="true"]') && figures.every(f => f.querySelector('.main-svg'));
-    """
-    deadline = time.perf_counter() + _LONGEST_S
-    while time.perf_counter() < deadline:
-        if browser.execute_script(script, title, test, list(rated)):
-            return time.perf_counter()
-        time.sleep(0.05)
+    deadline = time.monotonic() + _LONGEST_S
+    browser.execute_script(_SETTLED, title, test, list(rated))
+    while time.monotonic() < deadline:
+        if at_ms := browser.execute_script("return window.settled"):
+            return time.perf_counter() - (time.time() - float(at_ms) / 1e3)
+        time.sleep(0.1)
     raise WebDriverException(f"{title} was not whole after {_LONGEST_S:.0f} s")
 
 

@@ -16,7 +16,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.study.config import WINDOWS_MS, StudyConfig
 from crashfuse.study.telling_test import telling_test
 from crashfuse.ui import address, campaigns, login
-from crashfuse.ui.computation import chosen_config
+from crashfuse.ui.computation import chosen_config, jobs
 from crashfuse.ui.folding import fold_when_narrow
 from crashfuse.ui.look import STYLE
 from crashfuse.ui.navigation import navigate, show_link, show_links
@@ -26,6 +26,7 @@ from crashfuse.ui.settings import choose_left_out
 from crashfuse.ui.text import chosen_units, plain
 from crashfuse.wording import SYSTEMS, said, speed
 
+_OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
 _NOT_FOUND = "not found"  # session key: what the link asked for and was not found
 REFUSED = "refused"  # session key: what is wrong with the campaign last tried
 
@@ -160,7 +161,8 @@ def _sidebar(page: str) -> _Choice:
                 choice.view = _choose_view(page, name, campaigns.load(name))
             except DataError as error:
                 choice.problems = error.problems
-            _keep_up(st.context.theme.type)
+            every_s = _OFTEN_S if jobs().active else _SELDOM_S
+            st.fragment(_keep_up, run_every=every_s)(st.context.theme.type)
         login.show_account()
         fold_when_narrow()
     with links:
@@ -235,7 +237,6 @@ def _forget() -> None:
     st.session_state.pop(REFUSED, None)
 
 
-@st.fragment(run_every=2.0)
 def _keep_up(theme: str | None) -> None:
     """Update what changes without a click: computations on the server, and the theme.
 

@@ -30,9 +30,9 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
 
     def __init__(self, figure: go.Figure) -> None:
         super().__init__()
-        drawn = figure.to_plotly_json()
-        data = [_spaced(_plain(trace)) for trace in drawn["data"]]
-        layout = {name: _plain(part) for name, part in drawn["layout"].items() if name != "template"}
+        data = [_spaced(_plain(trace.to_plotly_json())) for trace in figure.data]
+        parts = figure.layout.to_plotly_json()
+        layout = {name: _plain(part) for name, part in parts.items() if name != "template"}
         for name, axis in layout.items():
             if name[1:5] == "axis" and "title" in axis:
                 axis["title"] = {**AXIS_TITLE, **axis["title"]}
@@ -47,7 +47,9 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
 
 
 def _plain(part: Any) -> Any:  # noqa: ANN401 - any part of a figure
-    """The same with lists for packed arrays."""
+    """The same with lists for arrays, packed or not."""
+    if isinstance(part, np.ndarray):
+        return _listed(part)
     if isinstance(part, Mapping) and "bdata" in part:
         return _listed(unpacked(part))
     if isinstance(part, Mapping):
