@@ -27,7 +27,7 @@ def read(session: Session) -> str:
 
 def test_a_page_is_in_the_units_that_were_chosen(visit: Visit) -> None:
     """Numbers, tables and the tests' labels; in mph and lb as long as neither user nor files say anything else."""
-    usual, metric = visit("data"), visit("data", system="kph-kg")
+    usual, metric = (visit("data", data_tab="Conditions", **units) for units in ({}, {"system": "kph-kg"}))
     assert (usual.numbers["Test speeds"], metric.numbers["Test speeds"]) == ("15–35 mph", "24–56 km/h")
     assert not re.search(r"km/h|\bkg\b", read(usual))
     assert not re.search(r"\bmph\b|\blb\b", read(metric))
