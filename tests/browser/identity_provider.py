@@ -63,8 +63,10 @@ class _Answers(BaseHTTPRequestHandler):
                 back = urlencode({"code": code, "state": asked["state"]})
                 page += f'<a href="{asked["redirect_uri"]}?{back}">{person}</a><br>'
             self._answer(200, page.encode(), ("Content-Type", "text/html"))
-        else:  # forget
+        elif address.path == "/forget":
             self._answer(302, b"", ("Location", asked["post_logout_redirect_uri"]))
+        else:  # a browser asks for an icon
+            self._answer(404, b"", ("Content-Type", "text/plain"))
 
     def do_POST(self) -> None:
         """Exchange a code."""

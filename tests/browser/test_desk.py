@@ -121,6 +121,7 @@ def test_a_server_that_asks_for_a_log_in_shows_nothing_before(
             user.browser.refresh()
             user.sees("anna@example.com", SIDEBAR)
             user.open(server, "data")
+            user.open_tab("Open another campaign")
             user.fill("A campaign folder on this computer", str(tmp_path))
             user.press("Open folder")
             user.sees("cannot be used")

@@ -65,9 +65,10 @@ class Session:
 
     @property
     def numbers(self) -> dict[str, str]:
-        """What the page Data says first of a campaign."""
-        (found,) = re.findall(r"(\d+) tests? at (.*), ([\d,]+) CAE runs", self.words)
-        return dict(zip(("Tests", "Test speeds", "CAE runs"), found, strict=True))
+        """The large numbers by their labels, and what the page Data says first of a campaign."""
+        told = re.search(r"(\d+) tests? at (.*), ([\d,]+) CAE runs", self.words)
+        first = dict(zip(("Tests", "Test speeds", "CAE runs"), told.groups(), strict=True)) if told else {}
+        return {metric.label: metric.value for metric in self.app.metric} | first
 
     def open_tab(self, page: str, label: str) -> "Session":
         """Open a tab of a page, if it has tabs now."""

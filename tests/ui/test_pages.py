@@ -34,6 +34,7 @@ from crashfuse.study.saved_models import load_model
 from crashfuse.study.study import Study
 from crashfuse.ui import computation
 from crashfuse.ui import learning_curve as panel
+from crashfuse.ui.sent_figure import SentFigure
 from crashfuse.units import LB, MPH, G
 from tests.conftest import ROOT
 
@@ -200,7 +201,7 @@ def test_training_shows_progress_and_can_be_cancelled() -> None:
     assert "LF TCN: 3 of 10" in words(app)
     assert charts(app) == 1
     drawn = json.loads(app.get("plotly_chart")[0].proto.spec)
-    assert drawn["data"] == json.loads(job.steps["LF TCN"].plot().to_json())["data"]
+    assert drawn["data"] == SentFigure(job.steps["LF TCN"].plot()).to_dict()["data"]
     layout = drawn["layout"]
     assert [layout[axis]["title"]["text"] for axis in ("xaxis", "yaxis")] == ["Step", "Loss"]
     press(app, "Cancel")
