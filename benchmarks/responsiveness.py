@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from dashboard import ROOT, browser, served, settled
 from selenium.webdriver.chrome.webdriver import WebDriver
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
@@ -113,7 +114,8 @@ def _moves(address: str) -> list[tuple[float, float]]:
         for _ in range(_MOVES + 1):
             slider = user.find_element(By.CSS_SELECTOR, '[data-testid="stSlider"] input')
             user.execute_script(_WATCH_MOVE)
-            slider.send_keys(Keys.ARROW_LEFT)
+            user.execute_script("arguments[0].focus()", slider)  # a field that cannot be seen, under the thumb
+            ActionChains(user).send_keys(Keys.ARROW_LEFT).perform()
             _found(user, "return window.move.page")
             took.append(user.execute_script("return [window.move.figure, window.move.page]"))
             time.sleep(0.5)
