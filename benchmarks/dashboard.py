@@ -105,7 +105,7 @@ const whole = () => {
     && text(document.querySelector(`${main} h1`)).includes(title)
     && (!test || text(document.querySelector(`${main} h3`)).includes(test))
     && (!rated.length || rated.every(label => labels().includes(label)))
-    && !document.querySelector('[data-stale="true"]')
+    && !document.querySelector('[data-stale="true"], [data-testid="stSkeleton"]')
     && all('[data-testid="stPlotlyChart"]').every(each => seen(each.querySelector(".js-plotly-plot")));
 };
 window.settled = null;
