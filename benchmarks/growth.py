@@ -10,10 +10,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from vehicles import World, recorded
@@ -26,6 +27,8 @@ from crashfuse.campaign_folder.writer import write_campaign
 from crashfuse.execution.cache import Cache
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
+
+T = TypeVar("T")
 
 _AT_ONCE = 5000  # simulations
 _LEARNING = ("displacement_domain", "time_domain", "fused")  # fused: what is left of it once both are known
@@ -75,39 +78,30 @@ def _with_tests(n: int, scratch: Path) -> Path:
 
 
 def _runs_row(folder: Path) -> None:
-    with _cpu_seconds() as load:
-        campaign = load_campaign(folder)
-    with _cpu_seconds() as fit:
-        Emulator().fit(campaign.cae)
+    campaign, load_s = _timed(lambda: load_campaign(folder))
+    _, fit_s = _timed(lambda: Emulator().fit(campaign.cae))
     size = sum(path.stat().st_size for path in folder.rglob("*.parquet")) / 1e6
-    told = f"{size:.0f} MB | {load[0]:.1f} CPU-s | {fit[0]:.1f} CPU-s | {_peak()}"
+    told = f"{size:.0f} MB | {load_s:.1f} CPU-s | {fit_s:.1f} CPU-s | {_peak()}"
     print(f"| {len(campaign.cae):,} | {told} |", flush=True)
 
 
 def _tests_row(folder: Path) -> None:
-    with _cpu_seconds() as load:
-        campaign = load_campaign(folder)
+    campaign, load_s = _timed(lambda: load_campaign(folder))
     config, cache = StudyConfig(), Cache()
     Fit.of(campaign, "lf_tcn", config, cache=cache)  # depends on no test
-    fits, seconds = [], []
-    for name in _LEARNING:
-        with _cpu_seconds() as own:
-            fits.append(Fit.of(campaign, name, config, cache=cache))
-        seconds.append(own[0])
+    learned = [_timed(partial(Fit.of, campaign, name, config, cache=cache)) for name in _LEARNING]
+    fits = [fit for fit, _ in learned]
     first, condition = (replace(campaign.tests[0].condition, speed_mps=speed) for speed in (9.0, 10.0))
     estimates_at(fits, first)  # what is needed once
-    with _cpu_seconds() as predict:
-        estimates_at(fits, condition)
-    told = " | ".join(f"{each:.1f} CPU-s" for each in (load[0], *seconds))
-    print(f"| {len(campaign.tests)} | {told} | {predict[0]:.2f} CPU-s | {_peak()} |", flush=True)
+    _, predict_s = _timed(lambda: estimates_at(fits, condition))
+    told = " | ".join(f"{each:.1f} CPU-s" for each in (load_s, *(fit_s for _, fit_s in learned)))
+    print(f"| {len(campaign.tests)} | {told} | {predict_s:.2f} CPU-s | {_peak()} |", flush=True)
 
 
-@contextmanager
-def _cpu_seconds() -> Iterator[list[float]]:
-    took: list[float] = []
+def _timed(work: Callable[[], T]) -> tuple[T, float]:
+    """What some work returns, and the CPU seconds that it took."""
     start = time.process_time()
-    yield took
-    took.append(time.process_time() - start)
+    return work(), time.process_time() - start
 
 
 def _peak() -> str:

@@ -20,8 +20,8 @@ from crashfuse.signals.pulse import FloatArray
 _TAIL = 0.1  # draws beyond the central 80 % do not count: in a mixture they may all be those of one component
 _PRIOR_TESTS = 8.0
 _USUAL_SCALE = 0.88  # t with 8 degrees of freedom and this scale has about the 95 % interval of the normal
-# Usual errors on sixteen random vehicles, in units of the draws' spread: what is integrated over a crash is known
-# better than the draws of a mixture say, and the time of the peak jumps from one peak to another.
+# Usual errors on random vehicles, in units of the draws' spread, with which intervals hold on sixteen others: what is
+# integrated over a crash is known better than the draws of a mixture say, and the time of the peak jumps.
 _USUAL_SCALES = {
     **{"peak": 0.9, "peak_time": 1.4, "delta_v": 0.95, "t0": 1.0, "max_crush": 0.8, "static_crush": 1.15},
     **{"mean": 1.0, "sm25": 1.1, "olc": 0.8, "vpi": 0.95},

@@ -115,7 +115,7 @@ class Emulator:
         best = minimize(loss, _LOG_LENGTH_PRIOR, jac=True, method="L-BFGS-B", options=_ENOUGH)
         self.length_scales_ = np.exp(best.x)
         self.noise_ = _evidence(x, y, self.length_scales_)[0]
-        values, vectors = _eigen(_correlation(self.inputs_, self.inputs_, self.length_scales_))
+        values, vectors = _eigen(_correlation(_distance(self.inputs_, self.inputs_, self.length_scales_)))
         inverse = 1 / (values[:, None] + self.noise_)
         weights = vectors @ ((vectors.T @ scores) * inverse)
         self.weights_ = weights * scale  # weights of the correlations with each run, shape (n_runs, n_modes)
@@ -130,7 +130,7 @@ class Emulator:
         """
         x = (condition.vector[None] - self.centre_) / self.spread_
         x = np.clip(x, self.inputs_.min(axis=0), self.inputs_.max(axis=0))
-        correlation = _correlation(x, self.inputs_, self.length_scales_)
+        correlation = _correlation(_distance(x, self.inputs_, self.length_scales_))
         pulse = self.mean_ + correlation @ self.weights_ @ self.modes_
         return np.asarray(pulse[0] * max(condition.speed_mps, _LEAST_MPS))
 
@@ -159,9 +159,14 @@ class Emulator:
         return self
 
 
-def _correlation(x: FloatArray, z: FloatArray, length_scales: FloatArray) -> FloatArray:
-    """Matérn-5/2 correlation between conditions of shape (n, 3) and (m, 3), shape (n, m)."""
-    u: FloatArray = np.sqrt(5) * cdist(x / length_scales, z / length_scales)
+def _distance(x: FloatArray, z: FloatArray, length_scales: FloatArray) -> FloatArray:
+    """Distance √5 r between conditions of shape (n, 3) and (m, 3), shape (n, m)."""
+    distance: FloatArray = np.sqrt(5) * cdist(x / length_scales, z / length_scales)
+    return distance
+
+
+def _correlation(u: FloatArray) -> FloatArray:
+    """Matérn-5/2 correlation at distances."""
     correlation: FloatArray = (1 + u + u**2 / 3) * np.exp(-u)
     return correlation
 
@@ -177,8 +182,8 @@ def _evidence(x: FloatArray, y: FloatArray, length_scales: FloatArray) -> tuple[
     The variance of each mode is the optimal one (Rasmussen & Williams, Eqs. 2.30 and 5.9). In the eigenbasis of the
     correlation matrix, noise only adds to the eigenvalues: one decomposition serves all candidates.
     """
-    correlation = _correlation(x, x, length_scales)
-    values, vectors = _eigen(correlation)
+    u = _distance(x, x, length_scales)
+    values, vectors = _eigen(_correlation(u))
     turned, n = vectors.T @ y, len(x)
     variance = values[:, None] + _NOISE
     misfit = (turned**2).T @ (1 / variance)
@@ -187,8 +192,6 @@ def _evidence(x: FloatArray, y: FloatArray, length_scales: FloatArray) -> tuple[
     inverse = 1 / variance[:, best]
     told = vectors @ (turned * inverse) * np.sqrt(n / misfit[modes, best])
     by_correlation = told @ told.T - (vectors * inverse.sum(axis=1)) @ vectors.T
-    scaled = x / length_scales
-    u = np.sqrt(5) * cdist(scaled, scaled)
     by_share = by_correlation * (5 / 3 * (1 + u) * np.exp(-u))
-    slope = [0.5 * np.sum(by_share * np.subtract.outer(own, own) ** 2) for own in scaled.T]
+    slope = [0.5 * np.sum(by_share * np.subtract.outer(own, own) ** 2) for own in (x / length_scales).T]
     return _NOISE[best], float(evidence[modes, best].sum()), np.array(slope)
