@@ -80,7 +80,7 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.sees("Extrapolation: speed 60 mph lies outside")
     for speed in ("30.0", "34.0"):
         user.sees(f"Displacement domain at {speed} mph", FIGURE)
-    assert top_of(user, FIGURE) <= 350
+    user.wait(lambda: top_of(user, FIGURE) <= 350, "The figure began below 350 px.", 10)
     link = user.browser.current_url
     user.browser.switch_to.new_window("tab")
     user.becomes_another()

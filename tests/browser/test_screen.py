@@ -58,7 +58,7 @@ def test_compare_shows_its_figure_on_the_first_screen_and_one_tab_at_a_time(pred
     predicted.sees("Velocity (mph)", FIGURE)
     margins = "return document.querySelector('.js-plotly-plot')._fullLayout._redrawFromAutoMarginCount"
     assert predicted.browser.execute_script(margins) is None
-    assert top_of(predicted, FIGURE) <= 350
+    predicted.wait(lambda: top_of(predicted, FIGURE) <= 350, "The figure began below 350 px.", 10)
     tops = {element.rect["y"] for element in predicted.all(".cf-ratings > div")}
     assert len(tops) == 1
     assert predicted.texts(".cf-best")[0].startswith(("CAE", "Displacement domain"))
