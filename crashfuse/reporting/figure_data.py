@@ -163,8 +163,8 @@ def _interval(error: Mapping[str, Any], values: FloatArray) -> tuple[FloatArray,
 def _band(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> _Shown:
     """A band, from its outline: forth along its lower edge and back along the upper, stretch by stretch."""
     axis, x, y = trace.get("yaxis") or "y", _numbers(trace["x"]), _numbers(trace["y"])
-    stretches = np.split(np.arange(x.size), np.flatnonzero(np.isnan(x)))
-    halves = [np.split(places[~np.isnan(x[places])], 2) for places in stretches]
+    runs = [run[~np.isnan(x[run])] for run in np.split(np.arange(x.size), np.flatnonzero(np.isnan(x)))]
+    halves = [np.split(run, 2) for run in runs] if trace.get("fill") else list(zip(runs[::2], runs[1::2], strict=True))
     forth, back = (np.concatenate(places) for places in zip(*((f, b[::-1]) for f, b in halves), strict=True))
     ends = np.minimum(y[forth], y[back]), np.maximum(y[forth], y[back])
     at = pd.Series(_values(trace["x"])[forth], name=_x_title(trace, layout))

@@ -31,7 +31,8 @@ UNWANTED_TOOLS = ["sendChartToCloud", "lasso2d", "select2d", "zoomIn2d", "zoomOu
 on a curve."""
 
 BAND = "band"
-"""In a trace's ``meta``: its outline runs forth along a lower edge and back along an upper one."""
+"""In a trace's ``meta``: its outline runs forth along a lower edge and back along an upper one, with a gap between them
+unless it is filled."""
 
 
 def new_figure(height: int) -> go.Figure:
@@ -131,9 +132,10 @@ def add_band(
     if not known.size:
         return
     outline: list[FloatArray] = []
+    gap = np.full((2, 1), np.nan)
     for stretch in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
         forth, back = (np.array([x[stretch], end[stretch]]) for end in (lower, upper))
-        outline += [forth, back[:, ::-1], np.full((2, 1), np.nan)]
+        outline += [forth, *([] if filled else [gap]), back[:, ::-1], gap]  # edges are joined by no line
     across, up = np.hstack(outline[:-1])
     look: dict[str, Any] = {"line": {"width": 1, "color": colour}, "opacity": _EDGE_OPACITY}
     if filled:
