@@ -41,6 +41,11 @@ class UnitSystem:
         return IN_SI[unit] / IN_SI[self.unit(unit)] if unit in IN_SI else 1.0
 
 
+def signed(value: float, digits: int) -> str:
+    """A difference for readers, with its sign, which is that of print."""
+    return f"{value:+z.{digits}f}".replace("-", "−")
+
+
 MPH_LB, KPH_KG = UnitSystem(), UnitSystem("km/h", "kg")
 SYSTEMS = {"mph-lb": MPH_LB, "kph-kg": KPH_KG}
 """The choices of units of speed and weight, by their name in the address of a page and on the command line."""
@@ -70,7 +75,7 @@ class Quantity:
         return self._text(system.factor(self.unit), system.unit(self.unit))
 
     def _text(self, factor: float, unit: str) -> str:
-        numbers = ["–" if value is None else f"{value * factor:{self.form}}" for value in self.values]
+        numbers = ["–" if value is None else f"{value * factor:{self.form}}".replace("-", "−") for value in self.values]
         known = any(value is not None for value in self.values)
         return self.between.join(numbers) + (f" {unit}" if unit and known else "")
 

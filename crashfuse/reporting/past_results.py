@@ -8,6 +8,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult
+from crashfuse.wording import signed
 
 _LEFT_OUT = {"test": "alone", "speed group": "speed group", "both": "alone, group"}
 
@@ -31,7 +32,7 @@ def comparison_table(compared: StudyComparison, approach: str, window_ms: float,
     rows = own[["held_out", "first", "second", "difference"]].values.tolist()
     rows.append(["Mean", *own[["first", "second", "difference"]].mean()])
     return pd.DataFrame(
-        {"Test": test, "First": f"{first:.3f}", "Second": f"{second:.3f}", "Difference": f"{gain:+z.3f}"}
+        {"Test": test, "First": f"{first:.3f}", "Second": f"{second:.3f}", "Difference": signed(gain, 3)}
         for test, first, second, gain in rows
     )
 
@@ -44,7 +45,7 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
             "Tests": f"{row['tests']}",
             "First": f"{row['first']:.3f}",
             "Second": f"{row['second']:.3f}",
-            "Difference": f"{row['difference']:+z.3f}",
+            "Difference": signed(row["difference"], 3),
             "Standard error": "–" if row["tests"] < 2 else f"{row['standard_error']:.3f}",
             "Second higher in": f"{row['higher']}",
             "lower in": f"{row['lower']}",
@@ -60,7 +61,9 @@ def comparison_tests(compared: StudyComparison, window_ms: float, left_out: str)
         {
             "Test": table["held_out"],
             "approach": [LABELS.get(name, name) for name in table["approach"]],
-            "cell": [f"{b:.3f} ({gain:+z.3f})" for b, gain in zip(table["second"], table["difference"], strict=True)],
+            "cell": [
+                f"{b:.3f} ({signed(gain, 3)})" for b, gain in zip(table["second"], table["difference"], strict=True)
+            ],
         }
     )
     wide = cells.pivot_table(index="Test", columns="approach", values="cell", aggfunc="first", sort=False)
@@ -72,7 +75,7 @@ def comparison_by_window(compared: StudyComparison, left_out: str) -> pd.DataFra
     cells: dict[str, dict[str, str]] = {}
     for window in compared.windows_ms:
         for row in compared.means(window, left_out).to_dict("records"):
-            told = f"{row['first']:.3f}  {row['second']:.3f}  {row['difference']:+z.3f}"
+            told = f"{row['first']:.3f}  {row['second']:.3f}  {signed(row['difference'], 3)}"
             cells.setdefault(LABELS.get(row["approach"], row["approach"]), {})[f"0–{window:g} ms"] = told
     return pd.DataFrame.from_dict(cells, orient="index").fillna("–").rename_axis("Approach").reset_index()
 

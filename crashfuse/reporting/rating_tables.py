@@ -8,6 +8,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.rating_explanation import RatingExplanation
 from crashfuse.signals.rating_sentences import rating_sentences
 from crashfuse.units import MS, G
+from crashfuse.wording import signed
 
 
 def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> pd.DataFrame:
@@ -19,11 +20,11 @@ def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> p
             "From–to (ms)": f"{hump.begin_s / MS:.1f}–{hump.end_s / MS:.1f}",
             "Peak, test (ms)": f"{hump.peak_s / MS:.1f}",
             "Peak, prediction (ms)": "none" if hump.counterpart_s is None else f"{hump.counterpart_s / MS:.1f}",
-            "Late (ms)": "–" if hump.late_s is None else f"{hump.late_s / MS:+z.1f}",
-            "Correlation gained by the shift": f"{hump.shift_gain:+z.3f}",
+            "Late (ms)": "–" if hump.late_s is None else signed(hump.late_s / MS, 1),
+            "Correlation gained by the shift": signed(hump.shift_gain, 3),
             "Share of magnitude's error (%)": f"{100 * hump.magnitude_share:.0f}",
             "Share of slope's error (%)": f"{100 * hump.slope_share:.0f}",
-            f"Too strong, shifted and warped ({display.unit})": f"{hump.difference_mps2 * scale:+z.1f}",
+            f"Too strong, shifted and warped ({display.unit})": signed(hump.difference_mps2 * scale, 1),
         }
         for number, hump in enumerate(explanation.humps, start=1)
     )
@@ -39,7 +40,7 @@ def excursions_table(explanation: RatingExplanation, display: Display = DEFAULT)
         (
             f"{own.begin_s / MS:.1f}",
             f"{own.end_s / MS:.1f}",
-            f"{own.difference_mps2 * display.accel_scale:+z.1f}",
+            signed(own.difference_mps2 * display.accel_scale, 1),
             "yes" if own.beyond_outer else "no",
             f"{own.loss:.3f}",
         )

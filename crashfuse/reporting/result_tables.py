@@ -17,6 +17,7 @@ from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import gains, plus_minus, summary
 from crashfuse.study.study import Study
 from crashfuse.units import MS, G
+from crashfuse.wording import signed
 
 
 def scores_table(study: Study) -> pd.DataFrame:
@@ -103,8 +104,8 @@ def gains_table(curve: LearningCurve, cost: Cost | None = None) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "Tests": f"{step.before} → {step.after}",
-            "Gain of rating": f"{step.gain:+z.3f}{plus_minus(step.error)}",
-            "A test": f"{step.per_test:+z.4f}",
+            "Gain of rating": signed(step.gain, 3) + plus_minus(step.error),
+            "A test": signed(step.per_test, 4),
             **({} if cost is None else {"Cost of 0.01": cost.times(0.01 / step.per_test) if step.told else "–"}),
         }
         for step in gains(curve)

@@ -8,6 +8,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.study.estimate import Estimate
+from crashfuse.wording import signed
 
 
 def side_by_side(
@@ -50,7 +51,7 @@ def _values(estimates: Sequence[Estimate]) -> Mapping[tuple[str, str], float | N
 
 def _difference(metric: Metric, base: Metric) -> str:
     gap = _minus(metric.value, base.value)
-    return "–" if gap is None else f"{gap:+z.{metric.digits}f}"
+    return "–" if gap is None else signed(gap, metric.digits)
 
 
 def _minus(value: float | None, base: float | None) -> float | None:

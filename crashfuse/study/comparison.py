@@ -9,6 +9,7 @@ import pandas as pd
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.errors import UsageError
 from crashfuse.study.history import PastResult
+from crashfuse.wording import signed
 
 _CLEARLY = 2.0  # standard errors
 
@@ -120,13 +121,13 @@ def _sentence(row: dict[str, float], table: pd.DataFrame) -> str:
         return f"{label}: the same in both, mean {row['first']:.3f}."
     told = f"mean {row['second']:.3f} in the second, {row['first']:.3f} in the first"
     if n == 1:
-        return f"{label}: {told}, a difference of {gain:+z.3f} in one test."
+        return f"{label}: {told}, a difference of {signed(gain, 3)} in one test."
     clear = abs(gain) > _CLEARLY * error
     better = "second" if gain > 0 else "first"
     verdict = f"the {better} is better" if clear else "no clear difference"
     most = table.loc[table["difference"].abs().idxmax()]
     return (
-        f"{label}: {verdict}; {told} ({gain:+z.3f} ± {error:.3f} over {n} tests). The second is higher in "
+        f"{label}: {verdict}; {told} ({signed(gain, 3)} ± {error:.3f} over {n} tests). The second is higher in "
         f"{row['higher']}, lower in {row['lower']}, and differs most in {most['held_out']} "
-        f"({most['difference']:+z.3f})."
+        f"({signed(most['difference'], 3)})."
     )

@@ -20,7 +20,7 @@ from scipy.special import stdtrit
 from crashfuse.approaches.registry import CLASSES
 from crashfuse.study.cost import Cost
 from crashfuse.study.learning_curve import LearningCurve
-from crashfuse.wording import Quantity, Sentence
+from crashfuse.wording import Quantity, Sentence, signed
 
 EXPONENTS = (0.5, 1.0, 2.0)
 """Of the law: the middle one for what is expected, all for its interval."""
@@ -193,7 +193,7 @@ def _enough(curve: LearningCurve) -> str:
         return f"No fewer tests, chosen evenly over speed, do as well as {most}."
     return (
         f"{found.before} of these tests, chosen evenly over speed, may do as well: with {most} it rates "
-        f"{found.gain:+z.3f}{plus_minus(found.error)}, within twice the standard error."
+        f"{signed(found.gain, 3)}{plus_minus(found.error)}, within twice the standard error."
     )
 
 

@@ -36,7 +36,7 @@ def test_each_test_stands_with_its_difference(compared: StudyComparison) -> None
     """Of every approach; what is not known in both is left out."""
     table = comparison_tests(compared, 60.0, "test").set_index("Test")
     assert list(table.index) == list(SECOND)
-    assert table["Fused"].tolist() == ["0.850 (+0.050)", "0.660 (-0.040)", "0.910 (+0.010)"]
+    assert table["Fused"].tolist() == ["0.850 (+0.050)", "0.660 (−0.040)", "0.910 (+0.010)"]
     assert table["CAE"].tolist() == ["0.500 (+0.000)"] * 3
 
 

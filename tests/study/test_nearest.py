@@ -12,7 +12,7 @@ def test_the_nearest_test_comes_first_with_its_differences(campaign: Campaign) -
     condition = replace(campaign.test("T3").condition, speed_mps=25.8 * MPH, front_weight_kg=2090 * LB)
     first, second = nearest_tests(campaign, condition, n=2)
     assert (first.id, second.id) == ("T3", "T2")
-    assert first.differences(condition) == "T3 (+0.2 mph, front -10 lb, rear +0 lb)"
+    assert first.differences(condition) == "T3 (+0.2 mph, front −10 lb, rear +0 lb)"
 
 
 def test_a_paired_run_is_the_nearest_run(campaign: Campaign) -> None:

@@ -7,6 +7,7 @@ from crashfuse.approaches.registry import LABELS
 from crashfuse.reporting.plots.canvas import new_figure
 from crashfuse.reporting.plots.palette import AXIS, COLOURS
 from crashfuse.study.comparison import StudyComparison
+from crashfuse.wording import signed
 
 _APART = 0.14  # of the distance between two tests
 
@@ -31,7 +32,7 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
             mode="markers",
             name=LABELS.get(name, name),
             marker={"color": colour, "size": 8, "symbol": ["circle"] * gains.size + ["diamond"]},
-            hovertemplate=[f"{gain:+z.3f}" for gain in [*gains, mean["difference"]]],
+            hovertemplate=[signed(gain, 3) for gain in [*gains, mean["difference"]]],
         )
     figure.add_hline(y=0, line={"color": AXIS, "width": 1})
     figure.add_vline(x=len(tests) - 0.5, line={"color": AXIS, "width": 1, "dash": "dot"})

@@ -10,6 +10,7 @@ from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, CURSOR, DASHES
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import OneMore, one_more, summary
+from crashfuse.wording import signed
 
 _SHIFT = 0.06  # tests, between points of even and of random choices
 _RATING = "%{x:.0f} tests: %{y:.3f} ± %{error_y.array:.3f}"
@@ -93,6 +94,7 @@ def _decided(figure: go.Figure, name: str, even: pd.DataFrame) -> None:
 def _expected(figure: go.Figure, curve: LearningCurve, more: OneMore) -> None:
     """Join the last point to the rating expected with one test more than the campaign has."""
     name = curve.judged
+    gain, lower, upper = (signed(value, 3) for value in (more.gain, more.lower, more.upper))
     last = curve.by_test(name).iloc[:, -1]
     figure.add_scatter(
         x=[last.name, more.n_tests + 1], y=np.array([last.mean(), more.rating], dtype=np.float32), mode="lines+markers",
@@ -104,8 +106,8 @@ def _expected(figure: go.Figure, curve: LearningCurve, more: OneMore) -> None:
             "color": COLOURS[name],
         },
         marker={"color": COLOURS[name], "symbol": "diamond-open", "size": [0.1, 11]},
-        hovertemplate=f"{more.n_tests + 1} tests: %{{y:.3f}}; the last one adds {more.gain:+z.3f} "
-        f"({more.lower:+z.3f} to {more.upper:+z.3f})<extra>{LABELS[name]}, expected</extra>",
+        hovertemplate=f"{more.n_tests + 1} tests: %{{y:.3f}}; the last one adds {gain} ({lower} to {upper})"
+        f"<extra>{LABELS[name]}, expected</extra>",
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.reporting.paper_tables import REPEAT
 from crashfuse.ui import explanations, page_tables
 from crashfuse.ui.compare.comparison import Comparison
+from crashfuse.wording import signed
 
 _NO_CHANGE = 0.005  # in rating
 
@@ -54,4 +55,4 @@ def _item(name: str, values: str, *, recommended: bool = False) -> str:
 
 def _change(by: float) -> str:
     style = "" if abs(by) < _NO_CHANGE else ' class="cf-better"' if by > 0 else ' class="cf-worse"'
-    return f"<small{style}>{by:+z.3f}</small>".replace("-0", "−0")
+    return f"<small{style}>{signed(by, 3)}</small>"
