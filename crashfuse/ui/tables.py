@@ -71,7 +71,7 @@ def aligned(styler: Styler) -> Styler:
     for place, name in enumerate(styler.columns):
         matches = [_NUMBER.fullmatch(str(cell)) for cell in styler.data.iloc[:, place]]
         numbers = [match for match in matches if match is not None]
-        if len(numbers) == len(matches) and any(match[1].strip("–") for match in numbers):
+        if len(numbers) == len(matches) and any(match[1] for match in numbers):
             longest = max((match[2] or "" for match in numbers), key=len)
             forms[name] = partial(_with_light_interval, longest=longest)
             right.append(place)
