@@ -16,7 +16,7 @@ import pandas as pd
 # where a cell begins, or where one begins in a spreadsheet that separates by semicolons or tabs
 _CELL = r"""(?P<begin>(?:^|[;\t\r\n])[^\S\t\r\n]*"*)"""
 _FORMULA = re.compile(rf"{_CELL}(?P<marks>'*)(?=[=+\-@＝＋－＠]|(?<![;\t\r\n])[\t\r\n])(?P<rest>[^;\t\r\n]*)")
-_HARMLESS = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)?\s*")  # a number, or a sign alone
+_HARMLESS = re.compile(r"[-+]?([.,]?\d[\d.,]*([eE][-+]?\d+)?)?\s*")  # a number, decimal commas too, or a sign alone
 
 
 def neutral(text: str) -> str:

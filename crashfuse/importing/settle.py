@@ -152,7 +152,7 @@ def missing_choices(record: Record, choices: Choices) -> list[Problem]:
     speeds = (record.condition.speed_mps, choices.condition.speed_mps)
     if choices.unit is None and speeds == (None, None) and not any(one.unit for one in chosen or record.channels):
         expected = f"the unit of the acceleration of {record.id}"
-        missing.append(Problem(record.source, expected, "none", "give it if the speed does not tell it (--unit)"))
+        missing.append(Problem(record.source, expected, "none", "give the unit if the speed does not tell it (--unit)"))
     return missing
 
 
