@@ -19,7 +19,10 @@ def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
         if missing:
             ends[needs].append(f"{label} ({' and '.join(missing)} end)")
     return (
-        *(f"The record ends before {needs}, so there is no: {'; '.join(who)}." for needs, who in values.items()),
+        *(
+            f"The record ends before {needs}, which leaves no value of: {'; '.join(who)}."
+            for needs, who in values.items()
+        ),
         *(
             f"More than one draw in forty ends before {needs}, which leaves open: {'; '.join(who)}."
             for needs, who in ends.items()

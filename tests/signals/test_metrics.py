@@ -152,11 +152,11 @@ def test_what_is_missing_is_said_with_its_reason() -> None:
     assert missing_metrics(pulse_metrics(HALF_SINE, 15.0)) == ()
     olc, left = missing_metrics(pulse_metrics(HALF_SINE[:1000], 15.0))
     assert left == (
-        "The record ends before the vehicle has left the barrier, so there is no: "
+        "The record ends before the vehicle has left the barrier, which leaves no value of: "
         "Static crush; Rebound velocity; Coefficient of restitution."
     )
     assert olc == (
-        "The record ends before the OLC's free flight and restraint are over, so there is no: "
+        "The record ends before the OLC's free flight and restraint are over, which leaves no value of: "
         "OLC, occupant load criterion."
     )
     stop, sm25, *_ = missing_metrics(pulse_metrics(HALF_SINE[:300], 15.0))
