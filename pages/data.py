@@ -72,13 +72,14 @@ def show_tests(view: frame.View) -> None:
     editing.show_tests_in_use(view)
     options = [AS_READ, *(f"CFC {cfc}" for cfc in CLASSES)]
     address.default("filter", AS_READ, options)
-    choice = st.segmented_control(
-        "Channel filter class (SAE J211-1)", options, default=AS_READ,
-        required=True, key="filter", persist_state="session",
-        help="For this figure only: approaches are fitted and rated on the pulses as read.",
-    )  # fmt: skip
+    with st.container(horizontal=True, vertical_alignment="bottom"):
+        choice = st.segmented_control(
+            "Channel filter class (SAE J211-1)", options, default=AS_READ,
+            required=True, key="filter", persist_state="session",
+            help="For this figure only: approaches are fitted and rated on the pulses as read.",
+        )  # fmt: skip
+        tests, also = choose_tests(view)
     cfc = None if choice == AS_READ else float(choice.removeprefix("CFC "))
-    tests, also = choose_tests(view)
     show_cached_figure(
         lambda: without_clicks(campaign.plot(tests=tests, held_out=test.id, cfc=cfc, also=also, display=view.display)),
         "Pulses of all tests over time, coloured by speed",

@@ -71,7 +71,7 @@ def new_figure(height: int) -> go.Figure:
                 "tracegroupgap": 0,  # between rows
             },
             "xaxis": {**axis, **over_time},
-            "yaxis": axis,
+            "yaxis": {**axis, "automargin": "left"},  # the names above leave half a line for the uppermost tick
         }
     )
 

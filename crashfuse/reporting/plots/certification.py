@@ -20,6 +20,7 @@ FEW_CONDITIONS = 40
 
 _MOST_WORDS = 200  # conditions; of more, only colours can be made out
 _ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
+_LETTER_PX, _LINE_PX = 7, 19  # of names beside and above the cells, rather more than they take
 _HEADER_CHARACTERS = 65  # of all columns together, on paper
 _WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
 _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "triangle-up"}
@@ -81,7 +82,11 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
         hoverdistance=-1,  # anywhere in a cell, its own mark is the nearest
         hoverlabel={"align": "left"},
         dragmode=False,
-        margin={"t": 52, "b": 36},
+        margin={
+            "l": max(map(len, labels), default=0) * _LETTER_PX + 6,
+            "t": max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12,
+            "b": 44,
+        },
         modebar={"remove": [*UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]},
         legend={"y": 0, "yanchor": "bottom"},
     )

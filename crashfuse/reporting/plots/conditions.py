@@ -64,7 +64,7 @@ def condition_space(
             range=[bottom[row] - margin[row], top[row] + margin[row]],
             row=row,
         )
-    figure.update_layout(hovermode="closest", margin={"l": 72, "t": 52})  # the uppermost tick, too, needs room
+    figure.update_layout(hovermode="closest", margin={"l": 72})
     return figure
 
 
@@ -105,7 +105,7 @@ def _draw_tests(
         figure.add_scatter(
             x=points[[i], 0].astype(np.float32), y=points[[i], row].astype(np.float32), mode="markers",
             name=f"{held_out}: held out", legendgroup="held out", hoverinfo="skip",
-            marker={"color": MEASURED_COLOUR, "symbol": "circle-open", "size": 20, "line": {"width": 2}},
+            marker={"color": MEASURED_COLOUR, "symbol": "circle-open", "size": 17, "line": {"width": 1.5}},
             **place,
         )  # fmt: skip
 

@@ -122,6 +122,7 @@ def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT
             x=outline, y=np.concatenate([accel - half, (accel + half)[::-1]]).astype(np.float32), mode="lines",
             line={"width": 0, "color": CORRIDOR}, fill="toself", fillcolor=f"rgba{(*hex_to_rgb(CORRIDOR), alpha)}",
             name=f"Corridor of the rating, {name} (± {half:.1f} {display.unit})", hoverinfo="skip", meta=BAND,
+            zorder=-1,  # below the curves, which were drawn before
         )  # fmt: skip
     return figure
 

@@ -12,6 +12,8 @@ from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import GRADES, grade
 from crashfuse.study.repeatability import Repeatability
 
+_ROW_PX, _NAMES_PX, _BELOW_PX = 31, 52, 8  # of a heat map: a row, the names of its columns above, the margin below
+
 
 def rating_heatmap(
     scores: Mapping[str, Mapping[str, float]], repeats: Mapping[str, Repeatability] | None = None
@@ -31,7 +33,7 @@ def rating_heatmap(
     z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
     text = [["" if np.isnan(value) else f"{value:.3f}  {grade(value)}" for value in row] for row in z]
-    figure = new_figure(height=64 + 34 * len(rows))
+    figure = new_figure(height=_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     figure.add_heatmap(
         z=z.astype(np.float32),
         x=names,
@@ -60,14 +62,15 @@ def rating_heatmap(
         hovermode="closest",
         hoverdistance=-1,  # anywhere in a cell, its own mark is the nearest
         dragmode=False,
-        margin={"t": 52, "b": 8, "r": 16},
+        margin={"t": _NAMES_PX, "b": _BELOW_PX},
         modebar={"remove": [*UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]},
     )
     figure.update_xaxes(
-        side="top", title=None, range=None, tickfont={"size": 12}, ticks="", showline=False, showgrid=False,
-        showspikes=False,
+        side="top", title=None, range=[-0.5, len(names) - 0.5], tickfont={"size": 12}, ticks="", showline=False,
+        showgrid=False, showspikes=False,
     )  # fmt: skip
-    figure.update_yaxes(autorange="reversed", type="category", ticks="", showline=False, zeroline=False, showgrid=False)
+    ends = [len(rows) - 0.5, -0.5]  # the marks would widen it
+    figure.update_yaxes(range=ends, type="category", ticks="", showline=False, zeroline=False, showgrid=False)
     return figure
 
 
