@@ -97,6 +97,14 @@ def test_a_study_recommends_before_it_shows(text: str) -> None:
     assert text.count("It then rated 1.000 (Excellent).") == 2
 
 
+def test_a_study_of_one_test_tells_its_recommendation_once(study: Study) -> None:
+    """At the top, with how it came out; in the window of the page."""
+    text = study_report(replace(study, folds=study.folds[:1]), Display(window_ms=20.0))
+    assert text.count("Use the ") == 1
+    assert "Recommended before it was run" not in text
+    assert "<h3>The test itself</h3>" in text
+
+
 def test_a_study_says_why_each_test_is_rated_as_it_is_and_draws_it_for_the_worst(text: str, study: Study) -> None:
     """A sentence each; the worst test is named below the verdict, with what is known of it."""
     assert text.count("Why it is rated as it is") == 2

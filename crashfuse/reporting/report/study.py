@@ -1,5 +1,6 @@
 """Report of a study: how well each approach predicted every test that was left out, in short or in whole."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +40,7 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
     UsageError
         If a test that is to be shown was not left out.
     """
-    campaign, config, verdict = study.campaign, study.config, recommend(study)
+    campaign, config = study.campaign, study.config
     held_out = [fold.held_out for fold in study.folds]
     if unknown := set(options.tests).difference(held_out):
         raise UsageError(f"The report cannot show {', '.join(sorted(unknown))}: the study did not leave it out.")
@@ -47,12 +48,14 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
         display = replace(display, window_ms=max(config.windows_ms))
     worst = worst_test(study, display.window_ms)
     common: dict[str, object] = {
-        "verdict": verdict.sentences,
+        "verdict": _verdict(study, display.window_ms),
         "window": f"0–{display.window_ms:g} ms",
         "result": _result(study, display),
         "notes": [(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
-        "weak_spots": _weak_spots(study, verdict.approach),
-        "worst_test": worst.sentences,
+        "weak_spots": _weak_spots(study, recommend(study).approach),
+        "worst_test": {"heading": "The worst test", "sentences": worst.sentences}
+        if len(held_out) > 1
+        else {"heading": "The test itself", "sentences": worst.sentences[1:]},  # the verdict has the first
     }
     whole = options.form == "whole"
     if whole:
@@ -69,6 +72,15 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
         folds=[_fold(study, study.fold(test), options, display) for test in shown],
         **common,
     )
+
+
+def _verdict(study: Study, window_ms: float) -> Sequence[str]:
+    """The recommendation for the campaign; of a study of one test that for this test, with how it came out."""
+    if len(study.folds) > 1:
+        return recommend(study).sentences
+    (fold,) = study.folds
+    advice = recommend_without(study, fold, window_ms)
+    return advice.after(fold.ratings[advice.approach][window_ms].overall)
 
 
 def _whole(study: Study, display: Display) -> dict[str, object]:
@@ -118,7 +130,10 @@ def _shown(ratings: pd.DataFrame, bold: pd.DataFrame) -> pd.DataFrame:
 
 
 def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) -> dict[str, object]:
-    """The recommendation made for a test before it was run, and the actual outcome; its notes and marks."""
+    """The recommendation made for a test before it was run, and the actual outcome; its notes and marks.
+
+    Of a study of one test the report begins with the recommendation.
+    """
     test = study.campaign.test(fold.held_out)
     window = display.window_ms
     notes = [note for note in options.notes if note.test == test.id]
@@ -126,7 +141,7 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
     repeat = study.repeats(window).get(test.id)
     shown: dict[str, object] = {
         "test": test,
-        "advice": advice.sentences,
+        "advice": advice.sentences if len(study.folds) > 1 else (),
         "outcome": fold.ratings[advice.approach][window],
         "repeat": repeat and repeat.sentence(fold.ratings[advice.approach][window].overall, LABELS[advice.approach]),
         "motion": study.plot(test.id, notes=notes, display=display),

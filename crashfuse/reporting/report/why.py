@@ -20,7 +20,7 @@ def why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> d
     drawn = missed or fold.held_out == worst_test(study, window_ms).test.id
     sentences = rating_sentences(explanation)
     return {
-        "outcome": None if advice.expected is None else advice.expected.outcome(rating),
+        "outcome": advice.expected.outcome(rating) if advice.expected is not None and len(study.folds) > 1 else None,
         "overall": sentences.pop("overall"),
         "parts": list(sentences.values()),
         "curves": study.plot(fold.held_out, "rating", approaches=[advice.approach], display=display) if drawn else None,
