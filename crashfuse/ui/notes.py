@@ -27,10 +27,13 @@ def notes_of(view: View) -> tuple[Note, ...]:
 
 
 def edit_notes(view: View, notes: Sequence[Note]) -> None:
-    """Show the notes on the held-out test, each with a button that deletes it, and a form for another."""
+    """Show the notes on the held-out test, each with a button that deletes it, and a form for another, if unfolded."""
     test = view.held_out.id
     own = [note for note in notes if note.test == test]
-    with st.expander(f"Notes and marks on {plain(test)}", icon=":material/edit_note:"):
+    folded = st.expander(f"Notes and marks on {plain(test)}", icon=":material/edit_note:", on_change="rerun")
+    if not folded.open:  # as most readers leave it
+        return
+    with folded:
         for number, note in enumerate(own):
             with st.container(horizontal=True, vertical_alignment="center", gap="small"):
                 st.button(
