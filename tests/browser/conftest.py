@@ -61,6 +61,7 @@ FIGURE, TABLE, SIDEBAR = ".js-plotly-plot", '[data-testid="stTable"]', '[data-te
 MAIN, LINK = '[data-testid="stMain"]', f'{SIDEBAR} [data-testid="stPageLink-NavLink"]'
 PILL, CURVES = '[data-testid="stButtonGroup"] button', f'{MAIN} [data-testid="stPopover"] button'
 LIGHT, DARK = "rgba(255, 255, 255, 1)", "rgba(20, 24, 31, 1)"  # the page's ground in both themes
+PAIRED = ("C20", "C21", "C22", "C23")  # CAE runs at the tests' conditions, one of them beyond all others
 QUICK = ("cae", "displacement_domain")  # approaches that learn within seconds
 T = TypeVar("T")
 
@@ -244,6 +245,21 @@ def press_tool(user: User, which: str) -> None:
         )
 
     user.wait(pressed, f"There is no button {which}.")
+
+
+def bands(user: User) -> dict[str, bool]:
+    """The bands of the page's first figure by what they are of, and whether they are filled; others are outlined."""
+    asked = "return document.querySelector('.js-plotly-plot').data.filter(each => each.meta === 'band')"
+    drawn: list[list[str]] = user.browser.execute_script(f"{asked}.map(each => [each.legendgroup, each.fill ?? ''])")
+    return {name: fill == "toself" for name, fill in drawn}
+
+
+def drawn_again(user: User) -> list[int]:
+    """How often Plotly drew figures anew because they had too narrow margins."""
+    asked = (
+        "return [...document.querySelectorAll('.js-plotly-plot')].map(e => e._fullLayout._redrawFromAutoMarginCount)"
+    )
+    return [count for count in user.browser.execute_script(asked) if count is not None]
 
 
 def top_of(user: User, css: str) -> float:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, SIDEBAR, TABLE, top_of
+from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, SIDEBAR, TABLE, bands, top_of
 
 pytestmark = pytest.mark.slow
 
@@ -61,7 +61,8 @@ def test_a_hidden_curve_stays_hidden_and_the_nearest_tests_come_in_one_click(
 def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_server: "Server", user: "User") -> None:
     """Pin one speed, pin another; whoever opens the link sees the same, and may unpin one.
 
-    The figure stays within 350 px, outside the CAE runs, too.
+    The figure stays within 350 px, outside the CAE runs, too; of three bands one is filled. Compare shows a pinned
+    prediction beside its test, if asked.
     """
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", **ONE, speed_mph="30")
@@ -81,6 +82,8 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     for speed in ("30.0", "34.0"):
         user.sees(f"Displacement domain at {speed} mph", FIGURE)
     user.wait(lambda: top_of(user, FIGURE) <= 350, "The figure began below 350 px.", 10)
+    assert sorted(bands(user).values()) == [False, False, True]
+    assert bands(user)["displacement_domain"]
     link = user.browser.current_url
     user.browser.switch_to.new_window("tab")
     user.becomes_another()
@@ -98,6 +101,11 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.press("34.0 mph", '[data-testid="stPopoverBody"] button')
     user.wait(lambda: "34mph" not in user.browser.current_url)
     user.find(f"{MAIN} button", "1 pinned")
+    user.go("Compare")
+    user.starts("Predict test T2", FIGURE)
+    user.press("Curves", CURVES)
+    user.find('input[aria-label^="Also show"]').send_keys("30.0 mph", Keys.ENTER)
+    user.sees("Displacement domain at 30.0 mph", FIGURE)
     user.go("History")
     listed = "return document.querySelector('[data-testid=\"stDataFrame\"]')?.textContent ?? ''"
     user.wait(lambda: "at 34.0 mph" in user.browser.execute_script(listed), "History never listed the prediction.")

@@ -23,6 +23,13 @@ if TYPE_CHECKING:
     from tests.browser.conftest import Server, User
 
 
+_KNOCK = """
+const socket = new WebSocket(arguments[0] + "/_stcore/stream", ["streamlit"]);
+socket.onopen = () => arguments[1]("open");
+socket.onerror = () => arguments[1]("refused");
+"""
+
+
 class _Quiet(SimpleHTTPRequestHandler):
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class's name
         """Nothing is logged."""
@@ -39,9 +46,13 @@ def another_site(folder: Path, page: str) -> Iterator[str]:
 
 
 def test_another_site_cannot_embed_the_dashboard(small_server: "Server", user: "User", tmp_path: Path) -> None:
-    """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page."""
+    """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page.
+
+    Nor does a page under another name get at the socket, through which everything goes.
+    """
     user.browser.get(small_server.address.replace("127.0.0.1", "evil.localhost") + "/data")  # which resolves to it, too
     user.sees("crashfuse does not answer under this name.", "body")
+    assert user.browser.execute_async_script(_KNOCK, small_server.address.replace("http", "ws")) == "refused"
     user.browser.get_log("performance")  # type: ignore[no-untyped-call] # no foreign host
     frame = f'<iframe src="{small_server.address}/data" width="900" height="700"></iframe>'
     with another_site(tmp_path, frame) as site:

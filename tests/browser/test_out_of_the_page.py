@@ -17,7 +17,7 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study
 from crashfuse.units import G
-from tests.browser.conftest import CURVES, FIGURE, MAIN, PILL, press_tool, rows
+from tests.browser.conftest import CURVES, FIGURE, MAIN, PAIRED, PILL, press_tool, rows
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
@@ -73,6 +73,8 @@ def test_a_note_and_a_mark_go_onto_the_figure_and_into_the_report(
     engineer.open(small_server, "compare", **link)
     report = engineer.downloads_file("report.html")
     assert "25–40 ms</td><td>&lt;b&gt;hump&lt;/b&gt; comes early</td>" in report
+    assert re.findall(r"<td>(C\d\d)</td><td>(yes|no)</td>", report) == [(run, "yes") for run in PAIRED]
+    assert "Outside the range of the CAE runs" not in report
     engineer.press("Pulses", f"{MAIN} button")
     engineer.sees("<b>hump</b> comes early", FIGURE)
     engineer.press("Notes and marks on T1", "summary")

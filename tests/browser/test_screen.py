@@ -1,12 +1,14 @@
 """The first screen in a real browser: what stands above the fold, narrow windows, the keyboard, zoom, contrast."""
 
+import re
 import time
 from typing import TYPE_CHECKING
 
 import pytest
+from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, QUICK, SIDEBAR, TABLE, top_of
+from tests.browser.conftest import DARK, FIGURE, LIGHT, LINK, MAIN, PAIRED, QUICK, SIDEBAR, TABLE, drawn_again, top_of
 
 pytestmark = pytest.mark.slow
 
@@ -53,21 +55,30 @@ def predicted(engineer: "User") -> "User":
 def test_compare_shows_its_figure_on_the_first_screen_and_one_tab_at_a_time(predicted: "User") -> None:
     """Ratings in one row, the recommended one marked; a sentence, its reasons on demand; the figure within 350 px.
 
-    Its margins are wide enough from the start: Plotly would draw it once more.
+    Its margins are wide enough from the start: Plotly would draw it once more. Its titles are no larger than its other
+    words. In tables numbers stand at the right, their intervals lighter.
     """
     predicted.sees("Velocity (mph)", FIGURE)
-    margins = "return document.querySelector('.js-plotly-plot')._fullLayout._redrawFromAutoMarginCount"
-    assert predicted.browser.execute_script(margins) is None
+    assert not drawn_again(predicted)
+    assert {words.value_of_css_property("font-size") for words in predicted.all(f"{FIGURE} svg text")} <= {
+        "14px",
+        "12px",
+    }
     predicted.wait(lambda: top_of(predicted, FIGURE) <= 350, "The figure began below 350 px.", 10)
     tops = {element.rect["y"] for element in predicted.all(".cf-ratings > div")}
     assert len(tops) == 1
     assert predicted.texts(".cf-best")[0].startswith(("CAE", "Displacement domain"))
     assert not predicted.all(MAIN, "The raw CAE model rated")
+    assert not predicted.all(MAIN, "Single draws")
     predicted.press("Why", '[data-testid="stPopover"] button')
     predicted.sees("rated", '[data-testid="stPopoverBody"]')
     predicted.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
     predicted.open_tab("Ratings and metrics")
-    predicted.sees("Pulse metrics")
+    predicted.sees("Single draws", TABLE)  # among the details
+    crush = predicted.all(f"{MAIN} {TABLE} td", " [")[0]
+    interval = crush.find_element(By.TAG_NAME, "span")
+    assert crush.value_of_css_property("text-align") == "right"
+    assert interval.value_of_css_property("color") != crush.value_of_css_property("color")
     predicted.wait(lambda: not predicted.all(FIGURE))
     predicted.open_tab("Networks")
     predicted.sees("No approach with a network")
@@ -96,7 +107,7 @@ def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(predi
 
 
 def test_every_word_can_be_read_at_900_px(predicted: "User") -> None:
-    """Nothing below 11 px, in figures neither; contrast of 4.5, of large words 3, in both themes."""
+    """Nothing below 11 px, in figures neither; contrast of 4.5, of large words 3, in both themes; no grade glares."""
     predicted.sits_at(900, 1000)
     for tab, shown in (("Pulses", "Corridors of the rating"), ("Ratings and metrics", "Pulse metrics")):
         predicted.open_tab(tab)
@@ -106,6 +117,7 @@ def test_every_word_can_be_read_at_900_px(predicted: "User") -> None:
             app = predicted.find('[data-testid="stApp"]')
             predicted.wait(lambda app=app, ground=ground: app.value_of_css_property("background-color") == ground)  # type: ignore[misc]
             predicted.wait(lambda: not unreadable(predicted), f"Words that cannot be read: {unreadable(predicted)}", 10)
+            predicted.wait(lambda theme=theme: glares(predicted) == [theme == "light"] * len(QUICK))  # type: ignore[misc]
 
 
 def test_the_heat_map_can_be_read_at_900_px(small_server: "Server", user: "User") -> None:
@@ -117,6 +129,12 @@ def test_the_heat_map_can_be_read_at_900_px(small_server: "Server", user: "User"
     user.wait(lambda: not unreadable(user), f"Words that cannot be read: {unreadable(user)}", 10)
     user.press("", '[data-testid="stExpandSidebarButton"]')
     assert "Held-out test" not in user.sees("Rated time window", SIDEBAR)
+
+
+def glares(user: "User") -> list[bool]:
+    """Whether the fill of each grade word is bright."""
+    fills = [chip.value_of_css_property("background-color") for chip in user.all(".cf-grade")]
+    return [max(map(int, re.findall(r"\d+", colour)[:3])) > 170 for colour in fills]
 
 
 def unreadable(user: "User") -> list[str]:
@@ -160,11 +178,19 @@ def test_a_figure_is_drawn_once(predicted: "User") -> None:
 
 
 def test_data_shows_one_figure_at_a_time_and_the_link_has_which(engineer: "User") -> None:
-    """The tests first; conditions with the ratings, and the CAE model, in tabs of their own."""
+    """The tests first; conditions with the ratings, and the CAE model, in tabs of their own.
+
+    A test with a CAE run at its condition is in range, in the table and in the figure; the report says the same.
+    """
     engineer.go("Data")
     engineer.find(FIGURE, "Time (ms)")
     engineer.open_tab("Conditions")
-    engineer.find(FIGURE, "Front weight")
+    assert "extrapolation" not in engineer.sees("Front weight", FIGURE)
+    engineer.sees("In CAE range", TABLE)
+    heads, cells = (engineer.texts(f"{TABLE} {kind}") for kind in ("th", "td"))
+    by_column = {head: cells[place :: len(heads)] for place, head in enumerate(heads)}
+    assert by_column["Paired run"] == [*PAIRED]
+    assert by_column["In CAE range"] == ["yes"] * len(PAIRED)
     assert len(engineer.all(FIGURE)) == 1
     assert "data_tab=Conditions" in engineer.browser.current_url
     engineer.browser.back()

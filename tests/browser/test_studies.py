@@ -1,5 +1,6 @@
 """Studies in a real browser: a test opened by mouse and by keyboard, two studies compared, a worst test explained."""
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -7,7 +8,7 @@ import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import FIGURE, MAIN, PILL, QUICK, SOON, TABLE
+from tests.browser.conftest import FIGURE, MAIN, PILL, QUICK, SIDEBAR, SOON, TABLE, drawn_again
 from tests.conftest import write_campaign
 from tests.study.test_departure import at_one_speed
 
@@ -18,6 +19,12 @@ if TYPE_CHECKING:
 
     from crashfuse.campaign import Campaign
     from tests.browser.conftest import Server, User
+
+
+_LOOKS = """
+return document.querySelector(".js-plotly-plot").data.map(
+  each => [each.name, each.line.color, each.line.dash, each.marker?.symbol ?? "none"]);
+"""
 
 
 def study(user: "User", server: "Server", **view: str) -> None:
@@ -65,6 +72,26 @@ def test_a_test_is_opened_by_keyboard(small_server: "Server", user: "User") -> N
     user.sees("Test T3: 26.0 mph")
 
 
+def test_the_report_of_a_study_shows_the_chosen_tests_in_the_units_of_the_page(
+    small_server: "Server", user: "User"
+) -> None:
+    """Short, of one test, in kg and m/s²; bands, and what they are worth, in figures that are drawn once."""
+    study(user, small_server)
+    user.press("km/h, kg", f"{SIDEBAR} button")
+    user.press("m/s²", f"{SIDEBAR} button")
+    user.open_tab("Bands")
+    user.sees("Above the dotted line")
+    assert not drawn_again(user)
+    user.open_tab("Files and report")
+    user.press("Short", PILL)
+    user.find('input[aria-label^="Tests shown one by one"]').send_keys("T3", Keys.ENTER, Keys.ESCAPE)
+    user.wait(lambda: "report_tests=T3" in user.browser.current_url)
+    report = user.downloads_file("report.html")
+    assert re.findall("<h2>Test (T.): ([^<]*), front", report) == [("T3", "41.8 km/h")]
+    assert "Method and settings" not in report
+    assert "<td>Peak deceleration (m/s²)</td>" in report
+
+
 def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server", user: "User") -> None:
     """Two seeds: a row for each, means and differences, a table to take along; a row opens its study."""
     user.sits_at(1440, 1000)
@@ -95,11 +122,15 @@ def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
 ) -> None:
     """The study names the odd test, Compare how its expectation came out; one click on Why: scores, shift, curves.
 
-    Of the five tests four are at one speed, and of these S4 lasts 30 % longer.
+    Of the five tests four are at one speed, and of these S4 lasts 30 % longer. Data tells them apart by hue, dash and
+    marks.
     """
     group = at_one_speed(campaign, [1.0, 1.02, 0.95, 1.3])
     tests = (campaign.test("T1"), *group.tests)
     user.open_folder(server, write_campaign(replace(campaign, tests=tests), tmp_path / "odd"))
+    user.sees("S4 · 25.0 mph", FIGURE)
+    looks = [look for name, *look in user.browser.execute_script(_LOOKS) if name.startswith("S")]
+    assert [len({*kind}) for kind in zip(*looks, strict=True)] == [4, 4, 4]
     user.open(server, "study", campaign="odd", test="S4", approaches=QUICK)
     user.press("Leave out each of 5 tests")
     said = user.sees("without its neighbours and", timeout_s=4 * SOON)  # known last, after ten fits
@@ -114,7 +145,9 @@ def test_a_rating_leads_to_its_parts_and_the_worst_test_to_what_sets_it_apart(
     assert "costs most" in told
     assert "S4 differs from the tests at its speed" in told
     assert all(f"{part} 0." in told for part in ("Corridor", "Phase", "Magnitude", "Slope"))
-    assert "moved" in user.sees("curves as they stand", FIGURE)
+    drawn = user.sees("curves as they stand", FIGURE)
+    assert "moved" in drawn
+    assert "Outside the inner corridor" in drawn
     user.press("CAE", PILL)
     user.sees("CAE 0.")
     user.wait(lambda: "explained=cae" in user.browser.current_url)

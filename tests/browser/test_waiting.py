@@ -1,10 +1,13 @@
 """Waiting in a real browser: results as they come, and jobs that run while one looks elsewhere."""
 
+import re
 from typing import TYPE_CHECKING
 
 import pytest
+from selenium.webdriver.common.keys import Keys
 
-from tests.browser.conftest import SIDEBAR
+from crashfuse.approaches.registry import LABELS
+from tests.browser.conftest import CURVES, SIDEBAR, bands
 
 pytestmark = pytest.mark.slow
 
@@ -13,7 +16,10 @@ if TYPE_CHECKING:
 
 
 def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_server: "Server", user: "User") -> None:
-    """Next starts the job; the displacement domain is rated before the networks; the sidebar names the job."""
+    """Next starts the job; the displacement domain is rated before the networks; the sidebar names the job.
+
+    In the end one band is filled, whichever one chooses, and the mixture says of what it is made, and why.
+    """
     user.open(small_server, "data", seed="3")  # with which nobody has predicted yet
     user.press("Next: predict test T2")  # in the middle of the speeds
     user.sees("left · ", timeout_s=240)  # one time for the whole job
@@ -31,3 +37,16 @@ def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_serv
     shown = user.sees("recommended")
     assert all(approach in shown for approach in ("LF TCN", "Time domain", "Fused"))
     user.wait(lambda: not user.all(SIDEBAR, "Ready"))
+    for chosen in ("time_domain", "displacement_domain"):
+        user.press("Curves", CURVES)
+        user.press("", '[data-testid="stPopoverBody"] [role="combobox"]')
+        user.press(LABELS[chosen], '[role="option"]')
+        user.wait(lambda chosen=chosen: [name for name, filled in bands(user).items() if filled] == [chosen])  # type: ignore[misc]
+        assert len(bands(user)) == 3
+        user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
+    user.press("Why", '[data-testid="stPopover"] button')
+    why = user.sees("rated", '[data-testid="stPopoverBody"]')
+    user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
+    user.open_tab("Ratings and metrics")
+    made_of = r"Made of \d+ % .*, because the nearest test is [\d.]+ mph away"
+    assert re.search(made_of, f"{why} {user.sees('Pulse metrics')}")

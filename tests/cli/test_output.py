@@ -1,5 +1,9 @@
 """The folder of a command's results."""
 
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -33,6 +37,27 @@ def test_a_folder_that_another_command_writes_to_is_refused(
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("crashfuse: Another command (process ")
     assert line.endswith(f"is writing to {out}; wait until it has ended, or name another folder.")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process is not stopped for a while there")
+@pytest.mark.slow
+def test_of_two_studies_into_one_folder_the_second_is_refused(campaign_on_disk: Path, tmp_path: Path) -> None:
+    """As commands at one time, the first of them stopped in mid-study; it then ends as if nothing had been."""
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "crashfuse", "study", str(campaign_on_disk), "--out", str(out)]
+    command += ["--approach", "cae", "--workers", "1"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as first:
+        while first.poll() is None and not list(out.glob(".in-use")):
+            time.sleep(0.001)
+        first.send_signal(signal.SIGSTOP)
+        try:
+            second = subprocess.run(command, capture_output=True, text=True, check=False)
+        finally:
+            first.send_signal(signal.SIGCONT)
+    assert (first.returncode, second.returncode) == (cli.DONE, cli.WRONG_DATA)
+    assert second.stderr.startswith("crashfuse: Another command")
+    assert second.stderr.endswith(f"is writing to {out}; wait until it has ended, or name another folder.\n")
+    assert (out / "scores.csv").is_file()
 
 
 def test_a_command_that_fails_leaves_no_empty_folder(campaign_folder: Path, tmp_path: Path) -> None:
