@@ -184,7 +184,8 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
     if campaign.unused:
         names = ", ".join(plain(test_id) for test_id, _ in campaign.unused)
         st.caption(f":material/block: Left out of use: {names}")
-    if address.acts("test", page):
+    importing = page == "data" and bool(state["import"])
+    if address.acts("test", page) and not importing:
         st.selectbox(
             "Held-out test",
             list(tests),
@@ -198,7 +199,7 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
             st.caption(f":material/warning: {plain(note)}")
     if page == "compare":  # the page Train has it among its settings
         choose_left_out()
-    if address.acts("window", page):
+    if address.acts("window", page) and not importing:
         st.segmented_control(
             "Rated time window", list(WINDOWS_MS), required=True, format_func=lambda ms: f"0–{ms:g} ms", key="window",
             persist_state="session",

@@ -82,6 +82,9 @@ def test_a_german_table_is_mapped_seen_added_to_the_open_campaign_and_undone(
     user.uploads(table)
     user.press("Open upload")
     user.sees("Before it can be added")
+    sidebar = user.sees("Units", SIDEBAR)
+    assert "Held-out test" not in sidebar  # which nothing here depends on
+    assert "Rated time window" not in sidebar
     user.press("", 'button[aria-label="Remove Kanal 1"]')
     for label, value in (("Speed (km/h)", "56"), ("Front weight (kg)", "950"), ("Rear weight (kg)", "750")):
         user.fill(label, value)
