@@ -45,7 +45,10 @@ def show_results(results: list[PastResult], display: Display = DEFAULT) -> None:
     event = st.dataframe(
         table, hide_index=True, on_select=take, selection_mode="single-row", key=_TABLE,
         height=_ROW_PX * min(len(table) + 1, _MOST_ROWS) + 3, alt="Studies and predictions of this machine",
-        column_config={name: st.column_config.TextColumn(width=width) for name, width in _WIDTHS_PX.items()},
+        column_config={
+            "Mean rating": st.column_config.TextColumn(alignment="right"),
+            **{name: st.column_config.TextColumn(width=width) for name, width in _WIDTHS_PX.items()},
+        },
     )  # fmt: skip
     if refused := st.session_state.pop(_REFUSED, ""):
         st.warning(plain(refused), icon=":material/folder_off:")

@@ -450,7 +450,7 @@ def test_compare_shows_the_networks_before_and_after_the_tests_and_how_they_lear
     app = start("compare")
     open_tab(finish(press(app, "Predict test T1")), "compare", "Networks")
     assert "Before: trained on CAE runs only" in words(app)
-    assert "After: fine-tuned on the other tests" in words(app)
+    assert "After: fine-tuned on tests" in words(app)
     before, after = (json.loads(chart.proto.spec)["layout"]["yaxis"] for chart in app.get("plotly_chart"))
     assert before["range"] == after["range"]
     app.button_group(key="networks").set_value("Learning curves").run()

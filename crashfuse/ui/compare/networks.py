@@ -17,7 +17,7 @@ from crashfuse.ui.figure_tools import file_name
 from crashfuse.ui.figures import choose, show_cached_figure, show_figure
 
 _BEFORE_AND_AFTER, _LEARNING = "Before and after the tests", "Learning curves"
-_TITLES = {"lf_tcn": "Before: trained on CAE runs only", "time_domain": "After: fine-tuned on the other tests"}
+_TITLES = {"lf_tcn": "Before: trained on CAE runs only", "time_domain": "After: fine-tuned on tests"}
 _MEANING = {
     "lf_tcn": "The networks should reproduce the CAE model; the remaining difference from the test is what no CAE run "
     "can tell them.",
