@@ -25,7 +25,7 @@ _DOMAINS = ((0.67, 0.985), (0.45, 0.62), (0.225, 0.395), (0.0, 0.17))
 
 def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
     """Draw the four scores of each approach as bars, beside each other."""
-    figure = new_figure(height=274)
+    figure = new_figure(height=280)
     parts = [f"{part.capitalize()} ({100 * weight:.0f} %)" for part, weight in WEIGHTS.items()]
     for name, rating in ratings.items():
         scores = [getattr(rating, part) for part in WEIGHTS]
@@ -34,7 +34,7 @@ def rating_parts(ratings: Mapping[str, Rating]) -> go.Figure:
             text=[f"{score:.2f}" for score in scores], textposition="outside", textangle=0, textfont={"size": 11},
             constraintext="none", cliponaxis=False, hovertemplate="%{y:.3f}",
         )  # fmt: skip
-    figure.update_layout(barmode="group", bargap=0.25, hovermode="closest", margin={"b": 30})  # without a title below
+    figure.update_layout(barmode="group", bargap=0.25, hovermode="closest", margin={"b": 36})  # without a title below
     figure.update_xaxes(
         title=None, range=None, type="category", ticks="", zeroline=False, showspikes=False, showgrid=False,
         unifiedhovertitle=None,
