@@ -1,6 +1,7 @@
 """Figures on a page: in its theme, with alternative text, drawn once for all sessions."""
 
 from collections.abc import Callable, Hashable, Sequence
+from pathlib import Path
 from typing import Any
 
 import plotly.graph_objects as go
@@ -13,6 +14,15 @@ from crashfuse.ui.sent_figure import SentFigure
 
 _CACHED = 200  # figures of up to half a megabyte
 _DENSITY = 3  # pixels of a PNG for each on the page
+_STREAMLITS = Path(st.__file__).parent / "static" / "static" / "js"
+_EARLY_JS = """
+export default ({ data }) => {
+  const streamlit = document.querySelector('script[src*="static/js/"]');
+  const load = () => import(new URL(data, streamlit.src)).catch(() => {});
+  if (data && streamlit) (window.requestIdleCallback ?? setTimeout)(load);
+};
+"""
+_early = st.components.v2.component("crashfuse_figures_early", js=_EARLY_JS)
 
 
 def _tools(name: str) -> dict[str, Any]:
@@ -79,6 +89,11 @@ def show_clickable(
     )
     offer_files(figure, name, widget)
     return bool(_points(event))
+
+
+def load_early() -> None:
+    """On a page without figures, let the browser read Plotly while someone reads the page: it takes a second."""
+    _early(key="figures early", data=next((path.name for path in _STREAMLITS.glob("PlotlyChart.*.js")), ""))
 
 
 def _points(event: Any) -> list[str]:  # noqa: ANN401 - Streamlit returns two forms

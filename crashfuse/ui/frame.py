@@ -17,6 +17,7 @@ from crashfuse.study.config import WINDOWS_MS, StudyConfig
 from crashfuse.study.telling_test import telling_test
 from crashfuse.ui import address, campaigns, login
 from crashfuse.ui.computation import chosen_config, jobs
+from crashfuse.ui.figures import load_early
 from crashfuse.ui.folding import fold_when_narrow
 from crashfuse.ui.look import STYLE
 from crashfuse.ui.navigation import navigate, show_link, show_links
@@ -165,6 +166,8 @@ def _sidebar(page: str) -> _Choice:
             st.fragment(_keep_up, run_every=every_s)(st.context.theme.type)
         login.show_account()
         fold_when_narrow()
+        if choice.view is None:  # nor is there a figure
+            load_early()
     with links:
         show_links()
     return choice

@@ -21,12 +21,14 @@ new MutationObserver(() => {
   if (main && main.querySelector("h1")) seen.add(main.querySelector("h1").innerText.trim());
 }).observe(document, {childList: true, subtree: true, characterData: true});
 """
+READ = "return performance.getEntriesByType('resource').some(each => each.name.includes('PlotlyChart'))"
 
 
 def test_a_newcomer_gets_from_a_cold_link_to_a_rated_comparison(cold_server: "Server", user: "User") -> None:
     """Open /compare, load the sample, train without the networks, see the table.
 
-    The page's name stands there at once, and never the names of the files in pages/.
+    The page's name stands there at once, and never the names of the files in pages/. What draws figures is read while
+    the newcomer reads.
     """
     script = user.browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": WATCH})
     user.open(cold_server, "compare")
@@ -35,6 +37,7 @@ def test_a_newcomer_gets_from_a_cold_link_to_a_rated_comparison(cold_server: "Se
     user.browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
     assert "Compare" in seen
     assert not {"app", "compare", "data", "predict", "study", "train"} & set(seen)
+    user.wait(lambda: user.browser.execute_script(READ))
     user.press("Load the sample campaign")  # the first click counts
     assert "Synthetic" in user.sees("has not been predicted yet")
     user.go("Train")
