@@ -20,6 +20,7 @@ from crashfuse.ui.visitors import names, visitor
 T = TypeVar("T")
 
 _PART_S = 3.0  # between two parts of a result: each redraws the page
+_OFTEN_S, _SELDOM_S = 0.5, 1.0  # between two looks at a job: until a part is shown, and then; each look costs the job
 
 
 def result_of(request: Request[T], *, invitation: str, button: str) -> T:
@@ -74,13 +75,17 @@ def show_end(job: Job[Any]) -> None:
         )
 
 
-@st.fragment(run_every=0.5)
 def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in_full: bool = True) -> None:
     """Show the progress of a job; once it has ended, the page is redrawn.
 
     A page that shows parts of the result says which part it has ``shown``, and ``since`` when: it is redrawn when more
     is known, a first part at once.
     """
+    every_s = _OFTEN_S if shown is None else _SELDOM_S
+    st.fragment(_show_job, run_every=every_s)(job, shown, since, in_full=in_full)
+
+
+def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> None:
     more = job.part is not shown and (shown is None or time.monotonic() - since > _PART_S)
     if not job.active or (more and since < math.inf):
         st.rerun()
