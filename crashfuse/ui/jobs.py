@@ -194,4 +194,5 @@ class Jobs:
 def _yield_to_pages() -> None:
     """Let pages go before the work of this thread, and before the threads and processes that it starts (Linux)."""
     if sys.platform == "linux":
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
+        this = os.PRIO_PROCESS, threading.get_native_id()
+        os.setpriority(*this, os.getpriority(*this) + _NICE)  # of a server that is itself nice, nicer still

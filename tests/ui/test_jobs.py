@@ -246,7 +246,9 @@ def test_pages_go_before_jobs_and_the_threads_that_jobs_start() -> None:
         with ThreadPoolExecutor(1) as pool:
             return niceness(), pool.submit(niceness).result()
 
-    job = Jobs().start("a", "A", work)
+    with ThreadPoolExecutor(1) as nice:  # a server may have been started by "nice"
+        nice.submit(os.setpriority, os.PRIO_PROCESS, 0, niceness() + 7).result()
+        job, server = nice.submit(lambda: Jobs().start("a", "A", work)).result(), nice.submit(niceness).result()
     assert ended(job)
     assert job.result is not None
-    assert min(job.result) > niceness()
+    assert min(job.result) > server > niceness()
