@@ -8,7 +8,6 @@ from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.fit_cache import fitted, settings
@@ -19,6 +18,7 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache, Entry, finite, numbers
 from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.one_thread import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
@@ -126,7 +126,7 @@ class Fit:
     @cached_property
     def state(self) -> dict[str, object]:
         """Fit results as plain JSON values; computing the uncertainties takes longer than a prediction."""
-        with threadpool_limits(1):  # two contended threads cost many times the work of one
+        with one_thread():
             return self.approach.state
 
     def estimate(self, condition: Condition) -> Estimate:
@@ -166,7 +166,8 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
     estimates = []
     for fit in fits:
         start = time.perf_counter()
-        prediction = predict(fit.approach)
+        with one_thread():
+            prediction = predict(fit.approach)
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
         seconds = fit.seconds + time.perf_counter() - start

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Self
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from crashfuse.approaches.band_check import checked_far
@@ -26,6 +25,7 @@ from crashfuse.approaches.time_domain.training_data import fine_tune, mean_outpu
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
+from crashfuse.execution.one_thread import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import FloatArray
 
@@ -180,7 +180,7 @@ class TimeDomain(AboutTimeDomain, TcnApproach):
         across, own = self._kernel.beside(self._vectors, condition.vector)
         across = across * self._alike(vector)[:, :, None]
         expected = mean_outputs(self.network_, self.scaling_.inputs(vector, self.config))[0]
-        with threadpool_limits(1):  # small matrices, and the same numbers on any machine
+        with one_thread():
             posterior = self._band.stopped(condition, expected, self.increments_.posterior(across, own))
             further = self.calibration_.further(nearness(condition.speed_mps, self._vectors[:, 0]))
             pulses = self._band.pulses(condition, posterior, self.calibration_, further)

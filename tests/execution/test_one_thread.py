@@ -1,0 +1,33 @@
+"""Linear algebra with one thread, as long as anyone wants it."""
+
+from contextlib import ExitStack
+
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from crashfuse.execution.one_thread import one_thread
+
+
+def _threads() -> set[int]:
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+def test_who_leaves_first_does_not_end_it_for_others() -> None:
+    """Two sessions predict at once: one thread until both are done, then as many as before."""
+    with threadpool_limits(2, user_api="blas"):
+        before, first, second = _threads(), ExitStack(), ExitStack()
+        first.enter_context(one_thread())
+        second.enter_context(one_thread())
+        first.close()
+        assert _threads() == {1}
+        second.close()
+        assert _threads() == before
+
+
+def test_an_error_within_ends_it() -> None:
+    """As many threads as before."""
+    with threadpool_limits(2, user_api="blas"):
+        before = _threads()
+        with pytest.raises(ZeroDivisionError), one_thread():
+            _ = 1 // 0
+        assert _threads() == before
