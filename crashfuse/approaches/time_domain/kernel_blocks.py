@@ -5,9 +5,7 @@ study, all subsets of a learning curve and all predictions share it.
 """
 
 import hashlib
-from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +24,6 @@ from crashfuse.signals.pulse import FloatArray
 _KIND = "tangent kernel"  # of cache entry: all pairs that are known for these networks
 _MOST = 64  # conditions whose pairs are kept, 33 MB
 
-T = TypeVar("T")
 Vector = tuple[float, ...]
 Pair = tuple[Vector, Vector]
 
@@ -52,13 +49,13 @@ class KernelBlocks:
         library: str,
         cache: Cache | None = None,
     ) -> None:
-        self._network, self._config, self._inputs, self._cache = network, config, inputs, cache
+        self._network, self._inputs, self._cache = network, inputs, cache
         weights = hashlib.sha256(b"".join(weight.tobytes() for weight in weights_of(network).values())).hexdigest()
         settings = {"config": config.lf_settings, "code": code_digest(__name__)}
         self._key = {"library": library, "weights": weights, **settings}
         self._blocks: dict[Pair, npt.NDArray[np.float32]] = {}
-        # of each member at the tests, 3 MB a test, for predictions at any number of conditions
-        self._at_tests: tuple[list[Vector], list[Tangent]] = [], []
+        # at the tests, 3 MB a test and member, for predictions at any number of conditions
+        self._at_tests: tuple[list[Vector], Tangent] | None = None
 
     def among(self, vectors: FloatArray) -> FloatArray:
         """Kernel between all of these conditions, shape (n, n_times, n, n_times)."""
@@ -76,50 +73,50 @@ class KernelBlocks:
         if not self._missing(pairs):
             return self._joined(ours, [new])[:, :, 0], self._joined([new], [new])[0, :, 0]
         conditions = sorted(set(ours))
-        if self._at_tests[0] != conditions:
-            at_tests = self._inputs(np.array(conditions))
-            self._at_tests = conditions, self._of_members(lambda _, alone: Tangent.of(alone, at_tests))
-        tests, inputs = self._at_tests[1], self._inputs(vector[None])
-        n_times, before = len(inputs), bisect_right(conditions, new)
+        if self._at_tests is None or self._at_tests[0] != conditions:
+            self._at_tests = conditions, self._tangent(conditions)
+        tests, here = self._at_tests[1], self._tangent([new])
 
-        def of_member(member: int, alone: Tcn) -> npt.NDArray[np.float32]:
-            here, split = Tangent.of(alone, inputs), before * n_times
-            less, more = tests[member].part(slice(split)), tests[member].part(slice(split, None))
-            blocks = less.kernel_with(here), here.kernel_with(more).T, here.kernel_with(here)  # ordered as a pair is
-            return torch.cat(blocks).cpu().numpy()
+        def of_member(own: slice) -> npt.NDArray[np.float32]:
+            few, many = here.part(members=own), tests.part(members=own)  # that order of a product is the quicker one
+            return torch.cat([few.kernel_with(many), few.kernel_with(few)], dim=2)[0].T.cpu().numpy()
 
-        kernel = _mean(self._of_members(of_member)).astype(np.float64).reshape(-1, n_times, n_times)
+        n_times = here.first.shape[1]
+        kernel = self._mean(of_member).astype(np.float64).reshape(-1, n_times, n_times)
         return kernel[[conditions.index(vector) for vector in ours]], kernel[-1]
 
     def _computed(self, pairs: set[Pair]) -> dict[Pair, npt.NDArray[np.float32]]:
         """Blocks of these pairs."""
         conditions = sorted({vector for pair in pairs for vector in pair})
         partners = [[n for n, two in enumerate(conditions) if (one, two) in pairs] for one in conditions]
-        inputs = self._inputs(np.array(conditions))
+        tangent = self._tangent(conditions)
+        n_times = tangent.first.shape[1] // len(conditions)
 
-        def of_member(_: int, alone: Tcn) -> list[npt.NDArray[np.float32]]:
-            at, n_times, found = Tangent.of(alone, inputs), len(inputs), []
-            for number, own in enumerate(partners):
-                if own:
-                    first, last = own[0], own[-1] + 1
+        def of_member(own: slice) -> list[npt.NDArray[np.float32]]:
+            at, found = tangent.part(members=own), []
+            for number, others in enumerate(partners):
+                if others:
+                    first, last = others[0], others[-1] + 1
                     here, beyond = (
                         at.part(slice(a * n_times, b * n_times)) for a, b in ((number, number + 1), (first, last))
                     )
-                    blocks = here.kernel_with(beyond).cpu().numpy().reshape(n_times, -1, n_times)
-                    found += [blocks[:, other - first] for other in own]
+                    blocks = here.kernel_with(beyond)[0].cpu().numpy().reshape(n_times, -1, n_times)
+                    found += [blocks[:, other - first] for other in others]
             return found
 
         order = [(conditions[one], conditions[two]) for one, own in enumerate(partners) for two in own]
-        return dict(zip(order, _mean(self._of_members(of_member)), strict=True))
+        return dict(zip(order, self._mean(of_member), strict=True))
 
-    def _of_members(self, work: Callable[[int, Tcn], T]) -> list[T]:
-        """Do something with each member, one a thread."""
+    def _tangent(self, conditions: Sequence[Vector]) -> Tangent:
+        with quick_threads(self._network):
+            return Tangent.of(self._network, self._inputs(np.array(conditions)))
 
-        def of_member(member: int) -> T:
-            return work(member, self._network.alone(member, self._config))
-
-        with quick_threads(self._network), Crew(self._network.members) as crew:
-            return crew.map(of_member, range(self._network.members))
+    def _mean(self, work: Callable[[slice], npt.ArrayLike]) -> npt.NDArray[np.float32]:
+        """Mean of what is computed of each member, one a thread."""
+        members = [slice(number, number + 1) for number in range(self._network.members)]
+        with quick_threads(self._network), Crew(len(members)) as crew:
+            by_member = crew.map(work, members)
+        return np.asarray(np.array(by_member).mean(axis=0, dtype=np.float64), dtype=np.float32)
 
     def _joined(self, ours: Sequence[Vector], theirs: Sequence[Vector]) -> FloatArray:
         blocks = np.array([[self._block(one, two) for two in theirs] for one in ours], dtype=np.float64)
@@ -144,10 +141,6 @@ class KernelBlocks:
         if len(conditions) <= _MOST:
             chosen = set(conditions)
             self._cache.put(_KIND, self._key, _packed({p: b for p, b in self._blocks.items() if chosen >= set(p)}))
-
-
-def _mean(by_member: Sequence[npt.ArrayLike]) -> npt.NDArray[np.float32]:
-    return np.asarray(np.array(by_member).mean(axis=0, dtype=np.float64), dtype=np.float32)
 
 
 def _tuples(vectors: FloatArray) -> list[Vector]:

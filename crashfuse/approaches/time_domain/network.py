@@ -49,18 +49,9 @@ class Tcn(nn.Module):
     @classmethod
     def joined(cls, networks: "Sequence[Tcn]", config: TcnConfig) -> "Tcn":
         """Join all members of several networks in one."""
-        states = [network.state_dict() for network in networks]
-        return cls._of(config, {name: torch.cat([state[name] for state in states]) for name in states[0]})
-
-    def alone(self, member: int, config: TcnConfig) -> "Tcn":
-        """Extract one member as a network of its own."""
-        return self._of(config, {name: weight[member : member + 1] for name, weight in self.state_dict().items()})
-
-    @classmethod
-    def _of(cls, config: TcnConfig, weights: dict[str, Tensor]) -> "Tcn":
-        whole = cls(config, torch.Generator(), 1)
+        states, whole = [network.state_dict() for network in networks], cls(config, torch.Generator(), 1)
         for name, weight in whole.named_parameters():
-            weight.data = weights[name]
+            weight.data = torch.cat([state[name] for state in states])
         return whole.eval()
 
     @property

@@ -47,10 +47,9 @@ def nothing_is_computed(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 
 def test_blocks_are_those_of_the_whole_kernel() -> None:
     """Between all conditions, between some and another, and of that alone."""
-    members = [NETWORK.alone(member, CONFIG) for member in range(CONFIG.members)]
-    each = [[Tangent.of(member, inputs(vector[None])) for vector in VECTORS] for member in members]
-    by_member = [[[one.kernel_with(two).numpy() for two in own] for one in own] for own in each]
-    expected = np.mean(by_member, axis=0).swapaxes(1, 2)
+    each = [Tangent.of(NETWORK, inputs(vector[None])) for vector in VECTORS]
+    by_member = np.array([[one.kernel_with(two).numpy() for two in each] for one in each])
+    expected = by_member.mean(axis=2).swapaxes(1, 2)
     np.testing.assert_allclose(blocks().among(VECTORS), expected, rtol=1e-4, atol=1e-5)
     across, own = blocks().beside(VECTORS[:3], VECTORS[3])
     np.testing.assert_allclose(across, expected[:3, :, 3], rtol=1e-4, atol=1e-5)
