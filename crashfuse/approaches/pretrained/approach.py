@@ -12,13 +12,14 @@ import numpy.typing as npt
 import torch
 from safetensors.torch import load
 from scipy.ndimage import gaussian_filter1d
+from torch import Tensor
 
 from crashfuse.approaches.band_check import LEAST_CHECKED, Unseen, checked, checked_far
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
 from crashfuse.approaches.calibration import Calibration
 from crashfuse.approaches.left_out import STRIDE, LeftOut
 from crashfuse.approaches.nearness import nearness
-from crashfuse.approaches.pretrained.network import PretrainedNetwork, unit
+from crashfuse.approaches.pretrained.network import PretrainedNetwork, Told, unit
 from crashfuse.approaches.settings import Settings
 from crashfuse.approaches.threads import single_thread
 from crashfuse.cae.model import CaeModel
@@ -93,27 +94,26 @@ class Pretrained(Approach):
         self._vectors = np.array([test.condition.vector for test in campaign.tests])
         self._measured = np.array([test.pulse.accel_mps2[::STRIDE] for test in campaign.tests])
         self._cae = np.array([self.model_.pulse(test.condition).accel_mps2[::STRIDE] for test in campaign.tests])
+        self._all_told = self._told()
         return campaign
 
     def _unseen(self, number: int, out: Sequence[int]) -> Unseen:
         """A test's pulses from all but these, as a function of the band's widening."""
-        rest = np.delete(np.arange(len(self._vectors)), out)
-        pulses = self._pulses(rest, self._vectors[number], self._cae[number], [self.seed, number])
+        told = self._told(np.delete(np.arange(len(self._vectors)), out))
+        pulses = self._pulses(told, self._vectors[number], self._cae[number], [self.seed, number])
         return partial(_widened, pulses)
 
-    def _pulses(
-        self, tests: npt.NDArray[np.intp] | slice, vector: FloatArray, cae: FloatArray, seed: Sequence[int]
-    ) -> FloatArray:
-        """Expected pulse and draws on every tenth sample, from some tests, at a condition with this CAE pulse."""
-        measured = np.vstack([self._measured[tests], np.zeros_like(cae)])
-        said = [measured, np.vstack([self._cae[tests], cae]), np.vstack([self._vectors[tests], vector])]
-        known = torch.arange(len(measured)) < len(measured) - 1
+    def _told(self, tests: npt.NDArray[np.intp] | slice = slice(None)) -> Told:
+        """What the network makes of some tests."""
         with single_thread(), torch.inference_mode():
-            forecast = _network()(*(torch.tensor(each, dtype=torch.float32)[None] for each in said), known[None])
-        mean, deviation, factors = (
-            each[0, -1].double().numpy()
-            for each in (forecast.mean_mps2, forecast.log_deviation.exp(), forecast.factors)
-        )
+            return _network().read(*map(_batch, (self._measured[tests], self._cae[tests], self._vectors[tests])))
+
+    def _pulses(self, told: Told, vector: FloatArray, cae: FloatArray, seed: Sequence[int]) -> FloatArray:
+        """Expected pulse and draws on every tenth sample, at a condition with this CAE pulse."""
+        with single_thread(), torch.inference_mode():
+            forecast = _network().beside(told, _batch(cae[None]), _batch(vector[None]))
+            said = forecast.mean_mps2, forecast.log_deviation.exp(), forecast.factors
+        mean, deviation, factors = (each[0, 0].double().numpy() for each in said)
         rng = np.random.default_rng(seed)
         alone = gaussian_filter1d(rng.standard_normal((_N_DRAWS, mean.size)), _SMOOTH, axis=1)
         alone *= np.sqrt(2 * np.sqrt(np.pi) * _SMOOTH)  # smoothing keeps the deviation
@@ -127,7 +127,7 @@ class Pretrained(Approach):
         cae = self.model_.pulse(condition).accel_mps2
         near = nearness(condition.speed_mps, self._vectors[:, 0])
         widening = self.calibration_.widening * self.calibration_.further(near)
-        pulses = self._pulses(slice(None), condition.vector, cae[::STRIDE], [self.seed])
+        pulses = self._pulses(self._all_told, condition.vector, cae[::STRIDE], [self.seed])
         pulses = in_full(_widened(pulses, widening), STRIDE)
         return Prediction(condition, pulses[0], pulses[1:], (*self._thinning, *self.model_.notes(condition)))
 
@@ -158,6 +158,11 @@ class Pretrained(Approach):
         """Coverage of left-out tests by the band."""
         checked = hasattr(self, "calibration_") and self.calibration_.tests
         return {"band_check": self.calibration_.state} if checked else {}
+
+
+def _batch(rows: FloatArray) -> Tensor:
+    """A batch of one campaign."""
+    return torch.tensor(rows, dtype=torch.float32)[None]
 
 
 def _widened(pulses: FloatArray, factor: float) -> FloatArray:

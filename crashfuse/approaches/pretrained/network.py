@@ -53,6 +53,24 @@ def unit(speeds_mps: Tensor) -> Tensor:
     return _RATE * speeds_mps
 
 
+Memory = tuple[tuple[Tensor, Tensor], ...]
+"""Keys and values of steps at each layer, which steps of other pulses attend to."""
+
+
+class Told(NamedTuple):
+    """What the network makes of the tests that it is told: it is the same whatever is asked.
+
+    Attributes
+    ----------
+    mean_kg : Tensor, shape (n_campaigns, 1, 2)
+        Their mean weights.
+    memory : Memory
+    """
+
+    mean_kg: Tensor
+    memory: Memory
+
+
 class PretrainedNetwork(nn.Module):
     """Six layers of attention, the second half of which knows how the vehicle would move by the first half's pulse."""
 
@@ -84,28 +102,54 @@ class PretrainedNetwork(nn.Module):
         known : bool Tensor, shape (n_campaigns, n_pulses)
             Which tests are learned from, at least one of each campaign.
         """
-        shape, speeds = cae_mps2.shape, conditions[..., :1].clamp(min=_SLOWEST_MPS)
         told = known[..., None].to(conditions.dtype)
         mean_kg = (conditions[..., 1:] * told).sum(1, keepdim=True) / told.sum(1, keepdim=True)
+        pulse = torch.arange(known.shape[1], device=known.device).repeat_interleave(_STEPS)
+        seen = known.repeat_interleave(_STEPS, 1)[:, None] | (pulse[:, None] == pulse)
+        return self._forecast(measured_mps2, cae_mps2, conditions, known, mean_kg, seen[:, None])[0]
+
+    def read(self, measured_mps2: Tensor, cae_mps2: Tensor, conditions: Tensor) -> Told:
+        """Read tests once, to predict any number of pulses with :meth:`beside`; shapes as in :meth:`forward`."""
+        mean_kg = conditions[..., 1:].mean(1, keepdim=True)
+        known = cae_mps2.new_ones(cae_mps2.shape[:2], dtype=torch.bool)
+        return Told(mean_kg, self._forecast(measured_mps2, cae_mps2, conditions, known, mean_kg)[1])
+
+    def beside(self, told: Told, cae_mps2: Tensor, conditions: Tensor) -> Forecast:
+        """Predict a pulse of each campaign as :meth:`forward` does, from tests that were read."""
+        known = cae_mps2.new_zeros(cae_mps2.shape[:2], dtype=torch.bool)
+        return self._forecast(cae_mps2, cae_mps2, conditions, known, told.mean_kg, told=told.memory)[0]
+
+    def _forecast(
+        self,
+        measured_mps2: Tensor,
+        cae_mps2: Tensor,
+        conditions: Tensor,
+        known: Tensor,
+        mean_kg: Tensor,
+        seen: Tensor | None = None,
+        told: Memory = (),
+    ) -> tuple[Forecast, Memory]:
+        """Predict pulses from the known ones among them, ``seen`` by each step, and from those ``told`` before."""
+        shape, speeds = cae_mps2.shape, conditions[..., :1].clamp(min=_SLOWEST_MPS)
         weights = torch.log(conditions[..., 1:] / mean_kg) / _WEIGHT_SHARE
         at = torch.cat([speeds / _SPEED_MPS, weights], -1)[:, :, None].expand(*shape[:2], _STEPS, 3)
         own = self.measured(_steps(measured_mps2, cae_mps2, speeds)) + self.known[0]
         hidden = self.cae(torch.cat([_motion(cae_mps2, speeds), at], -1)) + self.place
         hidden = (hidden + torch.where(known[..., None, None], own, self.known[1])).flatten(1, 2)
-
-        pulse = torch.arange(shape[1], device=known.device).repeat_interleave(_STEPS)
-        seen = known.repeat_interleave(_STEPS, 1)[:, None] | (pulse[:, None] == pulse)
+        memory, before = [], iter(told)
         for layer in self.early:
-            hidden = layer(hidden, seen[:, None])
+            hidden, kept = layer(hidden, seen, next(before, None))
+            memory.append(kept)
         first = self.first(self.first_norm(hidden)).float().view(shape)
         first_mps2 = cae_mps2 + unit(speeds) * first
         moves = torch.where(known[..., None], measured_mps2, first_mps2)
         hidden = hidden + self.moved(_steps(moves, cae_mps2, speeds)).flatten(1, 2)
         for layer in self.late:
-            hidden = layer(hidden, seen[:, None])
+            hidden, kept = layer(hidden, seen, next(before, None))
+            memory.append(kept)
         last = self.last(self.last_norm(hidden)).float().view(*shape, 2 + FACTORS)
         mean_mps2 = first_mps2 + unit(speeds) * last[..., 0]
-        return Forecast(first_mps2, mean_mps2, last[..., 1] + _LOG_DEVIATION, _FACTOR * last[..., 2:])
+        return Forecast(first_mps2, mean_mps2, last[..., 1] + _LOG_DEVIATION, _FACTOR * last[..., 2:]), tuple(memory)
 
 
 class _Layer(nn.Module):
@@ -123,13 +167,15 @@ class _Layer(nn.Module):
         )
         self._heads = heads
 
-    def forward(self, hidden: Tensor, seen: Tensor) -> Tensor:
+    def forward(
+        self, hidden: Tensor, seen: Tensor | None, told: tuple[Tensor, Tensor] | None
+    ) -> tuple[Tensor, tuple[Tensor, Tensor]]:
         projected = self.projected(self.norm(hidden)).unflatten(-1, (3, self._heads, -1)).permute(2, 0, 3, 1, 4)
-        query, key, value = projected
+        query, *own = projected
+        key, value = own if told is None else (torch.cat(both, -2) for both in zip(told, own, strict=True))
         attended = functional.scaled_dot_product_attention(query, key, value, attn_mask=seen)
         hidden = hidden + self.joined(attended.transpose(1, 2).flatten(2))
-        outputs: Tensor = hidden + self.perceptron(hidden)
-        return outputs
+        return hidden + self.perceptron(hidden), (key, value)
 
 
 def _steps(accel_mps2: Tensor, cae_mps2: Tensor, speeds_mps: Tensor) -> Tensor:

@@ -94,3 +94,14 @@ def test_before_training_it_says_what_the_cae_says() -> None:
     forecast = PretrainedNetwork()(measured, cae, vectors, torch.tensor([[True, True, False]]))
     assert forecast.mean_mps2.shape == (1, 3, N_SAMPLES // STRIDE)
     assert (forecast.mean_mps2[0, 2] - cae[0, 2]).abs().max() < 0.1 * cae[0, 2].abs().max()
+
+
+def test_tests_that_were_read_once_say_what_they_say_together() -> None:
+    """A pulse beside tests that were read before has the forecast that all of them have at once."""
+    measured, cae, vectors = _arrays(0, 1, 2)
+    network = _network()
+    with torch.inference_mode():
+        told = network.read(measured[:, :2], cae[:, :2], vectors[:, :2])
+        beside = network.beside(told, cae[:, 2:], vectors[:, 2:])
+    for one, other in zip(_forecast((measured, cae, vectors), True, True, False), beside, strict=True):
+        torch.testing.assert_close(one[:, 2:], other, rtol=1e-9, atol=1e-9)
