@@ -108,7 +108,7 @@ def kinematics(accel_mps2: FloatArray, speed_mps: FloatArray | float, dt_s: floa
     Time is the last axis; the impact speed may differ along the others.
     """
     velocity, displacement = motion(accel_mps2, speed_mps, dt_s)
-    return Kinematics(accel_mps2, velocity, displacement, _zero_velocity_time(velocity, dt_s), dt_s)
+    return Kinematics(accel_mps2, velocity, displacement, zero_velocity_time(velocity, dt_s), dt_s)
 
 
 def motion(accel_mps2: FloatArray, speed_mps: FloatArray | float, dt_s: float) -> tuple[FloatArray, FloatArray]:
@@ -129,7 +129,8 @@ def _integral(values: FloatArray, dt_s: float) -> FloatArray:
     return integral
 
 
-def _zero_velocity_time(velocity: FloatArray, dt_s: float) -> FloatArray:
+def zero_velocity_time(velocity: FloatArray, dt_s: float) -> FloatArray:
+    """Time at which velocities, time being the last axis, reach zero; NaN where they do not."""
     stopped = velocity <= 0.0
     after = stopped.argmax(axis=-1)
     before = np.maximum(after - 1, 0)

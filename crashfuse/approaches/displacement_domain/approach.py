@@ -6,7 +6,6 @@ from functools import partial
 from typing import Self, cast
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.band_check import LEAST_CHECKED, Unseen, checked
 from crashfuse.approaches.base import MOST_TESTS, Approach, FittedState, Prediction
@@ -19,7 +18,7 @@ from crashfuse.approaches.displacement_domain.bias import (
     uniform_points,
 )
 from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
-from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView, refined
+from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
 from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
@@ -33,6 +32,7 @@ from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.one_thread import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import loading_phase
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
@@ -107,7 +107,7 @@ class DisplacementDomain(Approach):
         campaign = self._seen(campaign)
         unloadings = self._begin(campaign, watch)
         start = time.perf_counter()
-        with threadpool_limits(1):  # two contended threads cost many times the work of one
+        with one_thread():
             self.rebound_ = Rebound().fit(unloadings)
             self.bias_.fit(self.points_, watch)
             self.calibration_ = self._calibrate(campaign, watch)
@@ -144,7 +144,7 @@ class DisplacementDomain(Approach):
     def restore(self, campaign: Campaign, learned: FittedState) -> Self:
         """Restore the hyperparameters, and condition on the tests again."""
         unloadings = self._begin(self._seen(campaign))
-        with threadpool_limits(1):
+        with one_thread():
             self.rebound_ = Rebound().restore(unloadings, learned.part("rebound"))
             self.bias_.restore(self.points_, learned.part("bias"))
         self.calibration_ = Calibration.of(learned.values["widening"], learned.arrays["inside"])
@@ -173,7 +173,7 @@ class DisplacementDomain(Approach):
         self._require("bias_")
         rng = np.random.default_rng(self.seed)
         view = CaeView.of(self.model_, condition)
-        with threadpool_limits(1):
+        with one_thread():
             bias = self._sample(view, self.bias_, self.config.n_draws, rng)
             pulses = self._simulate(view, bias, self.rebound_, rng, self.calibration_.widening)
         notes = (*self.model_.notes(condition), *self._thinning, *self.bias_.notes)
@@ -212,12 +212,16 @@ class DisplacementDomain(Approach):
         """Pulses, shape (1 + n_draws, 1250 / stride): the expected one in row 0, then draws."""
         speed, curve, end_share, fine = cae.condition.speed_mps, cae.curve, self.bias_.end_share, cae.grid_m
         wide = bias.widened(widening)
-        force = curve.accel_at(fine, end_share)
-        over_displacement = force + refined(wide.over_displacement_mps2)
-        over_speed = curve.stopping_accel(_SHARES, end_share) + wide.over_speed_mps2
-        dt_s, n_times = stride * DT_S, N_SAMPLES // stride
-        motion = integrate(over_displacement, fine[1], over_speed, speed, dt_s=dt_s, n_times=n_times)
-        return rebound.follow(motion.accel_mps2, speed, cae.accel_mps2, curve.own, rng, widening, dt_s)
+        motion = integrate(
+            wide.over_displacement_mps2,
+            fine[FINER],
+            curve.stopping_accel(_SHARES, end_share) + wide.over_speed_mps2,
+            speed,
+            common_mps2=curve.accel_at(fine, end_share),
+            dt_s=stride * DT_S,
+            n_times=N_SAMPLES // stride,
+        )
+        return rebound.follow(motion, cae.accel_mps2, curve.own, speed, rng, widening)
 
     def _calibrate(self, campaign: Campaign, watch: Watch) -> Calibration:
         """Check the band on each test, predicted from the others with the same hyperparameters; widen it if needed."""

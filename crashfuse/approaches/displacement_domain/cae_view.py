@@ -9,7 +9,7 @@ from crashfuse.approaches.displacement_domain.rebound import Unloading
 from crashfuse.cae.model import CaeModel, LoadingCurve
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray
+from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
 
 FINER = 8
 """Refinement of the CAE grid over that of a bias: the CAE curve may turn sharply where the vehicle stops."""
@@ -47,16 +47,11 @@ class CaeView:
     def at_displacement(self, curves: FloatArray, displacement_m: FloatArray) -> FloatArray:
         """Curves over time, (n_curves, 1250), at the times the CAE vehicle reaches displacements, (n_curves, n)."""
         own = self.curve.own
-        time = np.interp(displacement_m, own.displacement_m, own.time_s)
-        return np.array([np.interp(time, GRID_S, curve) for curve in curves])
+        place = np.interp(displacement_m, own.displacement_m, own.time_s) / DT_S
+        before = np.minimum(place.astype(np.intp), N_SAMPLES - 2)
+        first = curves[:, before]
+        return np.asarray(first + (place - before) * (curves[:, before + 1] - first))
 
     def beside(self, test: CrashTest) -> Unloading:
         """Pair a test at this condition with the CAE pulse, for the rebound."""
         return Unloading(self.condition.speed_mps, test.pulse.accel_mps2, self.accel_mps2, self.curve.own)
-
-
-def refined(functions: FloatArray) -> FloatArray:
-    """Functions on the grid of a bias, shape (n, m + 1), on that of the CAE model, (n, FINER m + 1): linear between."""
-    shares = np.arange(FINER) / FINER
-    between = functions[:, :-1, None] + np.diff(functions)[..., None] * shares
-    return np.hstack([between.reshape(len(functions), -1), functions[:, -1:]])

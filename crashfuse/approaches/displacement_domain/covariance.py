@@ -76,7 +76,10 @@ class Covariance:
 
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
         """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
-        return np.asarray(sum(self.terms(log_hyperparameters)))
+        covariance = np.zeros(self._shape)
+        for block, own in zip(self._blocks, np.split(log_hyperparameters, self._ends[:-1]), strict=True):
+            covariance[block.where] += _term(block.factor, block.squares, own)[0]
+        return covariance
 
     def terms(self, logs: FloatArray) -> list[FloatArray]:
         """Terms of the parts in order, shape (n, m) each."""
@@ -89,21 +92,20 @@ class Covariance:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Block:
-    """The rows and columns between which a part is not zero, its known factor and its squared distances there."""
+    """The rows and columns between which a part need not be zero, its known factor and squared distances there."""
 
-    where: tuple[np.ndarray, ...]
+    where: tuple[slice, slice]
     factor: FloatArray
     squares: list[list[FloatArray]]
 
     @classmethod
     def of(cls, part: Part, x: FloatArray, z: FloatArray) -> Self:
-        factor = _factor(part, x, z)
-        rows, columns = (np.flatnonzero(factor.any(axis=axis)) for axis in (1, 0))
-        where, one, two = np.ix_(rows, columns), x[rows], z[columns]
+        rows, columns = _linked(part, x, z), _linked(part, z, x)
+        one, two = x[rows], z[columns]
         squares = [
             [np.subtract.outer(one[:, column], two[:, column]) ** 2 for column, _ in group] for group in part.groups
         ]
-        return cls(where, factor[where], squares)
+        return cls((rows, columns), _factor(part, one, two), squares)
 
 
 class TrainingCovariance:
@@ -171,6 +173,15 @@ def _term(
         common = reduce(np.multiply, matern[:g] + matern[g + 1 :], scaled * slope)
         derivatives.extend(common * share for share in own)
     return term, derivatives
+
+
+def _linked(part: Part, x: FloatArray, z: FloatArray) -> slice:
+    """The rows of x from the first to the last that a part can link to any of z."""
+    linked = np.ones(len(x), dtype=bool) if part.times is None else x[:, part.times] != 0
+    if part.same is not None:
+        linked &= np.isin(x[:, part.same], z[:, part.same])
+    numbers = np.flatnonzero(linked)
+    return slice(numbers[0], numbers[-1] + 1) if numbers.size else slice(0)
 
 
 def _factor(part: Part, x: FloatArray, z: FloatArray) -> FloatArray:

@@ -1,28 +1,14 @@
 """Integration of the vehicle's motion from its acceleration over displacement (Eq. 29), all draws at once."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
 from crashfuse.signals.loading import LoadingPhase
-from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
+from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray, Kinematics, zero_velocity_time
 
 _LOOK_STEPS = 10  # between two looks whether any draw is still moving
 _REPLAY_STEPS = 1600  # about the resolution at which the displacement domain reads the CAE model
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class SimulatedMotion:
-    """Motions from contact on; each row is one draw, valid up to its time of zero velocity.
-
-    Attributes
-    ----------
-    accel_mps2, velocity_mps, displacement_m : ndarray, shape (n_draws, n_times)
-    """
-
-    accel_mps2: FloatArray
-    velocity_mps: FloatArray
-    displacement_m: FloatArray
 
 
 def integrate(
@@ -31,14 +17,15 @@ def integrate(
     over_speed_mps2: FloatArray,
     speed_mps: float,
     *,
+    common_mps2: FloatArray | None = None,
     dt_s: float = DT_S,
     n_times: int = N_SAMPLES,
-) -> SimulatedMotion:
+) -> Kinematics:
     """Integrate the motion for each draw of the acceleration, the sum of a function of s and one of v / v0.
 
     Whole functions are drawn, not new noise at every step, so the spread does not depend on the time step. Eq. 29 is
     first order in it; this is the velocity Verlet scheme, second order at the same cost, whose velocity is the
-    trapezoidal integral of the acceleration.
+    trapezoidal integral of the acceleration. Each motion is valid up to its time of zero velocity.
 
     Parameters
     ----------
@@ -48,43 +35,44 @@ def integrate(
         Added to it, at even steps of v / v0 from 0 to 1.
     speed_mps : float
         Impact speed v0.
+    common_mps2 : ndarray, shape (n_fine,), optional
+        A function of s from 0 to the end of the grid that is added to every draw's, such as G_a, at steps of its own.
     dt_s, n_times : float, int
         Time step and number of times, the first being contact.
     """
     # In units of the grid and of the time step: the first samples are then the places in the tables, and the scheme is
     # s += v + a / 2, then v += (a + a') / 2. Halves of accelerations are kept; the overhead of each call dominates.
-    half = 0.5 * dt_s**2 / step_m
-    by_displacement = _Table(half * over_displacement_mps2, 1.0)
-    start = speed_mps * dt_s / step_m
-    by_speed = _Table(half * over_speed_mps2, start / (over_speed_mps2.shape[1] - 1))
+    half, start = 0.5 * dt_s**2 / step_m, speed_mps * dt_s / step_m
+    over_displacement = [(half * over_displacement_mps2, 1.0)]
+    if common_mps2 is not None:
+        length = over_displacement_mps2.shape[1] - 1
+        over_displacement.append((half * common_mps2[None], length / (common_mps2.size - 1)))
+    over_speed = half * over_speed_mps2, start / (over_speed_mps2.shape[1] - 1)
     adding = np.flatnonzero(over_speed_mps2.any(axis=0))  # usually near the stop only
-    slow = by_speed.step * (adding[-1] + 1) if adding.size else -np.inf
-
-    def accel_at(s: FloatArray, v: FloatArray) -> FloatArray:
-        accel = by_displacement(s)
-        if v.min() < slow:
-            accel += by_speed(v)
-        return accel
+    slow = over_speed[1] * (adding[-1] + 1) if adding.size else -np.inf
 
     n_draws = len(over_displacement_mps2)
+    accel_at = _Sum([*over_displacement, over_speed], n_draws)
     accel, velocity, displacement = (np.empty((n_times, n_draws)) for _ in range(3))
-    s, v = np.zeros(n_draws), np.full(n_draws, start)
-    a = accel_at(s, v)
+    state = np.zeros((len(over_displacement) + 1, n_draws))  # s for each of its tables, then v
+    s, v_ahead, stopping = state[:-1], state[-1], adding.size and start < slow
+    v_ahead += start
+    v, a = v_ahead.copy(), accel_at(state if stopping else s)
     for i in range(n_times):
-        accel[i], velocity[i], displacement[i] = a, v, s
+        accel[i], velocity[i], displacement[i] = a, v, s[0]
         if i % _LOOK_STEPS == 0 and v.max() < 0:  # all have stopped
-            accel[i:], velocity[i:], displacement[i:] = a, v, s
+            accel[i:], velocity[i:], displacement[i:] = a, v, s[0]
             break
-        s += v
-        s += a
         v += a
-        ahead = accel_at(s, v + a)
-        v += ahead
-        a = ahead
+        s += v
+        np.add(v, a, out=v_ahead)
+        stopping = stopping or v_ahead.min() < slow
+        a = accel_at(state if stopping else s)
+        v += a
     accel *= 2 * step_m / dt_s**2
     velocity *= step_m / dt_s
     displacement *= step_m
-    return SimulatedMotion(accel.T, velocity.T, displacement.T)
+    return Kinematics(accel.T.copy(), velocity.T, displacement.T, zero_velocity_time(velocity.T, dt_s), dt_s)
 
 
 def replay(phase: LoadingPhase) -> FloatArray:
@@ -99,24 +87,28 @@ def replay(phase: LoadingPhase) -> FloatArray:
     return np.asarray(np.interp(phase.time_s, np.arange(n_times) * DT_S, motion.displacement_m[0]))
 
 
-class _Table:
-    """One function per row, sampled at even steps from 0: linear in between, constant beyond."""
+class _Sum:
+    """Sum of functions, of each draw or of all alike, sampled at even steps from 0: linear between, constant beyond."""
 
-    def __init__(self, values: FloatArray, step: float) -> None:
-        n_rows, self.n = values.shape
-        slopes = np.diff(values, axis=1, append=values[:, -1:])
+    def __init__(self, tables: Sequence[tuple[FloatArray, float]], n_draws: int) -> None:
+        slopes = [np.diff(values, axis=1, append=values[:, -1:]) for values, _ in tables]
         # each line between two samples, by its slope and by its value at 0
-        self.slopes, self.values = slopes.ravel(), (values - slopes * np.arange(self.n)).ravel()
-        self.first = np.arange(n_rows) * self.n
-        self.step = step
+        at_0 = [values - slope * np.arange(slope.shape[1]) for (values, _), slope in zip(tables, slopes, strict=True)]
+        self.slopes, self.values = (np.concatenate([each.ravel() for each in parts]) for parts in (slopes, at_0))
+        starts = np.cumsum([0, *(slope.size for slope in slopes[:-1])])
+        rows = [np.arange(n_draws) * slope.shape[1] * (len(slope) > 1) for slope in slopes]
+        self.first = np.array(rows) + starts[:, None]
+        self.last = np.array([[slope.shape[1] - 1.0] for slope in slopes])
+        self.steps = np.array([[step] for _, step in tables])
 
     def __call__(self, x: FloatArray) -> FloatArray:
-        """Interpolate one value of each row."""
-        place = x / self.step
+        """Value of each draw, from the places in the first tables, shape (n_tables, n_draws)."""
+        n = len(x)
+        place = x / self.steps[:n]
         np.maximum(place, 0.0, out=place)
-        np.minimum(place, self.n - 1.0, out=place)
+        np.minimum(place, self.last[:n], out=place)
         line = place.astype(np.intp)
-        line += self.first
+        line += self.first[:n]
         place *= self.slopes.take(line)
         place += self.values.take(line)
-        return place
+        return np.asarray(np.add.reduce(place))

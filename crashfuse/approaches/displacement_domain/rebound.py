@@ -3,7 +3,7 @@
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -53,21 +53,45 @@ def follow_unloading(
     cae_loading : LoadingPhase
         Loading phase of that pulse. If it never stops the vehicle there is no unloading: the acceleration just fades.
     """
-    return _unloaded(kinematics(accel_mps2, speed_mps, DT_S), cae, cae_loading)
+    pulses = kinematics(accel_mps2, speed_mps, DT_S)
+    return _unloaded(pulses, _SinceStop.of(pulses), cae, cae_loading)
 
 
-def _unloaded(pulses: Kinematics, cae: FloatArray, cae_loading: LoadingPhase) -> FloatArray:
+class _SinceStop(NamedTuple):
+    """The samples from just before any pulse's time of zero velocity on, none if no vehicle stops, and when they are.
+
+    Attributes
+    ----------
+    samples : slice
+    after_s : ndarray, shape (n_draws, n_samples)
+        Time since zero velocity; 0 before it, or where a vehicle does not stop.
+    place : ndarray, shape (n_draws, 1)
+        Zero velocity, counted in samples from contact; 0 where a vehicle does not stop.
+    """
+
+    samples: slice
+    after_s: FloatArray
+    place: FloatArray
+
+    @classmethod
+    def of(cls, pulses: Kinematics) -> Self:
+        earliest = float(np.fmin.reduce(pulses.t0_s, initial=np.inf)) / pulses.dt_s
+        some = slice(int(earliest), None) if np.isfinite(earliest) else slice(0)
+        since = np.arange(pulses.accel_mps2.shape[-1])[some] * pulses.dt_s - pulses.t0_s[:, None]
+        return cls(some, np.fmax(since, 0.0), np.nan_to_num(pulses.t0_s / pulses.dt_s)[:, None])
+
+
+def _unloaded(pulses: Kinematics, since: _SinceStop, cae: FloatArray, cae_loading: LoadingPhase) -> FloatArray:
     """As :func:`follow_unloading`, for pulses at any time step."""
-    whole = pulses.accel_mps2.copy()
-    some, after = _since_stop(pulses.t0_s, pulses.dt_s, whole.shape[-1])
-    accel_mps2, at_t0 = whole[:, some], _at(pulses.accel_mps2, pulses.t0_s[:, None] / pulses.dt_s)
+    whole, at_t0 = pulses.accel_mps2.copy(), _at(pulses.accel_mps2, since.place)
     if np.isnan(cae_loading.t0_s):
-        branch, end = np.zeros_like(accel_mps2), 0.0
+        branch, end = np.zeros_like(since.after_s), 0.0
     else:
-        branch, end = np.interp(cae_loading.t0_s + after, np.arange(cae.size) * DT_S, cae), cae_loading.accel_mps2[-1]
+        branch = _at(cae[None], np.minimum((cae_loading.t0_s + since.after_s) / DT_S, cae.size - 1.0))
+        end = cae_loading.accel_mps2[-1]
     scale = np.clip(at_t0 / end, *_SCALES) if end < 0 else np.ones_like(at_t0)
-    unloading = scale * branch + (at_t0 - scale * end) * np.exp(-after / _JOIN_S)
-    np.copyto(accel_mps2, unloading, where=after > 0)
+    unloading = scale * branch + (at_t0 - scale * end) * np.exp(-since.after_s / _JOIN_S)
+    np.copyto(whole[:, since.samples], unloading, where=since.after_s > 0)
     return whole
 
 
@@ -140,63 +164,57 @@ class Rebound:
 
     def follow(
         self,
-        pulses_mps2: FloatArray,
-        speed_mps: float,
+        pulses: Kinematics,
         cae_mps2: FloatArray,
         cae_loading: LoadingPhase,
+        speed_mps: float,
         rng: np.random.Generator,
         widening: float = 1.0,
-        dt_s: float = DT_S,
     ) -> FloatArray:
         """Apply :func:`follow_unloading` with the correction: expected for the first pulse, drawn for the others.
 
-        ``widening`` is a factor on the draws' deviations, ``dt_s`` the time step of the pulses, of 100 ms each.
+        The pulses, of 100 ms each, are at any time step; ``widening`` is a factor on the draws' deviations.
         """
-        own = kinematics(pulses_mps2, speed_mps, dt_s)
-        pulses = _unloaded(own, cae_mps2, cae_loading)
+        since = _SinceStop.of(pulses)
+        whole = _unloaded(pulses, since, cae_mps2, cae_loading)
         if self.process_ is None:
-            return pulses
+            return whole
         mean, covariance = self.process_.posterior(_rows(_AFTER_S, speed_mps, -1))
-        draws = student_draws(mean, widening**2 * covariance, self.freedom_, len(pulses) - 1, rng)
-        return _with(np.vstack([mean, draws]), pulses, own.t0_s, dt_s)
+        draws = student_draws(mean, widening**2 * covariance, self.freedom_, len(whole) - 1, rng)
+        return _with(np.vstack([mean, draws]), whole, since)
 
     def repeat(
-        self, pulses_mps2: FloatArray, speed_mps: float, test_mps2: FloatArray, rng: np.random.Generator
+        self, pulses: Kinematics, test_mps2: FloatArray, speed_mps: float, rng: np.random.Generator
     ) -> FloatArray:
         """Let each pulse rebound as a repeat of this test would: as the test, and differently by what tests do."""
-        motion = kinematics(pulses_mps2, speed_mps, DT_S)
-        pulses = _unloaded(motion, test_mps2, loading_phase(test_mps2, speed_mps))
+        since = _SinceStop.of(pulses)
+        whole = _unloaded(pulses, since, test_mps2, loading_phase(test_mps2, speed_mps))
         if self.process_ is None:
-            return pulses
+            return whole
         own = self.process_.prior_of(_OF_A_TEST, _rows(_AFTER_S, speed_mps, -1))
-        differences = draw(np.zeros(_AFTER_S.size), 2 * own, len(pulses), rng)
-        return _with(differences, pulses, motion.t0_s, DT_S)
+        return _with(draw(np.zeros(_AFTER_S.size), 2 * own, len(whole), rng), whole, since)
 
 
-def _with(extra: FloatArray, pulses_mps2: FloatArray, t0_s: FloatArray, dt_s: float) -> FloatArray:
+def _with(extra: FloatArray, pulses_mps2: FloatArray, since: _SinceStop) -> FloatArray:
     """Add corrections at the times after zero velocity, one row for each pulse, from zero velocity on."""
-    some, after = _since_stop(t0_s, dt_s, pulses_mps2.shape[-1])
-    scale = _unit(_at(pulses_mps2, t0_s[:, None] / dt_s))
-    pulses_mps2[:, some] += np.where(after > 0, scale * _at(extra, after / _STEP_S), 0.0)
+    added = _at(extra, since.after_s / _STEP_S)
+    added *= _unit(_at(pulses_mps2, since.place))
+    some = pulses_mps2[:, since.samples]
+    np.add(some, added, out=some, where=since.after_s > 0)
     return pulses_mps2
 
 
-def _since_stop(t0_s: FloatArray, dt_s: float, n_times: int) -> tuple[slice, FloatArray]:
-    """The samples from just before any of these times of zero velocity on, and the times since each, 0 before it.
-
-    Both are empty if there is none; the times are NaN where a vehicle does not stop.
-    """
-    earliest = float(np.fmin.reduce(t0_s, initial=np.inf)) / dt_s
-    some = slice(int(earliest), None) if np.isfinite(earliest) else slice(0)
-    return some, np.maximum(np.arange(n_times)[some] * dt_s - t0_s[:, None], 0.0)
-
-
 def _at(rows: FloatArray, place: FloatArray) -> FloatArray:
-    """Each row, linear between its samples, at places of its own, counted in samples; NaN where the place is."""
-    low = np.minimum(np.nan_to_num(place).astype(np.intp), rows.shape[1] - 2)
-    before, after = (np.take_along_axis(rows, low + step, axis=1) for step in (0, 1))
+    """Each row, linear between its samples, at places of its own, or all at those of one, counted in samples."""
+    low = np.minimum(place.astype(np.intp), rows.shape[1] - 2)
     share = place - low
-    return np.asarray(before * (1 - share) + after * share)
+    if len(rows) > 1:
+        low += np.arange(len(rows))[:, None] * rows.shape[1]
+    found = rows.take(low)
+    low += 1
+    share *= rows.take(low) - found
+    found += share
+    return np.asarray(found)
 
 
 def _unit(accel_at_t0: FloatArray | float) -> FloatArray:

@@ -5,13 +5,12 @@ from dataclasses import replace
 from typing import Self
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.base import MOST_TESTS
 from crashfuse.approaches.displacement_domain.bias import BiasPoints, uniform_points
 from crashfuse.approaches.displacement_domain.bias_parts import FIRST_FACTOR, GROWTH_UNIT_M, scatter_parts
 from crashfuse.approaches.displacement_domain.cae_force import CaeForce
-from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView, refined
+from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
 from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
@@ -23,6 +22,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
+from crashfuse.execution.one_thread import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.loading import loading_phase
 from crashfuse.signals.pulse import DT_S, N_SAMPLES, FloatArray
@@ -99,7 +99,7 @@ class Scatter:
         model = CaeModel(cache=self.cache).fit(campaign.cae, watch)
         views = [CaeView.of(model, test.condition) for test in campaign.tests]
         both = list(zip(campaign.tests, views, strict=True))
-        with threadpool_limits(1):  # two contended threads cost many times the work of one
+        with one_thread():
             self.bias_ = _ScatterBias().fit([self._points(test, view, len(both)) for test, view in both], watch)
             self.rebound_ = Rebound().fit([view.beside(test) for test, view in both])
         return self
@@ -124,9 +124,8 @@ class Scatter:
         own = LoadingCurve(phase)
         fine = np.linspace(0.0, speed * DT_S * N_SAMPLES, _STEPS * FINER + 1)
         grid = np.minimum(fine[::FINER], _BEYOND * phase.crush_m)
-        with threadpool_limits(1):
+        with one_thread():
             differences = self.bias_.differences(condition, grid, n, rng)
-            crushing = own.accel_at(fine, end_share) + refined(differences)
-            stopping = np.tile(own.stopping_accel(_SHARES, end_share), (n, 1))
-            motion = integrate(crushing, fine[1], stopping, speed)
-            return self.rebound_.repeat(motion.accel_mps2, speed, accel, rng)
+            force, stopping = own.accel_at(fine, end_share), own.stopping_accel(_SHARES, end_share)
+            motion = integrate(differences, fine[FINER], stopping[None], speed, common_mps2=force)
+            return self.rebound_.repeat(motion, accel, speed, rng)

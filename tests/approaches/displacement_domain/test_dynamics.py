@@ -117,6 +117,18 @@ def test_draws_do_not_disturb_each_other() -> None:
         np.testing.assert_array_equal(together.accel_mps2[i][loading], alone.accel_mps2[0][loading])
 
 
+def test_what_all_draws_have_in_common_may_be_told_once_at_finer_steps() -> None:
+    """Added to coarser draws it gives the motions of the sums at the finer steps."""
+    common, draws = random_functions(1)[0], random_functions(4, seed=1)[:, ::100] / 5
+    coarse, fine = np.linspace(0, 1, 5), np.linspace(0, 1, 401)
+    sums = common + np.array([np.interp(fine, coarse, draw) for draw in draws])
+    once = integrate(draws, coarse[1], NOTHING, 12.0, common_mps2=common)
+    each = integrate(sums, fine[1], NOTHING, 12.0)
+    loading = each.velocity_mps > 0
+    np.testing.assert_allclose(once.accel_mps2[loading], each.accel_mps2[loading], atol=1e-9)
+    np.testing.assert_allclose(once.t0_s, each.t0_s, atol=1e-12)
+
+
 def test_a_pulse_known_over_displacement_only_gives_its_own_motion_back() -> None:
     """A half sine that throws the vehicle back: s(t) = v0 (0.45 t + 0.55 T/π sin(π t / T)), until it stops."""
     speed, duration = 15.0, 0.07

@@ -5,7 +5,7 @@ import pytest
 
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading, follow_unloading
 from crashfuse.signals.loading import loading_phase
-from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
+from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Kinematics, kinematics
 
 SPEED = 12.0
 
@@ -71,6 +71,11 @@ def unloading(extra: FloatArray, speed_mps: float) -> Unloading:
     return Unloading(speed_mps, accel, cae, loading)
 
 
+def moving(pulses_mps2: FloatArray, stride: int = 1) -> Kinematics:
+    """The motion at 12 m/s of pulses on every n-th sample."""
+    return kinematics(pulses_mps2, 12.0, stride * DT_S)
+
+
 EXTRA = -80 * (GRID_S / 0.01) * np.exp(1 - GRID_S / 0.01)  # lets go later than the CAE model
 
 
@@ -80,7 +85,7 @@ def test_what_tests_add_to_the_unloading_is_learned() -> None:
     model = Rebound().fit([unloading(EXTRA, speed) for speed in (9.0, 11.0, 13.0, 15.0)])
     new = unloading(EXTRA, 12.0)
     rng = np.random.default_rng(0)
-    expected, *draws = model.follow(np.tile(new.cae_mps2, (201, 1)), 12.0, new.cae_mps2, new.cae_loading, rng)
+    expected, *draws = model.follow(moving(np.tile(new.cae_mps2, (201, 1))), new.cae_mps2, new.cae_loading, 12.0, rng)
     after = new.cae_loading.t0_s < GRID_S
     assert np.abs(expected - new.accel_mps2)[after].max() < 0.15 * np.abs(EXTRA).max()
     np.testing.assert_array_equal(expected[~after], new.cae_mps2[~after])
@@ -95,11 +100,14 @@ def test_the_rebound_is_the_same_in_coarser_steps() -> None:
     new = unloading(EXTRA, 12.0)
     fine, coarse = (
         model.follow(
-            np.tile(new.cae_mps2[::k], (11, 1)), 12.0, new.cae_mps2, new.cae_loading, np.random.default_rng(0),
-            dt_s=k * DT_S,
+            moving(np.tile(new.cae_mps2[::k], (11, 1)), k),
+            new.cae_mps2,
+            new.cae_loading,
+            12.0,
+            np.random.default_rng(0),
         )
         for k in (1, 5)
-    )  # fmt: skip
+    )
     assert np.abs(fine[:, ::5] - coarse).max() < 0.01 * np.abs(fine - new.cae_mps2).max()
 
 
@@ -108,7 +116,7 @@ def test_draws_start_at_t0_without_a_step() -> None:
     model = Rebound().fit([unloading(k * EXTRA, 10.0 + k) for k in (-2.0, 1.0, 3.0)])
     new = unloading(EXTRA, 12.0)
     rng = np.random.default_rng(0)
-    pulses = model.follow(np.tile(new.cae_mps2, (51, 1)), 12.0, new.cae_mps2, new.cae_loading, rng)
+    pulses = model.follow(moving(np.tile(new.cae_mps2, (51, 1))), new.cae_mps2, new.cae_loading, 12.0, rng)
     at = int(new.cae_loading.t0_s / GRID_S[1])
     assert np.abs(np.diff(pulses[:, at - 1 : at + 3], axis=1)).max() < 15.0
     assert np.std(pulses[:, at + 100]) > 20.0
@@ -122,8 +130,9 @@ def test_a_test_left_out_is_forgotten_and_none_left_means_the_cae_branch() -> No
     rest = model.without(0).process_
     assert rest is not None
     assert set(rest.x_[:, -1]) == {1.0}
-    pulses, arguments = tests[0].cae_mps2[None], (10.0, tests[0].cae_mps2, tests[0].cae_loading)
-    alone = Rebound().fit(tests[:1]).without(0).follow(pulses, *arguments, np.random.default_rng(0))
-    np.testing.assert_array_equal(alone, follow_unloading(pulses, *arguments))
+    pulses, branch = tests[0].cae_mps2[None], (tests[0].cae_mps2, tests[0].cae_loading)
+    motion = kinematics(pulses, 10.0, DT_S)
+    alone = Rebound().fit(tests[:1]).without(0).follow(motion, *branch, 10.0, np.random.default_rng(0))
+    np.testing.assert_array_equal(alone, follow_unloading(pulses, 10.0, *branch))
     never = Unloading(SPEED, np.full(1250, -50.0), tests[0].cae_mps2, tests[0].cae_loading)
     assert Rebound().fit([never]).process_ is None
