@@ -6,8 +6,7 @@ not. It also draws anew where the names above a figure need more room than its m
 """
 
 import hashlib
-import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -30,13 +29,13 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
 
     def __init__(self, figure: go.Figure) -> None:
         super().__init__()
-        data = [_spaced(_plain(trace.to_plotly_json())) for trace in figure.data]
-        parts = figure.layout.to_plotly_json()
+        digest, parts = hashlib.sha256(), figure.layout.to_plotly_json()
+        data = [_spaced(_plain(trace.to_plotly_json(), digest.update)) for trace in figure.data]
         layout = {name: _plain(part) for name, part in parts.items() if name != "template"}
         for name, axis in layout.items():
             if name[1:5] == "axis" and "title" in axis:
                 axis["title"] = {**AXIS_TITLE, **axis["title"]}
-        layout["datarevision"] = hashlib.sha256(json.dumps(data).encode()).hexdigest()[:16]
+        layout["datarevision"] = digest.hexdigest()[:16]
         if "margin" in layout:
             layout["margin"] = {**layout["margin"], "t": max(layout["margin"]["t"], room_above(figure))}
         self._sent = {"data": data, "layout": layout}
@@ -46,15 +45,20 @@ class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
         return dict(self._sent)
 
 
-def _plain(part: Any) -> Any:  # noqa: ANN401 - any part of a figure
-    """The same with lists for arrays, packed or not."""
-    if isinstance(part, np.ndarray):
-        return _listed(part)
+def _plain(part: Any, take: Callable[[bytes], object] = bytes) -> Any:  # noqa: ANN401 - any part of a figure
+    """The same with lists for arrays, packed or not; ``take`` is given all of it, as bytes."""
     if isinstance(part, Mapping) and "bdata" in part:
-        return _listed(unpacked(part))
+        part = unpacked(part)
+    if isinstance(part, np.ndarray):
+        take(np.ascontiguousarray(part).tobytes() if part.dtype.kind == "f" else repr(part.tolist()).encode())
+        return _listed(part)
     if isinstance(part, Mapping):
-        return {name: _plain(own) for name, own in part.items()}
-    return [_plain(own) for own in part] if isinstance(part, list | tuple) else part
+        take(repr(list(part)).encode())
+        return {name: _plain(own, take) for name, own in part.items()}
+    if isinstance(part, list | tuple):
+        return [_plain(own, take) for own in part]
+    take(repr(part).encode())
+    return part
 
 
 def _listed(values: np.ndarray[Any, Any]) -> list[Any]:
@@ -62,9 +66,10 @@ def _listed(values: np.ndarray[Any, Any]) -> list[Any]:
     if values.dtype.kind != "f" or not values.size:
         return list(values.tolist())
     rounded = np.round(values.astype(np.float64), _decimals(values))
-    cells = rounded.astype(object)
-    cells[~np.isfinite(rounded)] = None
-    return list(cells.tolist())
+    if not (known := np.isfinite(rounded)).all():
+        rounded = rounded.astype(object)
+        rounded[~known] = None
+    return list(rounded.tolist())
 
 
 def _decimals(values: FloatArray) -> int:

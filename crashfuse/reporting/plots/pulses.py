@@ -181,7 +181,7 @@ def _accelerations(
     for name, prediction in predictions.items():
         accel, draws, ends = (prediction.accel_mps2 - base) * scale, prediction.draws_mps2, None
         if draws is not None:
-            time, *edges = _central(draws)
+            time, *edges = _central(draws[:, band_points(draws.shape[1])])
             lower, upper = ((edge - base[band_points(base.size)]) * scale for edge in edges)
             ends = time, lower, upper
         rms = np.sqrt(np.mean(accel[display.window_ms > _GRID_MS] ** 2))
@@ -200,7 +200,7 @@ def _integrals(
         v_band = s_band = None
         speed = prediction.condition.speed_mps
         if prediction.draws_mps2 is not None:
-            drawn_v, drawn_s = integrals(prediction.draws_mps2, speed, DT_S)
+            drawn_v, drawn_s = _moved(prediction.draws_mps2, speed)
             v_band, s_band = _central(drawn_v, display.speeds(1.0)), _central(drawn_s, 1 / _MM)
         own = kinematics(prediction.accel_mps2, speed, DT_S)
         velocities[name] = Curve(_GRID_MS, display.speeds(own.velocity_mps), v_band)
@@ -212,12 +212,33 @@ def _integrals(
     return velocities, displacements
 
 
+def _moved(draws_mps2: FloatArray, speed_mps: float) -> tuple[FloatArray, FloatArray]:
+    """Velocity and displacement of draws where a band is drawn, from all samples: a stretch between two points at once.
+
+    The numbers are those of the trapezoidal rule, in half the time.
+    """
+    some, draws = band_points(draws_mps2.shape[1]), draws_mps2.astype(np.float64)
+    every, last = int(some[1]), int(some[-2])
+    sample = np.arange(every)
+    later = np.where(sample, every - sample - 0.5, (every - 1) / 2)  # what a sample adds to the sum of v over a stretch
+    stretches = draws[:, :last].reshape(len(draws), -1, every)
+    velocity = speed_mps + DT_S * (_up_to(stretches @ np.ones(every)) + (draws[:, some[:-1]] - draws[:, :1]) / 2)
+    travelled = _up_to(every * velocity[:, :-1] + DT_S * (stretches @ later))
+    displacement = DT_S * (travelled + (velocity - speed_mps) / 2)
+    end_v, further = integrals(draws[:, last:], velocity[:, -1], DT_S)
+    return np.hstack([velocity, end_v[:, -1:]]), np.hstack([displacement, displacement[:, -1:] + further[:, -1:]])
+
+
+def _up_to(values: FloatArray) -> FloatArray:
+    """Sum of each row before each place, and of all of it."""
+    return np.cumsum(np.pad(values, ((0, 0), (1, 0))), axis=1)
+
+
 def _central(draws: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Time in ms and the central 95 % of draws, where a band is drawn; sorting is quickest for both edges."""
-    some = band_points(draws.shape[1])
-    ordered = np.sort(draws[:, some].astype(np.float32), axis=0)
+    """Time in ms and the central 95 % of draws where a band is drawn; sorting is quickest for both edges."""
+    ordered = np.sort(draws.astype(np.float32), axis=0)
     lower, upper = (scale * _between(ordered, share * (len(draws) - 1)) for share in (0.025, 0.975))
-    return _GRID_MS[some], lower, upper
+    return _GRID_MS[band_points(_GRID_MS.size)], lower, upper
 
 
 def _between(ordered: FloatArray, place: float) -> FloatArray:

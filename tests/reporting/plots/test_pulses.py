@@ -9,10 +9,10 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots import pulses as plots
-from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.canvas import BAND, band_points, new_figure
 from crashfuse.reporting.plots.display import Display
 from crashfuse.signals.filters import cfc_filter
-from crashfuse.signals.pulse import GRID_S, N_SAMPLES
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, motion
 from crashfuse.units import MPH, G
 from tests.reporting.conftest import with_and_without_band
 
@@ -229,3 +229,14 @@ def test_corridors_are_5_and_50_percent_of_the_largest_acceleration_wide(campaig
         np.testing.assert_allclose(upper - lower, 2 * share * largest, rtol=1e-4)
         np.testing.assert_allclose((upper + lower) / 2, pulse.accel_mps2[GRID_S < 0.04] / G, atol=1e-4)
         assert corridor.x.max() == pytest.approx(39.92)
+
+
+def test_bands_of_velocity_and_displacement_are_those_of_the_integrated_draws(test: CrashTest) -> None:
+    """Each draw integrated over all of its samples, then the central 95 % at each point of the band."""
+    draws, speed = np.random.default_rng(0).normal(-150, 80, (40, N_SAMPLES)), test.condition.speed_mps
+    figure = plots.motion(None, {"fused": Prediction(test.condition, draws.mean(axis=0), draws)}, speed)
+    some = band_points(N_SAMPLES)
+    _, *bands = [own for own in figure.data if own.meta == BAND]
+    for band, drawn, unit in zip(bands, motion(draws, speed, DT_S), (MPH, 1e-3), strict=True):
+        lower, upper = np.quantile(drawn[:, some], [0.025, 0.975], axis=0) / unit
+        np.testing.assert_allclose(band.y, np.concatenate([lower, upper[::-1]]), rtol=1e-5, atol=1e-3)
