@@ -22,23 +22,34 @@ TABS = {
 
 view = frame.enter_with_campaign("Predict", lambda view: f"from all {len(view.campaign.tests)} tests and the CAE runs")
 campaign, config = view.campaign, chosen_config()
-condition = choose_condition(campaign, view.display)
 request = FitRequest(campaign, config)
-fitted = result_of(
-    request,
-    invitation=f"The approaches have not been fitted on all {len(campaign.tests)} tests of this campaign yet. "
-    + explanations.patience(
-        config, "This takes a minute or two the first time; after that, every condition is answered at once."
-    ),
-    button="Predict",
-)
-answer = Answer.of(view, request, fitted, condition)
-explanations.show_missing(config, fitted.approaches)
-if answer.advice is not None:
-    warnings = campaign.cae.extrapolation(condition)
-    explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
-with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
-    tab = choose("Tab", list(TABS), key="predict_tab")
+
+
+def ask_and_answer() -> None:
+    """Ask for a condition, and show what is predicted there."""
+    condition = choose_condition(campaign, view.display)
+    fitted = result_of(
+        request,
+        invitation=f"The approaches have not been fitted on all {len(campaign.tests)} tests of this campaign yet. "
+        + explanations.patience(
+            config, "This takes a minute or two the first time; after that, every condition is answered at once."
+        ),
+        button="Predict",
+    )
+    answer = Answer.of(view, request, fitted, condition)
+    explanations.show_missing(config, fitted.approaches)
     if answer.advice is not None:
-        show_pins(view, condition, answer.remember)
-TABS[tab](answer)
+        warnings = campaign.cae.extrapolation(condition)
+        explanations.show_recommendation([sentence for sentence in answer.advice.sentences if sentence not in warnings])
+    with st.container(horizontal=True, vertical_alignment="center", gap="small", key="asked"):
+        tab = choose("Tab", list(TABS), key="predict_tab")
+        if answer.advice is not None:
+            show_pins(view, condition, answer.remember)
+    TABS[tab](answer)
+
+
+job = request.find()
+if job is not None and job.result is not None:
+    frame.by_itself(ask_and_answer)
+else:  # the sidebar shows what runs
+    ask_and_answer()

@@ -67,6 +67,17 @@ def route(page: Page) -> None:
         _choice.reset(token)
 
 
+@st.fragment
+def by_itself(show: Callable[[], None]) -> None:
+    """Show the rest of a page, so that a choice made in it is answered without all that stands around it.
+
+    The address follows at once, the rest of the page, with its links to others, when the user is at rest.
+    """
+    address.publish()
+    with st.container(key="alone"):
+        show()
+
+
 def enter() -> View | None:
     """Start a page and return its view, or None while no campaign is open."""
     choice = _choice.get()
@@ -163,7 +174,7 @@ def _sidebar(page: str) -> _Choice:
             except DataError as error:
                 choice.problems = error.problems
             every_s = _OFTEN_S if jobs().active else _SELDOM_S
-            st.fragment(_keep_up, run_every=every_s)(st.context.theme.type)
+            st.fragment(_keep_up, run_every=every_s)(st.context.theme.type, address.here())
         login.show_account()
         fold_when_narrow()
         if choice.view is None:  # nor is there a figure
@@ -241,11 +252,11 @@ def _forget() -> None:
     st.session_state.pop(REFUSED, None)
 
 
-def _keep_up(theme: str | None) -> None:
-    """Update what changes without a click: computations on the server, and the theme.
+def _keep_up(theme: str | None, shown: address.Place) -> None:
+    """Update what changes without a click: computations on the server, the theme, and what was chosen by itself.
 
     Figures are drawn on the server, in the colours of the theme that the browser had at the time.
     """
-    if st.context.theme.type != theme:
+    if st.context.theme.type != theme or not shown.is_here:
         st.rerun()
     show_running()

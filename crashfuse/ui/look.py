@@ -14,7 +14,7 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
   [data-testid="stMainBlockContainer"] { padding-top: 2.5rem }
 }
 [data-testid="stMainBlockContainer"] { padding-inline: clamp(1rem, 3vw, 5rem) }
-[data-testid="stMainBlockContainer"] > [data-testid="stVerticalBlock"] { gap: 0.7rem }
+[data-testid="stMainBlockContainer"] > [data-testid="stVerticalBlock"], .st-key-alone { gap: 0.7rem }
 [data-testid="stMain"] h1 { padding: 0 }
 /* whole pixels: a figure that is told the width that it has already is not drawn again */
 [data-testid="stMain"] [data-testid="stFullScreenFrame"] { width: round(down, 100%, 1px) }
@@ -67,7 +67,7 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 .cf-ratings small, .cf-grade { font-size: 0.8rem }
 .cf-grade { padding: 0 0.4rem; border-radius: 4px }
 @media (max-width: 1099px) { /* one row of six */
-  [data-testid="stMainBlockContainer"] > [data-testid="stVerticalBlock"] { gap: 0.5rem }
+  [data-testid="stMainBlockContainer"] > [data-testid="stVerticalBlock"], .st-key-alone { gap: 0.5rem }
   .cf-ratings, .cf-ratings .cf-values { gap: 0.25rem }
   .cf-ratings > div { padding-inline: 0.4rem }
 }

@@ -87,9 +87,10 @@ def presses(user: "User", slider: "WebElement", key: str) -> None:
 
 
 def test_predict_answers_another_speed_at_once(small_server: "Server", user: "User") -> None:
-    """The figure, within 350 px, follows number field and slider, and they each other; planning lies in tabs.
+    """The figure, within 350 px, follows number field and slider, and they each other; so do the links and Back.
 
-    What to expect is a range; where the record ends too early, one end of an interval is told, or that there is none.
+    Planning lies in tabs. What to expect is a range; where the record ends too early, one end of an interval is told,
+    or that there is none.
     """
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", approaches=QUICK)
@@ -105,6 +106,9 @@ def test_predict_answers_another_speed_at_once(small_server: "Server", user: "Us
     presses(user, slider, Keys.ARROW_LEFT)
     user.find('[aria-label*="31.4 mph, front"]')
     user.wait(lambda: field.get_attribute("value") == "31.4")
+    user.find('[data-testid="stSidebar"] a[href*="speed_mph=31.4"]')  # to be opened beside this one
+    user.browser.back()
+    user.find('[aria-label*="31.5 mph, front"]')
     user.open_tab("Metrics")
     user.fill("Impact speed (mph)", "8")
     table = user.sees("[≥ ", TABLE)
