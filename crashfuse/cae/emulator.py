@@ -13,12 +13,12 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.optimize import minimize
 from scipy.spatial.distance import cdist
-from threadpoolctl import threadpool_limits
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import Entry, finite
+from crashfuse.execution.one_thread import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 
@@ -91,7 +91,7 @@ class Emulator:
         self.inputs_ = (vectors - self.centre_) / self.spread_
         pulses = cae.accel_mps2[used] / np.maximum(vectors[:, :1], _LEAST_MPS)
         self.mean_ = pulses.mean(axis=0)
-        with threadpool_limits(1):
+        with one_thread():
             self._fit_modes(pulses - self.mean_)
         watch.report("CAE emulator", 1, 1)
         return self

@@ -14,13 +14,13 @@ from typing import Self
 
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError
+from crashfuse.execution.one_thread import one_thread
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import MPH_LB, Sentence, UnitSystem
 
@@ -162,7 +162,7 @@ def rank_next_tests(
         raise UsageError(
             f"Tests differ by {' and '.join(open_factors)}: say of which kind the vehicle is that the range is for."
         )
-    with threadpool_limits(1):
+    with one_thread():
         bias = bias.also([domain.expected_points(condition) for condition in planned])
         now, then = bias.half_widths(targets, [domain.expected_points(condition) for condition in candidates])
     weights = np.concatenate([np.full(n := t.displacement_m.size, 1 / (n * len(targets))) for t in targets])

@@ -33,7 +33,9 @@ def test_no_formula_begins_a_cell(text: str) -> None:
     assert all(not part.lstrip(' "').startswith(("=", "+", "@")) for part in neutral(f"a;{text}").split(";"))
 
 
-@pytest.mark.parametrize("text", ["-1", "-1.5e-3", "+3", "-.5", "-50,0", "-", "it's", "a-b", "AWD", "a; -5; b", ""])
+@pytest.mark.parametrize(
+    "text", ["-1", "-1.5e-3", "+3", "-.5", "-50,0", "-", "plain", "it's", "a-b", "AWD", "a; -5; b", ""]
+)
 def test_numbers_and_plain_text_stay_as_they_are(text: str) -> None:
     """Negative numbers in a column of text are numbers to whoever opens the table, with decimal commas, too."""
     assert neutral(text) == text

@@ -11,7 +11,7 @@ with the Matérn-5/2 correlation k in each group g of columns, an optional known
 to rows that agree in one column, such as the test number or the powertrain.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import Self
@@ -77,17 +77,22 @@ class Covariance:
     def __call__(self, log_hyperparameters: FloatArray) -> FloatArray:
         """Covariance, shape (n, m), given the logarithms of σ and the length scales part by part."""
         covariance = np.zeros(self._shape)
-        for block, own in zip(self._blocks, np.split(log_hyperparameters, self._ends[:-1]), strict=True):
-            covariance[block.where] += _term(block.factor, block.squares, own)[0]
+        for where, term in self._linked_terms(log_hyperparameters):
+            covariance[where] += term
         return covariance
 
     def terms(self, logs: FloatArray) -> list[FloatArray]:
         """Terms of the parts in order, shape (n, m) each."""
         terms: list[FloatArray] = []
-        for block, own in zip(self._blocks, np.split(logs, self._ends[:-1]), strict=True):
-            terms.append(term := np.zeros(self._shape))
-            term[block.where] = _term(block.factor, block.squares, own)[0]
+        for where, term in self._linked_terms(logs):
+            terms.append(whole := np.zeros(self._shape))
+            whole[where] = term
         return terms
+
+    def _linked_terms(self, logs: FloatArray) -> Iterator[tuple[tuple[slice, slice], FloatArray]]:
+        """Of each part the rows and columns that it may link, and its term there."""
+        for block, own in zip(self._blocks, np.split(logs, self._ends[:-1]), strict=True):
+            yield block.where, _term(block.factor, block.squares, own)[0]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
