@@ -62,7 +62,7 @@ def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
 @cache
 def executed(text: str, name: str) -> nbformat.NotebookNode:
     """Run a notebook in an empty folder; an error, a warning, or anything on its standard error stops the build."""
-    notebook = nbformat.reads(text, as_version=4)
+    notebook: nbformat.NotebookNode = nbformat.reads(text, as_version=4)
     notebook.cells.insert(0, nbformat.v4.new_code_cell(_STRICT))
     environment = {**os.environ, "PLOTLY_RENDERER": "plotly_mimetype"}
     with tempfile.TemporaryDirectory() as folder:
