@@ -97,7 +97,7 @@ def show_tests(view: frame.View) -> None:
     if campaign.channel_filter_class is not None:
         reading = f"filtered to CFC {campaign.channel_filter_class:g}, as campaign.toml asks"
     if cfc is None:
-        st.caption(f"Pulses were read {reading}. Dark is slow, bright is fast; dashes and marks tell repeats apart.")
+        st.caption(f"Pulses were read {reading}. Dark is slow, bright fast; hues, dashes and marks tell repeats apart.")
         return
     peaks = [
         abs(accel * view.display.accel_scale).max()

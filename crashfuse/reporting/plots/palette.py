@@ -40,9 +40,14 @@ _FILLS_IN_THE_DARK = {  # dim: a bright cell glares on a dark page; light text r
 _REPEATS = (("solid", ""), ("dash", "circle"), ("dot", "diamond"), ("dashdot", "triangle-up"), ("longdash", "square"))
 _MARKS = 12  # on a curve
 _SHADES = 64
-# the bright end of the scale is invisible on white, the dark end on a dark page
-_SLOW_TO_FAST = sample_colorscale("Plasma", np.linspace(0.0, 0.63, _SHADES).tolist())
-_SLOW_TO_FAST_IN_THE_DARK = sample_colorscale("Plasma", np.linspace(0.42, 0.96, _SHADES).tolist())
+# once around the hues, ever brighter, so that both tell tests apart; a contrast of 3 on the page for either theme
+_SLOW_TO_FAST, _SLOW_TO_FAST_IN_THE_DARK = (
+    sample_colorscale(scale, np.linspace(0, 1, _SHADES).tolist())
+    for scale in (
+        ["#26208D", "#5C1986", "#891063", "#A51C2B", "#9E4C03", "#87710D", "#259835", "#199EAA"],
+        ["#6371CC", "#9F6EC8", "#D16FA9", "#EE7D7B", "#F79658", "#DDBF47", "#92E795", "#81F2FF"],
+    )
+)
 
 IN_THE_DARK: Mapping[str, str] = {
     PAPER: "#14181F",
@@ -69,16 +74,14 @@ def further_line(number: int) -> dict[str, Any]:
 
 
 def speed_lines(tests: Sequence[CrashTest]) -> dict[str, dict[str, Any]]:
-    """Style of each test's curve: dark for slow, on a scale safe for colour-blind readers.
+    """Style of each test's curve: dark for slow, bright for fast, on a scale that the colour-blind can follow.
 
-    Colours follow half the speed and half its rank, so that tests of about one speed differ; the second and further
-    ones of these have dashes and a few marks of a shape of their own as well.
+    Colours follow the rank of speeds, so that tests of one speed differ in hue; the second and further ones of these
+    have dashes and a few marks of a shape of their own as well.
     """
     slow_to_fast = sorted(tests, key=lambda test: test.condition.speed_mps)
-    speeds = np.array([test.condition.speed_mps for test in slow_to_fast])
-    by_speed = (speeds - speeds[:1]) / max(float(np.ptp(speeds)) if tests else 0.0, 1e-9)
-    shades = np.rint((by_speed + np.linspace(0, 1, len(tests))) / 2 * (_SHADES - 1)).astype(int)
-    rounded = np.round(speeds / MPH).tolist()
+    shades = np.rint(np.linspace(0, _SHADES - 1, len(tests))).astype(int)
+    rounded = [round(test.condition.speed_mps / MPH) for test in slow_to_fast]
     styles: dict[str, dict[str, Any]] = {}
     for place, test in enumerate(slow_to_fast):
         colour = _SLOW_TO_FAST[shades[place]]

@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Iterator
+from colorsys import rgb_to_hsv
 from dataclasses import replace
 
 import numpy as np
@@ -103,6 +104,18 @@ def test_four_tests_of_one_speed_differ_in_more_than_their_dashes(campaign: Camp
     assert "marker" not in styles["A"]
     assert len({styles[name]["marker"]["symbol"] for name in "BCD"}) == 3
     assert all(style["marker"]["color"] == style["line"]["color"] for style in (styles[name] for name in "BCD"))
+
+
+def test_four_of_eleven_tests_that_share_a_speed_differ_in_hue_on_both_pages(campaign: Campaign) -> None:
+    """By 20° of the colour wheel at least, which one sees at a glance; in the dark they were once all yellow."""
+    first = campaign.tests[0]
+    slower = [replace(first.condition, speed_mps=float(speed)) for speed in range(4, 11)]
+    conditions = [*slower, *[replace(first.condition, speed_mps=15.6)] * 4]
+    styles = palette.speed_lines([replace(first, id=f"{n}", condition=c) for n, c in enumerate(conditions)])
+    colours = [styles[f"{number}"]["line"]["color"] for number in range(7, 11)]
+    for shown in (colours, [palette.IN_THE_DARK[colour] for colour in colours]):
+        hues = [360 * rgb_to_hsv(*[int(part) / 255 for part in colour[4:-1].split(",")])[0] for colour in shown]
+        assert np.diff(hues).min() > 20
 
 
 def test_every_curve_and_every_word_of_a_figure_reads_on_both_pages(figures: list[go.Figure]) -> None:
