@@ -25,6 +25,7 @@ from crashfuse.ui.problems import show_problems
 from crashfuse.ui.running import show_running
 from crashfuse.ui.settings import choose_left_out
 from crashfuse.ui.text import chosen_units, plain
+from crashfuse.ui.theme import follow_theme
 from crashfuse.wording import SYSTEMS, said, speed
 
 _OFTEN_S, _SELDOM_S = 2.0, 5.0  # between two looks at what changes: while something is computed, and else
@@ -174,9 +175,10 @@ def _sidebar(page: str) -> _Choice:
             except DataError as error:
                 choice.problems = error.problems
             every_s = _OFTEN_S if jobs().active else _SELDOM_S
-            st.fragment(_keep_up, run_every=every_s)(st.context.theme.type, address.here())
+            st.fragment(_keep_up, run_every=every_s)(address.here())
         login.show_account()
         fold_when_narrow()
+        follow_theme()
         if choice.view is None:  # nor is there a figure
             load_early()
     with links:
@@ -252,11 +254,8 @@ def _forget() -> None:
     st.session_state.pop(REFUSED, None)
 
 
-def _keep_up(theme: str | None, shown: address.Place) -> None:
-    """Update what changes without a click: computations on the server, the theme, and what was chosen by itself.
-
-    Figures are drawn on the server, in the colours of the theme that the browser had at the time.
-    """
-    if st.context.theme.type != theme or not shown.is_here:
+def _keep_up(shown: address.Place) -> None:
+    """Update what changes without a click: computations on the server, and what was chosen by itself."""
+    if not shown.is_here:
         st.rerun()
     show_running()
