@@ -1,6 +1,7 @@
 """Display settings of all figures, tables and reports: units, the rated window, the sign of accelerations."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self, TypedDict, TypeVar, Unpack, cast
 
@@ -125,10 +126,20 @@ class Display:
 
     def briefly(self, condition: Condition) -> str:
         """A condition in few words: speed, front and rear weight, factors."""
+        return ", ".join([self.speed(condition.speed_mps), *self._besides_speed(condition).values()])
+
+    def apart(self, conditions: Sequence[Condition]) -> list[str]:
+        """Conditions in as few words as tell them apart: their speeds, and what not all of them share."""
+        besides = [self._besides_speed(condition).items() for condition in conditions]
+        shared = set(besides[0]).intersection(*besides)
+        return [
+            ", ".join([self.speed(condition.speed_mps), *(what for name, what in own if (name, what) not in shared)])
+            for condition, own in zip(conditions, besides, strict=True)
+        ]
+
+    def _besides_speed(self, condition: Condition) -> dict[str, str]:
         weights = f"{self.weights(condition.front_weight_kg):.0f} + {self.weight(condition.rear_weight_kg)}"
-        return ", ".join(
-            [self.speed(condition.speed_mps), weights, *(value for _, value in condition.factors if value)]
-        )
+        return {"": weights} | {name: value for name, value in condition.factors if value}
 
     def columns(self, condition: Condition) -> dict[str, str]:
         """Speed and weights of a condition as cells of a table, by the headings of their columns."""

@@ -68,14 +68,16 @@ def _beside(
 ) -> dict[str, object]:
     """One approach's predictions at several conditions: pulses, main metrics and their differences from the first."""
     chosen = [next(each for each in estimates if each.approach == approach) for estimates in answers]
-    named = [(display.condition(each.prediction.condition), each) for each in chosen]
+    conditions = [each.prediction.condition for each in chosen]
+    names = [display.condition(condition) for condition in conditions]
+    columns = zip(display.apart(conditions), (each.metrics for each in chosen), strict=True)
     return {
         "approach": LABELS[approach],
         "motion": motion(
-            None, {name: each.prediction for name, each in named}, named[0][1].prediction.condition.speed_mps, display,
-            filled=named[0][0],
+            None, {name: each.prediction for name, each in zip(names, chosen, strict=True)}, conditions[0].speed_mps,
+            display, filled=names[0],
         ),
-        "metrics": side_by_side([(name, each.metrics) for name, each in named], campaign, display, MAIN_METRICS),
+        "metrics": side_by_side(list(columns), campaign, display, MAIN_METRICS),
     }  # fmt: skip
 
 

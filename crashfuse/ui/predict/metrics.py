@@ -31,7 +31,8 @@ def _show_pinned(answer: Answer) -> None:
         return
     approach = leading(answer.predictions, answer.recommended)
     at = [next(each for each in own if each.approach == approach) for own in (answer.estimates, *answer.pinned)]
-    columns = [(answer.view.display.briefly(each.prediction.condition), each.metrics) for each in at]
+    display, conditions = answer.view.display, [each.prediction.condition for each in at]
+    columns = list(zip(display.apart(conditions), (each.metrics for each in at), strict=True))
     st.subheader(f"Beside the pinned predictions: {LABELS[approach]}")
-    show_table(side_by_side(columns, answer.campaign, answer.view.display, MAIN_METRICS), "pinned")
-    st.caption(f"Differences are from the first column, {columns[0][0]}.")
+    show_table(side_by_side(columns, answer.campaign, display, MAIN_METRICS), "pinned")
+    st.caption(f"Differences are from the first column, {display.briefly(conditions[0])}.")

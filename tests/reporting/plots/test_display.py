@@ -28,6 +28,14 @@ def test_labels_have_the_chosen_units() -> None:
     assert METRIC.condition(Condition(56 * KPH, 950.0, 700.0)) == "56.0 km/h, front 950 kg, rear 700 kg"
 
 
+def test_conditions_are_told_apart_by_what_they_do_not_share() -> None:
+    """By their speeds alone where nothing else differs; by weights and factors, too, where they do."""
+    slow, fast = (Condition.of(speed_mph=speed, front_weight_lb=2100, rear_weight_lb=1550) for speed in (30, 35))
+    heavy = Condition.of(speed_mph=35, front_weight_lb=2200, rear_weight_lb=1550, drive="AWD")
+    assert USUAL.apart([slow, fast]) == ["30.0 mph", "35.0 mph"]
+    assert USUAL.apart([fast, heavy]) == ["35.0 mph, 2100 + 1550 lb", "35.0 mph, 2200 + 1550 lb, AWD"]
+
+
 def test_metrics_are_in_the_chosen_units() -> None:
     """A change of velocity is a speed like any other."""
     delta_v = Metric("delta_v", 66.0, 64.0, None, "km/h")
