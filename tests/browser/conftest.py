@@ -34,6 +34,7 @@ from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
 ROOT = Path(__file__).resolve().parents[2]
+WITNESS = Path(__file__).with_name("witness")
 SOON = 120.0  # s, where many other things run too
 _FLAGS = (
     "--headless",
@@ -72,6 +73,8 @@ class Server:
 
     address: str
     log_file: Path
+    witness: Path
+    """The folder of ``witness/sitecustomize.py``, which hears of all that the server does."""
 
     @property
     def log(self) -> str:
@@ -282,13 +285,16 @@ def serve(folder: Path, campaign: Path | None = None, *options: str) -> Iterator
     command += ["--server.port", str(port)]
     if options:
         command = [sys.executable, "-m", "crashfuse", "app", "--port", str(port), *options]
+    started = Server(f"http://127.0.0.1:{port}", folder / "server.log", folder / "witness")
     environment = {**os.environ, "CRASHFUSE_CACHE": str(folder / "cache"), "STREAMLIT_SERVER_HEADLESS": "true"}
     environment.pop("CRASHFUSE_CAMPAIGN", None)
+    environment["CRASHFUSE_WITNESS"] = str(started.witness)
+    environment["PYTHONPATH"] = os.pathsep.join([str(WITNESS), *filter(None, [os.environ.get("PYTHONPATH")])])
+    started.witness.mkdir()
     (folder / "tmp").mkdir()
     environment["TMPDIR"] = str(folder / "tmp")
     if campaign is not None:
         environment["CRASHFUSE_CAMPAIGN"] = str(campaign)
-    started = Server(f"http://127.0.0.1:{port}", folder / "server.log")
     with started.log_file.open("wb") as log:
         process = subprocess.Popen(command, cwd=ROOT, env=environment, stdout=log, stderr=subprocess.STDOUT)
         try:

@@ -48,11 +48,13 @@ def another_site(folder: Path, page: str) -> Iterator[str]:
 def test_another_site_cannot_embed_the_dashboard(small_server: "Server", user: "User", tmp_path: Path) -> None:
     """Its frame stays empty; by itself the same address shows the page, under another name a sentence and no page.
 
-    Nor does a page under another name get at the socket, through which everything goes.
+    Nor does a page under another name get at the socket, through which everything goes; the server refuses it without a
+    look-up on the network.
     """
     user.browser.get(small_server.address.replace("127.0.0.1", "evil.localhost") + "/data")  # which resolves to it, too
     user.sees("crashfuse does not answer under this name.", "body")
     assert user.browser.execute_async_script(_KNOCK, small_server.address.replace("http", "ws")) == "refused"
+    assert not (small_server.witness / "lookups").exists()
     user.browser.get_log("performance")  # type: ignore[no-untyped-call] # no foreign host
     frame = f'<iframe src="{small_server.address}/data" width="900" height="700"></iframe>'
     with another_site(tmp_path, frame) as site:

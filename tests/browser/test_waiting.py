@@ -7,7 +7,7 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from crashfuse.approaches.registry import LABELS
-from tests.browser.conftest import CURVES, SIDEBAR, bands
+from tests.browser.conftest import CURVES, MAIN, QUICK, SIDEBAR, bands
 
 pytestmark = pytest.mark.slow
 
@@ -50,3 +50,23 @@ def test_results_are_shown_as_they_come_and_the_sidebar_leads_to_them(small_serv
     user.open_tab("Ratings and metrics")
     made_of = r"Made of \d+ % .*, because the nearest test is [\d.]+ mph away"
     assert re.search(made_of, f"{why} {user.sees('Pulse metrics')}")
+
+
+@pytest.mark.parametrize(
+    ("fails", "said"), [("memory", "Memory ran out. Close other programs"), ("kills", "Workers died 3 times in a row")]
+)
+def test_memory_and_kills_are_sentences_and_the_next_try_succeeds(
+    small_server: "Server", user: "User", fails: str, said: str
+) -> None:
+    """A study that runs out of memory, or whose processes are killed, says so where it was started, and can go on."""
+    study = f"{MAIN} button", "Leave out each of 4 tests"
+    user.open(small_server, "study", approaches=QUICK, seed={"memory": "8", "kills": "9"}[fails])
+    user.find(*study)
+    (small_server.witness / fails).touch()
+    try:
+        user.press(study[1], study[0])
+        user.sees(said)
+    finally:
+        (small_server.witness / fails).unlink()
+    user.press(study[1], study[0])
+    user.sees("Mean over the tests")
