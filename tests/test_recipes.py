@@ -22,9 +22,9 @@ BLOCKS = re.findall(r'```python title="([^":]+)(?:: in (\w+))?"\n(.*?)```', PAGE
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the program to which all recipes were applied."""
     copy = tmp_path_factory.mktemp("program")
-    ignored = shutil.ignore_patterns("__pycache__")
+    being_written = shutil.ignore_patterns("*.pyc.*")  # by other processes; what is compiled is taken along
     for name in ("crashfuse", "pages", "tests", ".streamlit"):
-        shutil.copytree(ROOT / name, copy / name, ignore=ignored)
+        shutil.copytree(ROOT / name, copy / name, ignore=being_written)
     for name in ("app.py", "pyproject.toml"):
         shutil.copy(ROOT / name, copy)
     for path, table, code in BLOCKS:
