@@ -10,7 +10,7 @@ export default ({ parentElement, setTriggerValue }) => {
     if (ground() === shown) return;
     shown = ground();
     setTriggerValue("ground", shown);
-  }, 200);  // ms; costs the browser nothing that can be measured
+  }, 200);  // ms
   return () => clearInterval(look);
 };
 """
