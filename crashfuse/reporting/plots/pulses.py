@@ -253,7 +253,7 @@ def _join_hover(figure: go.Figure, display: Display) -> None:
     hover = f"%{{y:.1f}} {display.unit}, %{{customdata[0]:.1f}} {display.units.speed}, %{{customdata[1]:.0f}} mm"
     for group in {trace.legendgroup for trace in curves}:
         accel, velocity, displacement = [trace for trace in curves if trace.legendgroup == group]
-        accel.customdata = np.column_stack([velocity.y, displacement.y])
+        accel.customdata = np.column_stack([np.round(velocity.y, 1), np.round(displacement.y)])  # as they are said
         accel.hovertemplate = hover
         velocity.update(hovertemplate=None, hoverinfo="none")
         displacement.update(hovertemplate=None, hoverinfo="none")
