@@ -75,8 +75,8 @@ def motion(
     figure = new_figure(height=820 + room_for_names(predictions))
     draw_curves(figure, _accelerations(measured, predictions, display), filled=filled)
     velocities, displacements = _integrals(measured, predictions, speed_mps, display)
-    draw_curves(figure, velocities, yaxis="y2", filled=filled, showlegend=False)
-    draw_curves(figure, displacements, yaxis="y3", filled=filled, showlegend=False)
+    for yaxis, curves in (("y2", velocities), ("y3", displacements)):
+        draw_curves(figure, curves, yaxis, filled, showlegend=False, hovertemplate=None, hoverinfo="none")
     _join_hover(figure, display)
     look = figure.layout.yaxis.to_plotly_json()
     figure.update_layout(
@@ -255,5 +255,3 @@ def _join_hover(figure: go.Figure, display: Display) -> None:
         accel, velocity, displacement = [trace for trace in curves if trace.legendgroup == group]
         accel.customdata = np.column_stack([np.round(velocity.y, 1), np.round(displacement.y)])  # as they are said
         accel.hovertemplate = hover
-        velocity.update(hovertemplate=None, hoverinfo="none")
-        displacement.update(hovertemplate=None, hoverinfo="none")
