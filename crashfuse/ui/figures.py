@@ -83,7 +83,10 @@ def show_clickable(
         for point in _points(st.session_state[widget]):
             on_click(point)
 
-    name, (figure, sent) = name or file_name(alt), _cached((widget, *key), _is_dark(), draw)
+    def clickable() -> go.Figure:  # as Streamlit would set it once the figure is drawn, to be drawn again
+        return draw().update_layout(clickmode="event+select")
+
+    name, (figure, sent) = name or file_name(alt), _cached((widget, *key), _is_dark(), clickable)
     event = st.plotly_chart(
         sent, alt=alt, key=widget, theme=None, config=_tools(name), on_select=take, selection_mode="points"
     )

@@ -28,6 +28,7 @@ SAFE = {
     "server.enableCORS": True,
     "browser.gatherUsageStats": False,
     "client.showErrorDetails": "none",
+    "client.allowedOrigins": [],
     "runner.magicEnabled": False,
 }
 OWN_COMMAND = "from crashfuse.ui.launch import launch; launch(8501, None)"
