@@ -103,7 +103,8 @@ def choose_tests(view: View) -> tuple[tuple[str, ...], tuple[Further, ...]]:
     names = {test.id: pulse_name(test.id, test.condition, view.display) for test in view.campaign.tests}
     with st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
         only = kept_choice("only", list(names), _multiselect(names, "Tests", "all"))
-        further = _choose_beside(view, None, by_preference(chosen_config().approaches)[0])
+        with st.popover("Beside them", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
+            further = _choose_beside(view, None, by_preference(chosen_config().approaches)[0])
     return tuple(test for test in view.campaign.test_ids if not only or test in only), further
 
 
