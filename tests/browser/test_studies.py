@@ -43,22 +43,6 @@ def test_a_click_on_a_cell_opens_its_test_on_compare(small_server: "Server", use
     assert "test=T3" in user.browser.current_url
 
 
-def test_the_heat_map_is_painted_once(small_server: "Server", user: "User") -> None:
-    """A layout that does not say that its marks are clicked is told so by Streamlit, and all is drawn anew."""
-    study(user, small_server)
-    user.go("Data")
-    user.browser.execute_script(
-        "window.painted = 0;"
-        "const paints = change => change.attributeName === 'href' && change.target.matches('image');"
-        "const count = changes => { window.painted += changes.filter(paints).length };"
-        "new MutationObserver(count).observe(document, { subtree: true, attributes: true })"
-    )
-    user.go("Study")
-    user.sees("Mean over the tests")
-    user.find(f"{FIGURE} .heatmaplayer image")
-    assert user.browser.execute_script("return window.painted") == 1
-
-
 def test_a_figure_is_read_and_its_cells_are_opened_by_keys(small_server: "Server", user: "User") -> None:
     """Arrows move the cursor, which says where it is; Enter does what a click does."""
     study(user, small_server)

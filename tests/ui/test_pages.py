@@ -497,6 +497,9 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     assert not charts(app)
     finish(press(app, "Leave out each of 4 tests"))
     assert charts(app) == 1
+    (heat_map,) = app.get("plotly_chart")
+    as_streamlit_sets_it = {"clickmode": "event+select", "hovermode": "closest"}  # else drawn, set and drawn again
+    assert json.loads(heat_map.proto.spec)["layout"].items() >= as_streamlit_sets_it.items()
     assert "for this campaign" in words(app)
     study = quick_study(campaign, StudyConfig(), held_out=campaign.test_ids)
     (means,) = tables(app)
