@@ -155,7 +155,8 @@ def _found(user: WebDriver, script: str) -> float:
         if found := user.execute_script(script):
             return float(found)
         time.sleep(0.05)
-    raise SystemExit(f"The page never came to {script!r}.")
+    shown = user.execute_script("return document.body.innerText")
+    raise SystemExit(f"The page never came to {script!r}; it shows:\n{shown}")
 
 
 if __name__ == "__main__":
