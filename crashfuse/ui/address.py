@@ -185,8 +185,15 @@ def default(key: str, value: Value | list[str], known: Sequence[Value] = ()) -> 
     state = _state()
     defaults = state.setdefault(_DEFAULTS, {})
     if state.get(key) in (None, defaults.get(key)) or (known and state[key] not in known):
-        state[key] = value
+        put(key, value)
     defaults[key] = value
+
+
+def put(key: str, value: object) -> None:
+    """Set what a widget shows, unless it does: what is set is sent to the browser, over what is chosen meanwhile."""
+    state = _state()
+    if key not in state or state[key] != value:
+        state[key] = value
 
 
 def leave_campaign() -> None:

@@ -10,7 +10,7 @@ from crashfuse.campaign_folder.editing import copy_campaign, leave_out, remove_t
 from crashfuse.campaign_folder.history import changes, undo
 from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.errors import DataError, Problem, UsageError
-from crashfuse.ui import campaigns, frame, journal, recent
+from crashfuse.ui import address, campaigns, frame, journal, recent
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.text import plain
 from crashfuse.ui.uploads import is_ours
@@ -49,7 +49,7 @@ def show_tests_in_use(view: frame.View) -> None:
         _offer_copy(view)
         return
     used, unused = view.campaign.test_ids, tuple(test_id for test_id, _ in view.campaign.unused)
-    st.session_state[_USED] = list(used)
+    address.put(_USED, list(used))
     with st.container(horizontal=True, vertical_alignment="bottom"):
         st.pills(
             "Tests in use", sorted((*used, *unused)), selection_mode="multi", key=_USED, on_change=_change_use,

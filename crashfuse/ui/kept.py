@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 
 import streamlit as st
 
+from crashfuse.ui import address
+
 
 def kept_choice(key: str, options: Sequence[str], draw: Callable[[str, Callable[[], None]], object]) -> list[str]:
     """What is chosen of these options; ``draw`` shows the widget, given its key and its callback.
@@ -13,7 +15,7 @@ def kept_choice(key: str, options: Sequence[str], draw: Callable[[str, Callable[
     """
     state, widget = st.session_state, f"{key} here"
     whole = state[key]
-    state[widget] = [name for name in options if name in whole]
+    address.put(widget, [name for name in options if name in whole])
 
     def keep() -> None:
         state[key] = [*(name for name in state[key] if name not in options), *state[widget]]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import pytest
 import streamlit as st
@@ -13,6 +13,8 @@ from crashfuse.ui import campaigns
 from crashfuse.ui.text import plain
 
 if TYPE_CHECKING:
+    from streamlit.testing.v1.element_tree import Widget
+
     from tests.ui.conftest import Session
 
 PAGES = ("data", "train", "compare", "study", "predict")
@@ -175,3 +177,14 @@ def test_the_dark_page_has_the_ground_and_the_ink_of_dark_figures() -> None:
     """Else every figure would stand in a box."""
     options = {name: st.get_option(f"theme.dark.{name}") for name in ("backgroundColor", "textColor")}
     assert options == {"backgroundColor": IN_THE_DARK[PAPER], "textColor": "#E6E9EE"}
+
+
+@pytest.mark.usefixtures("open_campaign")
+@pytest.mark.parametrize("page", [*PAGES, "certify", "history"])
+def test_what_a_page_shows_already_is_not_sent_over_what_is_just_being_chosen(visit: Visit, page: str) -> None:
+    """A page runs again by itself; whatever it then sets anew wins over a slider that was moved a moment before."""
+    session = visit(page).run()
+    kinds = ("button_group", "checkbox", "multiselect", "number_input", "selectbox", "slider", "text_input", "toggle")
+    widgets = [cast("Widget", widget) for kind in kinds for widget in session.app.get(kind)]
+    assert widgets
+    assert not [widget.key for widget in widgets if widget.proto.set_value]

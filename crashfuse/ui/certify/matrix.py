@@ -128,7 +128,7 @@ def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
     for column, (name, known) in zip(columns, campaign.factors.items(), strict=False):
         key = f"grid_{name}"
         address.default(key, [])
-        st.session_state[key] = [value for value in st.session_state[key] if value in known]
+        address.put(key, [value for value in st.session_state[key] if value in known])
         chosen = column.multiselect(
             name.capitalize(), known, key=key, placeholder="not given", persist_state="session",
             help="Tests may differ by it; if it is not given, intervals cover every value.",
@@ -150,7 +150,8 @@ def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> list[float
         typed, given = state[key], unit
         state[key] = f"{typed} {unit}"
     factor = IN_SI[given] / IN_SI[unit]
-    state[field] = typed if given == unit else _NUMBER.sub(lambda found: f"{float(found[0]) * factor:.6g}", typed)
+    converted = _NUMBER.sub(lambda found: f"{float(found[0]) * factor:.6g}", typed)
+    address.put(field, typed if given == unit else converted)
 
     def take() -> None:
         state[key] = f"{state[field]} {unit}"

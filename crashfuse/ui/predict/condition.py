@@ -23,7 +23,7 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
     factors = {}
     for column, (name, values) in zip(columns, campaign.factors.items(), strict=False):
         if st.session_state.get(key := f"factor_{name}") not in values:  # left from another campaign
-            st.session_state[key] = None
+            address.put(key, None)
         factors[name] = column.selectbox(
             name.capitalize(), values, index=None, placeholder="not given", key=key, persist_state="session",
             help="Tests may differ by it; if it is not given, the band covers every value.",
@@ -80,9 +80,10 @@ def _field(
     if not least <= (state[name] or 0.0) * in_si * shown <= most:  # nothing yet, or left from another campaign
         state[name] = None
     address.default(name, round(float(np.median(runs)) / in_si, digits))
-    field, slider = f"field {name}", f"slider {name}"
-    state[field] = value = state[name] * in_si * shown
-    state[slider] = min(max(value, low), high)
+    value = round(state[name] * in_si * shown, _DECIMALS)
+    field, slider = f"field {name}", f"slider {name} {low:g} to {high:g}"  # another range is another widget
+    address.put(field, value)
+    address.put(slider, min(max(value, low), high))
 
     def take(key: str) -> None:
         state[name] = round(state[key] / shown / in_si, _DECIMALS)

@@ -121,7 +121,7 @@ def _range(
     the same when another unit is chosen.
     """
     own_unit, unit = (units.unit(axis.unit) for units in (view.campaign.units, view.display.units))
-    state, slider, step = st.session_state, f"{axis.key} in {unit}", axis.step
+    state, step = st.session_state, axis.step
     own, in_si = IN_SI[own_unit], IN_SI[unit]
     least, most = min(float(runs.min()), *tests), max(float(runs.max()), *tests)
     low, high = _down(max(least / in_si, step), step), _up(most / in_si, step)
@@ -129,7 +129,8 @@ def _range(
         state[axis.key] = None
     address.default(axis.key, f"{_down(tests[0] / own, step):g}:{_up(tests[1] / own, step):g} {own_unit}")
     ends = _ends(state[axis.key])
-    state[slider] = tuple(min(max(end / in_si, low), high) for end in ends)
+    slider = f"{axis.key}, {low:g} to {high:g} {unit}"  # another range is another widget
+    address.put(slider, tuple(min(max(end / in_si, low), high) for end in ends))
 
     def take() -> None:
         first, last = state[slider]
