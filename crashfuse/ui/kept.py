@@ -4,8 +4,6 @@ from collections.abc import Callable, Sequence
 
 import streamlit as st
 
-from crashfuse.ui import address
-
 
 def kept_choice(key: str, options: Sequence[str], draw: Callable[[str, Callable[[], None]], object]) -> list[str]:
     """What is chosen of these options; ``draw`` shows the widget, given its key and its callback.
@@ -15,7 +13,8 @@ def kept_choice(key: str, options: Sequence[str], draw: Callable[[str, Callable[
     """
     state, widget = st.session_state, f"{key} here"
     whole = state[key]
-    address.put(widget, [name for name in options if name in whole])
+    # with every run: in a closed popover there is nothing yet that would keep what is sent
+    state[widget] = [name for name in options if name in whole]
 
     def keep() -> None:
         state[key] = [*(name for name in state[key] if name not in options), *state[widget]]
