@@ -11,7 +11,8 @@ from crashfuse.ui import address
 from crashfuse.ui.text import plain
 from crashfuse.units import LB, MPH
 
-_DECIMALS = 9  # of mph and lb in the session and the address: 56 km/h come back as 56
+DECIMALS = 9
+"""Of speeds and weights in the session and the address: 56 km/h come back as 56."""
 
 
 def choose_condition(campaign: Campaign, display: Display) -> Condition:
@@ -50,9 +51,9 @@ def fill_in(campaign: Campaign, condition: Condition) -> None:
     given = dict(condition.factors)
     st.session_state.update(
         {
-            "speed_mph": round(condition.speed_mps / MPH, _DECIMALS),
-            "front_weight_lb": round(condition.front_weight_kg / LB, _DECIMALS),
-            "rear_weight_lb": round(condition.rear_weight_kg / LB, _DECIMALS),
+            "speed_mph": round(condition.speed_mps / MPH, DECIMALS),
+            "front_weight_lb": round(condition.front_weight_kg / LB, DECIMALS),
+            "rear_weight_lb": round(condition.rear_weight_kg / LB, DECIMALS),
             **{f"factor_{name}": given.get(name) or None for name in campaign.factors},
         }
     )
@@ -80,13 +81,13 @@ def _field(
     if not least <= (state[name] or 0.0) * in_si * shown <= most:  # nothing yet, or left from another campaign
         state[name] = None
     address.default(name, round(float(np.median(runs)) / in_si, digits))
-    value = round(state[name] * in_si * shown, _DECIMALS)
+    value = round(state[name] * in_si * shown, DECIMALS)
     field, slider = f"field {name}", f"slider {name} {low:g} to {high:g}"  # another range is another widget
     address.put(field, value)
     address.put(slider, min(max(value, low), high))
 
     def take(key: str) -> None:
-        state[name] = round(state[key] / shown / in_si, _DECIMALS)
+        state[name] = round(state[key] / shown / in_si, DECIMALS)
 
     form = f"%.{digits}f"
     column.number_input(

@@ -26,6 +26,7 @@ from crashfuse.ui.figures import show_figure
 from crashfuse.ui.frame import View
 from crashfuse.ui.panel import result_or_none
 from crashfuse.ui.predict.answer import Answer
+from crashfuse.ui.predict.condition import DECIMALS
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 from crashfuse.wording import IN_SI
@@ -130,7 +131,7 @@ def _range(
     address.default(axis.key, f"{_down(tests[0] / own, step):g}:{_up(tests[1] / own, step):g} {own_unit}")
     ends = _ends(state[axis.key])
     slider = f"{axis.key}, {low:g} to {high:g} {unit}"  # another range is another widget
-    address.put(slider, tuple(min(max(end / in_si, low), high) for end in ends))
+    address.put(slider, tuple(round(min(max(end / in_si, low), high), DECIMALS) for end in ends))
 
     def take() -> None:
         first, last = state[slider]
