@@ -24,8 +24,8 @@ _STRAIGHT = 1e-6  # share of a grid's length by which its points may be off
 class SentFigure(go.Figure):  # type: ignore[misc]  # Plotly has no types
     """A figure for ``st.plotly_chart``; its curves are rounded, and drawn through fewer points, where no eye sees it.
 
-    Streamlit writes and reads what is sent four times before Plotly has it. And it copies a figure whenever it is shown,
-    which takes longer than all else if there are plain lists: so a copy is made once, here.
+    Streamlit writes and reads what is sent four times before Plotly has it. And it copies a figure whenever it is
+    shown, which takes longer than all else if there are plain lists: so a copy is made once, here.
     """
 
     def __init__(self, figure: go.Figure) -> None:
