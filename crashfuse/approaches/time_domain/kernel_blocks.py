@@ -15,7 +15,7 @@ from torch import Tensor
 from crashfuse.approaches.time_domain.config import TcnConfig
 from crashfuse.approaches.time_domain.network import Tcn
 from crashfuse.approaches.time_domain.tangent_kernel import Tangent
-from crashfuse.approaches.time_domain.threads import Crew, quick_threads
+from crashfuse.approaches.time_domain.threads import quick_threads, side_by_side
 from crashfuse.approaches.time_domain.training import weights_of
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.code_digest import code_digest
@@ -114,8 +114,8 @@ class KernelBlocks:
     def _mean(self, work: Callable[[slice], npt.ArrayLike]) -> npt.NDArray[np.float32]:
         """Mean of what is computed of each member, one a thread."""
         members = [slice(number, number + 1) for number in range(self._network.members)]
-        with quick_threads(self._network), Crew(len(members)) as crew:
-            by_member = crew.map(work, members)
+        with quick_threads(self._network):
+            by_member = side_by_side(work, members)
         return np.asarray(np.array(by_member).mean(axis=0, dtype=np.float64), dtype=np.float32)
 
     def _joined(self, ours: Sequence[Vector], theirs: Sequence[Vector]) -> FloatArray:

@@ -4,10 +4,12 @@ Threads within a product wait for each other at every step, which costs more tha
 other work. Also, one thread gives the same numbers on any machine under any load.
 """
 
+import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from typing import Self, TypeVar
+from functools import cache
+from typing import TypeVar
 
 import torch
 
@@ -25,19 +27,16 @@ def quick_threads(network: Tcn) -> AbstractContextManager[None]:
     return single_thread() if network.size < _SMALL else nullcontext()
 
 
-class Crew:
-    """Threads for small networks, one each; a single network runs in the caller's thread."""
+def side_by_side(work: Callable[[S], T], items: Iterable[S]) -> list[T]:
+    """Do the work for all networks in parallel; returns the results in their order.
 
-    def __init__(self, n: int) -> None:
-        self._pool = ThreadPoolExecutor(n, initializer=torch.set_num_threads, initargs=(1,)) if n > 1 else None
+    A single one is done by the caller's thread. The work itself must not call this function.
+    """
+    items = list(items)
+    return list((_crew().map if len(items) > 1 else map)(work, items))
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        if self._pool:
-            self._pool.shutdown()
-
-    def map(self, work: Callable[[S], T], items: Iterable[S]) -> list[T]:
-        """Do the work for all items in parallel; returns the results in the order of the items."""
-        return list(self._pool.map(work, items) if self._pool else map(work, items))
+@cache
+def _crew() -> ThreadPoolExecutor:
+    """One thread for each core, once for all: to start them takes as long as their work in a prediction."""
+    return ThreadPoolExecutor(os.cpu_count(), initializer=torch.set_num_threads, initargs=(1,))

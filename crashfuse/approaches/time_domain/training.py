@@ -13,7 +13,7 @@ from torch import Tensor
 
 from crashfuse.approaches.time_domain.adam import Adam
 from crashfuse.approaches.time_domain.network import Tcn
-from crashfuse.approaches.time_domain.threads import Crew, quick_threads
+from crashfuse.approaches.time_domain.threads import quick_threads, side_by_side
 from crashfuse.errors import Cancelled
 from crashfuse.execution.cache import Cache, Entry
 from crashfuse.execution.progress import Watch
@@ -83,10 +83,10 @@ def minimise(
     start = _resume(runs, checkpoint, n_steps)
     saved = reported = time.monotonic()
     pause = _CHECKPOINT_S
-    with quick_threads(networks[0]), Crew(len(runs)) as crew:
+    with quick_threads(networks[0]):
         watch.report(name, start, n_steps)
         for step in range(start, n_steps):
-            ended = all(crew.map(partial(_Run.step, number=step), runs))
+            ended = all(side_by_side(partial(_Run.step, number=step), runs))
             now, done = time.monotonic(), step + 1
             if checkpoint.cache and now - saved > pause and done < n_steps:
                 checkpoint.save(_state(runs, done))
