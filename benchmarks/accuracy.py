@@ -152,9 +152,9 @@ def _print_table_3(study: Study) -> None:
 
 def _print_recommendations(study: Study) -> None:
     """Print the recommendation for each test before it was run, the expected rating and the actual one."""
-    print("\n| Test | recommended | expected | left-out tests near it | rated |")
-    print("|---|---|---:|---|---:|")
-    errors, inside = [], 0
+    print("\n| Test | recommended | expected | likely | rated | |")
+    print("|---|---|---:|---:|---:|---|")
+    errors, came_out = [], []  # of those for which a range was told
     for fold in study.folds:
         condition = study.campaign.test(fold.held_out).condition
         rest = study.config.training_campaign(study.campaign, fold.held_out)
@@ -163,12 +163,14 @@ def _print_recommendations(study: Study) -> None:
         if (expected := advice.expected) is None:
             continue
         errors.append(expected.mean - rated)
-        inside += expected.lowest <= rated <= expected.highest
-        near = f"{len(expected.tests)}: {expected.lowest:.3f}–{expected.highest:.3f}"
-        print(f"| {fold.held_out} | {LABELS[advice.approach]} | {expected.mean:.3f} | {near} | {rated:.3f} |")
+        likely, surprise = ("–", "") if expected.farther else (expected.range, expected.surprise(rated))
+        came_out += [surprise] if surprise else []
+        cells = LABELS[advice.approach], f"{expected.mean:.3f}", likely, f"{rated:.3f}", surprise
+        print(f"| {fold.held_out} | {' | '.join(cells)} |")
     print(
-        f"\nThe expected rating is {np.mean(errors):+.3f} off on average, {np.abs(errors).mean():.3f} in size; "
-        f"{inside} of {len(errors)} tests rated within the range of those near them.\n"
+        f"\nThe expected rating is {np.mean(errors):+.3f} off on average, {np.abs(errors).mean():.3f} in size. "
+        f"A likely range (80 %) was told for {len(came_out)} of {len(errors)} tests: {came_out.count('as expected')} came out "
+        f"inside it, {sum('far' not in each for each in came_out)} inside the central 95 %.\n"
     )
     print("\n".join(recommend(study).sentences))
 

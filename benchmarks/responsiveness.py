@@ -1,9 +1,10 @@
 """How long the dashboard lets one wait: ``python benchmarks/responsiveness.py [--beside CHECKOUT]`` (needs Chromium).
 
 Four times on the sample, whose studies have been run before, each the median: from a link into a cold server to the
-first paint of the page's frame (Streamlit's own list of files does not count); a switch of page with five browsers at
-once; on Predict, from the stop of a slider to the figure that answers, and to the whole page. With another checkout the
-two take turns, so that what else the machine does slows both; browsers and server share its cores.
+first paint of the page's frame (Streamlit's own list of files does not count); a switch of page while four others
+switch, too, first with all five browsers on the server's cores, then with only the one that is measured: of the others
+the server is asked as by their browsers, which draw elsewhere; on Predict, from the stop of a slider to the figure that
+answers, and to the whole page. With another checkout the two take turns, so that what else the machine does slows both.
 """
 
 import argparse
@@ -14,10 +15,14 @@ import sys
 import threading
 import time
 from collections import defaultdict
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
+from itertools import islice, takewhile
 from pathlib import Path
 
 import numpy as np
 from dashboard import ROOT, browser, served, settled
+from person import Person
 from selenium.webdriver.chrome.webdriver import WebDriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -25,7 +30,8 @@ from selenium.webdriver.common.keys import Keys
 
 _PAGES = ("Data", "Train", "Compare", "Study", "Predict")
 _LINKS = ("compare", "predict", "study", "data")
-_BROWSERS, _SWITCHES, _MOVES = 5, 8, 8
+_PEOPLE, _SWITCHES, _MOVES = 5, 12, 8
+_READING_S = (1.0, 3.0)
 _LONGEST_S = 300.0
 _CAMPAIGN = ROOT / "sample_data"
 _COMPUTE = """
@@ -63,7 +69,13 @@ document.addEventListener('keyup', () => {
   look();
 }, {once: true});
 """
-WAITS = ("first paint of a link, cold server", "switch of page, five browsers", "answer on Predict", "whole page")
+WAITS = (
+    "first paint of a link, cold server",
+    "switch of page, five browsers on its cores",
+    "switch of page, four of five browsers elsewhere",
+    "answer on Predict",
+    "whole page",
+)
 
 
 def main() -> None:
@@ -82,12 +94,13 @@ def main() -> None:
                 waits[root][WAITS[0]].append(_first_paint(root, link))
             with served(root, CRASHFUSE_CAMPAIGN=str(_CAMPAIGN)) as dashboard:
                 for figure_s, page_s in _moves(dashboard.address):
-                    waits[root][WAITS[2]].append(figure_s)
-                    waits[root][WAITS[3]].append(page_s)
-                waits[root][WAITS[1]] += _switches(dashboard.address)
+                    waits[root][WAITS[3]].append(figure_s)
+                    waits[root][WAITS[4]].append(page_s)
+                waits[root][WAITS[1]] += _switches(dashboard.address, browsers=_PEOPLE)
+                waits[root][WAITS[2]] += _switches(dashboard.address, browsers=1)
     print(f"| | {' | '.join(root.name for root in roots)} |\n|---|{'---:|' * len(roots)}")
-    for wait in WAITS:
-        print(f"| {wait} | {' | '.join(f'{statistics.median(waits[root][wait]):.2f} s' for root in roots)} |")
+    for name in WAITS:
+        print(f"| {name} | {' | '.join(f'{statistics.median(waits[root][name]):.2f} s' for root in roots)} |")
 
 
 def _prepare(root: Path) -> None:
@@ -122,29 +135,40 @@ def _moves(address: str) -> list[tuple[float, float]]:
     return [(figure_s, page_s) for figure_s, page_s in took[1:]]
 
 
-def _switches(address: str) -> list[float]:
-    """Times of page switches of all browsers."""
+def _switches(address: str, browsers: int) -> list[float]:
+    """Times of page switches of all browsers, while the people without one here switch, too."""
     took: list[float] = []
+    over = threading.Event()
+
+    def pages(number: int) -> Iterator[str]:
+        rng, page = np.random.default_rng(number), "Data"
+        while True:
+            time.sleep(rng.uniform(*_READING_S))
+            page = str(rng.choice([other for other in _PAGES if other != page]))
+            yield page
 
     def browse(number: int) -> None:
-        rng = np.random.default_rng(number)
         with browser() as user:
             user.get(f"{address}/data")
             settled(user, "Sample")
-            page = "Data"
-            for _ in range(_SWITCHES):
-                time.sleep(rng.uniform(1.0, 3.0))  # reading
-                page = str(rng.choice([other for other in _PAGES if other != page]))
+            for page in islice(pages(number), _SWITCHES):
                 link = user.find_element(By.PARTIAL_LINK_TEXT, page)
                 start = time.perf_counter()
                 link.click()
                 took.append(settled(user, "Sample" if page == "Data" else page) - start)
 
-    threads = [threading.Thread(target=browse, args=(number,)) for number in range(_BROWSERS)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    def ask(number: int) -> None:
+        with Person.at(address) as person:
+            for page in takewhile(lambda _: not over.is_set(), pages(number)):
+                person.turn_to(page)
+
+    with ThreadPoolExecutor(_PEOPLE) as people:
+        elsewhere = [people.submit(ask, number) for number in range(browsers, _PEOPLE)]
+        here = [people.submit(browse, number) for number in range(browsers)]
+        wait(here)
+        over.set()
+    for each in (*here, *elsewhere):
+        each.result()
     return took
 
 
