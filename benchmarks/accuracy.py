@@ -163,14 +163,15 @@ def _print_recommendations(study: Study) -> None:
         if (expected := advice.expected) is None:
             continue
         errors.append(expected.mean - rated)
-        likely, surprise = ("–", "") if expected.farther else (expected.range, expected.surprise(rated))
+        told, surprise = ("–", "") if expected.farther else (expected.range, expected.surprise(rated))
         came_out += [surprise] if surprise else []
-        cells = LABELS[advice.approach], f"{expected.mean:.3f}", likely, f"{rated:.3f}", surprise
+        cells = LABELS[advice.approach], f"{expected.mean:.3f}", told, f"{rated:.3f}", surprise
         print(f"| {fold.held_out} | {' | '.join(cells)} |")
+    likely, no_surprise = came_out.count("as expected"), sum("far" not in each for each in came_out)
     print(
         f"\nThe expected rating is {np.mean(errors):+.3f} off on average, {np.abs(errors).mean():.3f} in size. "
-        f"A likely range (80 %) was told for {len(came_out)} of {len(errors)} tests: {came_out.count('as expected')} came out "
-        f"inside it, {sum('far' not in each for each in came_out)} inside the central 95 %.\n"
+        f"A likely range (80 %) was told for {len(came_out)} of {len(errors)} tests: {likely} came out inside it, "
+        f"{no_surprise} inside the central 95 %.\n"
     )
     print("\n".join(recommend(study).sentences))
 
