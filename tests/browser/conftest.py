@@ -46,6 +46,7 @@ _FLAGS = (
     "--disable-component-update",
     "--disable-sync",
     "--disable-dev-shm-usage",
+    "--disable-features=BackForwardCache",  # for which each page gets a process of its own, and compiles scripts anew
     "--force-prefers-reduced-motion",  # to draw what moves while one waits takes a fifth of the browser's time
     "--window-size=1440,1000",
 )
