@@ -1,6 +1,7 @@
 """The dashboard without a browser: a new server for each test, and sessions on it."""
 
 import re
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -13,6 +14,7 @@ from streamlit.components.v2 import manifest_scanner
 from streamlit.testing.v1 import AppTest
 
 from crashfuse.ui.computation import jobs
+from crashfuse.ui.starting import start_importing
 
 APP = Path(__file__).parents[2] / "app.py"
 SOON = 60.0
@@ -96,12 +98,23 @@ def components_are_searched_once() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def everything_is_imported() -> None:
+    """What a server imports in its first seconds is there: no thread imports beside a test or its fixtures."""
+    start_importing()
+    for thread in threading.enumerate():
+        if thread.name == "crashfuse-imports":
+            thread.join()
+
+
 @pytest.fixture(autouse=True)
 def fresh_server(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Nothing is left of another test: no campaign, no job."""
+    """Nothing is left of another test: no campaign, no job, not even one that still runs."""
     monkeypatch.delenv("CRASHFUSE_CAMPAIGN", raising=False)
     st.cache_resource.clear()
     yield
+    for job in jobs().active:
+        assert job.wait(SOON), f"{job.title} goes on after its test."
     st.cache_resource.clear()
 
 
