@@ -16,6 +16,7 @@ import numpy as np
 
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.condition_tables import ConditionTable, Role, read_conditions
+from crashfuse.campaign_folder.copies import check_tests_differ
 from crashfuse.campaign_folder.history import changing, taking_turns
 from crashfuse.campaign_folder.ids import folded
 from crashfuse.campaign_folder.pulse_files import PulseFiles
@@ -89,8 +90,9 @@ def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> 
     Raises
     ------
     DataError
-        If an id is already in the campaign with another condition or pulse, or all are there already; if an id occurs
-        twice in the additions or is not a valid file name; if the campaign's own table is invalid, or it is the sample;
+        If an id is already in the campaign with another condition or pulse, or all are there already; if a test is a
+        copy of another; if an id occurs twice in the additions or is not a valid file name; if the campaign's own table
+        is invalid, or it is the sample;
         nothing is changed.
     OSError
         If writing fails; the campaign is unchanged.
@@ -138,6 +140,8 @@ def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> Added:
         for path, new in ((folder / "campaign.toml", settings), (table, content)):
             keep(path)
             write_atomically(path, new.encode())
+        if role == "tests":
+            _check_differ(folder)
     return added
 
 
@@ -211,6 +215,23 @@ def _check_readable(files: Mapping[str, str], role: Role) -> None:
             (Path(scratch) / name).write_bytes(text.encode(errors="surrogateescape"))
         read_conditions(Path(scratch) / f"{role}.csv", standstill_allowed=role == "cae", problems=problems)
         read_settings(Path(scratch), problems, [])
+    _refuse(problems)
+
+
+def _check_differ(folder: Path) -> None:
+    """Raise a DataError if a test in use has become a copy of another: the campaign could no longer be opened."""
+    settings, tests = read_settings(folder, [], []), _known(folder / "tests.csv", "tests")
+    if tests is not None:
+        tests = tests.without([place for place, test_id in enumerate(tests.ids) if test_id in settings.unused])
+        accel = PulseFiles(folder, "tests", settings.channel_filter_class).read(tests.ids, settings.unused)
+        unread = np.flatnonzero(np.isnan(accel[:, 0])).tolist()
+        problems: list[Problem] = []
+        check_tests_differ(tests.without(unread), np.delete(accel, unread, axis=0), problems)
+        _refuse(problems)
+
+
+def _refuse(problems: Sequence[Problem]) -> None:
+    """Raise the problems of files as they would become, if there are any."""
     if problems:
         raise DataError([replace(problem, where=f"{problem.where} as it would become") for problem in problems])
 

@@ -41,7 +41,14 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
     clock = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
     if clock.size == time.size and np.abs(steps - step).max() <= UNEVEN * step:
         return clock, values, ""
+    lost = np.rint(steps / step).astype(int) - 1
     told = f"{channel.name} was sampled unevenly and is interpolated to {1 / step:.0f} Hz."
+    if lost.any() and np.abs(steps - (lost + 1) * step).max() <= UNEVEN * step:
+        first_ms = time[int(np.argmax(lost > 0))] / MS
+        told = (
+            f"Careful: {channel.name} lacks {lost.sum()} of {clock.size} samples, the first after {first_ms:.6g} ms; "
+        )
+        told += "they are interpolated."
     return clock, np.interp(clock, time, values), told
 
 

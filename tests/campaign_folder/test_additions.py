@@ -68,6 +68,22 @@ def test_a_campaign_is_begun(tmp_path: Path) -> None:
     assert not begun.warnings
 
 
+def test_a_copy_of_a_test_is_refused_and_nothing_changes(campaign_folder: Path) -> None:
+    """Under another id, scaled, or twice in one source: with it the campaign could no longer be opened."""
+    first = addition("First")
+    add_to_campaign(campaign_folder, "tests", [first])
+    before = content_of(campaign_folder)
+    scaled = replace(first, id="Second", pulse=Pulse(GRID_S, 1.02 * first.pulse.accel_mps2))
+    other = addition("Third", 40.0)
+    for new in ([scaled], [other, replace(other, id="Fourth")]):
+        with pytest.raises(DataError, match=r"as it would become.*the same record for"):
+            add_to_campaign(campaign_folder, "tests", new)
+        assert content_of(campaign_folder) == before
+    (campaign_folder / "campaign.toml").write_text('unused = ["First"]\n', encoding="utf-8")
+    add_to_campaign(campaign_folder, "tests", [scaled])  # it takes the place of one that is not in use
+    assert load_campaign(campaign_folder).test_ids[-1] == "Second"
+
+
 def test_an_id_that_is_there_is_refused_and_nothing_changes(campaign_folder: Path) -> None:
     """Neither table, nor pulse, nor settings: all or nothing."""
     before = content_of(campaign_folder)

@@ -93,8 +93,9 @@ def test_conditions_are_joined_by_id(tmp_path: Path) -> None:
 def test_many_who_add_at_once_lose_nothing(tmp_path: Path) -> None:
     """Eight imports into one campaign at the same time: each test has its row, its pulse and its history."""
     ids = [f"T{number}" for number in range(8)]
-    for test_id in ids:
-        write(tmp_path / "files", {f"{test_id}.csv": german(clock(), half_sine_g(clock()))})
+    for number, test_id in enumerate(ids):
+        pulse = half_sine_g(clock()) + scatter_g(clock(), 2.0 * number)
+        write(tmp_path / "files", {f"{test_id}.csv": german(clock(), pulse)})
 
     def add(test_id: str) -> None:
         import_source(tmp_path / "files" / f"{test_id}.csv", tmp_path / "campaign", GIVEN)

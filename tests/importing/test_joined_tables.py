@@ -1,6 +1,7 @@
 """What tables from laboratories have in them besides one time and one pulse: each is read rightly or refused."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,14 +9,14 @@ import pytest
 from openpyxl import Workbook
 
 from crashfuse.errors import DataError, UsageError
-from crashfuse.importing import ColumnChoice, Reading, import_source, read_each, read_records
+from crashfuse.importing import ColumnChoice, Reading, import_source, read_each, read_records, settle_each
 from crashfuse.readers.record import Record
 from crashfuse.readers.tables.mapping import propose
 from crashfuse.readers.tables.sheets import read_sheets
 from crashfuse.readers.tables.table_reader import apply_conditions
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.units import KPH, MS
-from tests.importing.crashes import GIVEN, clock, half_sine_g
+from tests.importing.crashes import GIVEN, clock, half_sine_g, scatter_g
 
 TIME_S = clock(-0.02, 0.15, 5000)
 PULSE_G = half_sine_g(TIME_S)
@@ -76,7 +77,7 @@ def test_each_acceleration_has_the_time_to_its_left(tmp_path: Path) -> None:
         assert (channel.time_s[0], channel.values.size) == (pytest.approx(start_s), count)
         np.testing.assert_allclose(channel.values, half_sine_g(channel.time_s), atol=1e-3)
         assert any("times side by side" in step for step in record.steps)
-    first, second = import_source(path, tmp_path / "out", GIVEN)
+    first, second = settle_each(records.values(), [], GIVEN)
     assert (first.time_zero_s, second.time_zero_s) == (0.0, 0.0)
     with pytest.raises(UsageError, match="One id is not enough"):
         import_source(path, tmp_path / "other", GIVEN, record_id="T1")
@@ -109,7 +110,8 @@ def test_one_time_in_two_units_is_one_time(tmp_path: Path) -> None:
 
 def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
     """Left beside right: refused, averaged under an id, or two records if the conditions of both are there."""
-    path = table(tmp_path, "t [ms];ax left [g];ax right [g]", TIME_S / MS, PULSE_G, PULSE_G)
+    right_g = PULSE_G + scatter_g(TIME_S, 2.0)
+    path = table(tmp_path, "t [ms];ax left [g];ax right [g]", TIME_S / MS, PULSE_G, right_g)
     said = refusal(path)
     assert "found ax left, ax right; if they are sensors of one crash, average them (--id ID)" in said
     assert 'or choose among them (--channel "ax left [g]"); if they are crashes, give a table of their' in said
@@ -123,6 +125,19 @@ def test_two_sensors_of_one_crash_are_not_two_tests(tmp_path: Path) -> None:
     conditions.write_text("id;v [km/h];VA [kg];HA [kg]\nax left;56;950;750\nax right;56;950;750\n")
     assert len(import_source(path, tmp_path / "two", conditions=conditions)) == 2
     assert len(read_each(Reading(path))[0]) == 2  # before anything is added, both can be looked at
+
+
+@pytest.mark.parametrize("engine", ["engine_top_X [g]", "Motor oben ax [g]", "10ENGN000000ACXP [g]"])
+def test_the_engine_is_not_averaged_with_the_floor(tmp_path: Path, engine: str) -> None:
+    """It stops first: with it the vehicle would seem to crush less. Chosen by name, or alone, it is read."""
+    path = table(tmp_path, f"t [ms];floor left ax [g];{engine}", TIME_S / MS, PULSE_G, 1.3 * PULSE_G)
+    (one,) = import_source(path, tmp_path / "floor", GIVEN, record_id="T1")
+    assert one.channels == ("floor left ax [g]",)
+    assert f"Ahead of the passenger cell, not averaged unless chosen: {engine}." in one.steps
+    (chosen,) = import_source(path, tmp_path / "engine", replace(GIVEN, channels=(engine,)), record_id="T1")
+    assert chosen.channels == (engine,)
+    (alone,) = read_records(Reading(table(tmp_path, f"t [ms];{engine}", TIME_S / MS, PULSE_G, name="alone.csv")))
+    assert alone.proposed == (engine,)
 
 
 @pytest.mark.parametrize(

@@ -289,6 +289,14 @@ def test_nodes_at_rest_need_not_agree() -> None:
     assert settle(still, role="cae").channels == ("0", "1")
 
 
+def test_samples_that_are_missing_are_told() -> None:
+    """Empty cells of a table are no uneven sampling: how many there are, and where, is said with care."""
+    time_s = clock(-0.05, 0.3)
+    kept = np.delete(time_s, [700, 900, 902])
+    settled = settle(record(RecordedChannel("X", "X", kept, half_sine_g(kept), "g")))
+    assert "Careful: X lacks 3 of 3501 samples, the first after 19.9 ms; they are interpolated." in settled.steps
+
+
 def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
     """Jitter of a tenth of a step is interpolated and told; a gap or a step back is refused."""
     time_s = clock()

@@ -11,7 +11,7 @@ from crashfuse.errors import DataError, UsageError
 from crashfuse.files.archive import zipped
 from crashfuse.importing import ColumnChoice, Reading, format_of, import_source, read_each, read_records, settle_each
 from tests.importing.crash_files import german, imported, isomme, write
-from tests.importing.crashes import GIVEN, clock, half_sine_g
+from tests.importing.crashes import GIVEN, clock, half_sine_g, scatter_g
 from tests.readers.nhtsa_files import nhtsa_files
 
 
@@ -80,8 +80,10 @@ def test_a_folder_of_tests_gives_them_all(tmp_path: Path) -> None:
 
 def test_a_zip_of_several_gives_them_all(tmp_path: Path) -> None:
     """Tables, or tests of a format whose reader takes one: unpacked, read, and nothing of it stays."""
-    tables = {f"{name}.csv": german(clock(), half_sine_g(clock())) for name in ("A", "B")}
-    for name, files in (("tables", tables), ("isomme", {**isomme("C"), **isomme("D")})):
+    tables = {
+        f"{name}.csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), g)) for name, g in (("A", 0), ("B", 2))
+    }
+    for name, files in (("tables", tables), ("isomme", {**isomme("C", 4.0), **isomme("D", 6.0)})):
         (tmp_path / f"{name}.zip").write_bytes(zipped(files))
         import_source(tmp_path / f"{name}.zip", tmp_path / "campaign", GIVEN)
     assert [each["id"] for each in imported(tmp_path / "campaign")] == ["A", "B", "C", "D"]
@@ -112,7 +114,8 @@ def test_formats_are_not_mixed_without_a_word(tmp_path: Path) -> None:
 def test_columns_are_mapped_by_the_user(tmp_path: Path) -> None:
     """COLUMN=ROLE:UNIT overrules the proposal; channels of one table are averaged under one id."""
     time_s = clock()
-    source = write(tmp_path, {"x.csv": german(time_s, half_sine_g(time_s), half_sine_g(time_s), header="c1;c2;c3")})
+    other_g = half_sine_g(time_s) + scatter_g(time_s, 6.0)
+    source = write(tmp_path, {"x.csv": german(time_s, half_sine_g(time_s), other_g, header="c1;c2;c3")})
     columns = [ColumnChoice.parsed(text) for text in ("c1=time:ms", "c2=acceleration:g", "c3=acceleration:g")]
     (one,) = import_source(source / "x.csv", tmp_path / "out", GIVEN, record_id="T1", columns=columns)
     assert (one.id, one.channels) == ("T1", ("c2", "c3"))

@@ -1,7 +1,7 @@
 """A small NHTSA test in memory: a specification and a channel a sensor."""
 
 from crashfuse.signals.pulse import FloatArray
-from tests.importing.crashes import clock, half_sine_g, ringing_g
+from tests.importing.crashes import clock, half_sine_g, ringing_g, scatter_g
 
 SENSORS = {
     1: ("AC", "01", "HDCG", "XL", "G'S", "AM", "P", "DRIVER HEAD X"),
@@ -57,7 +57,7 @@ def samples(time_s: FloatArray, values: FloatArray) -> str:
 def nhtsa_files(number: int = 5, **of_specification: str) -> dict[str, bytes]:
     """Files of a whole test, by name: raw pulses, left a little harder than right."""
     time_s = clock()
-    raw = half_sine_g(time_s) + ringing_g(time_s)
+    raw = half_sine_g(time_s) + scatter_g(time_s, 2.0 * (number - 5)) + ringing_g(time_s)
     scales = {93: 1.02, 94: 0.98, 95: 3.0, 99: 1.02, 100: 0.1}
     texts = {f"v{number:05d}.{curve:03d}": samples(time_s, scales.get(curve, 0.5) * raw) for curve in SENSORS}
     texts[f"v{number:05d}.EV5"] = specification(number=number, **of_specification)

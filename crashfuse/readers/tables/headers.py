@@ -42,6 +42,9 @@ _DUMMY = re.compile(
     r"ribs?|rippe\w*|spine|shoulder|schulter\w*|abdomen|pelvis|pelvic|becken\w*|femur|oberschenkel|knee|knie|tibia|"
     r"foot|fuss)\b"
 )
+_AHEAD = re.compile(
+    r"\b(engines?|\w\wengn\w*|motor(block)?|gearbox|getriebe|transmission|calipers?|bremssattel|bumper|stossfanger)\b"
+)
 _OF_THE_VEHICLE = re.compile(
     r"\b(veh\w*|car|fahrzeug\w*|cg|tunnel\w*|sill|schweller\w*|b (pillar|saule)|rocker|(x|cross) ?member)\b"
 )
@@ -169,6 +172,11 @@ def place_of(column: str) -> str:
     if (code := _code_of(column)) is not None:
         return code.sensor.lower()
     return " ".join(_FILTER.sub("", _plain(bare_name(column))).split())
+
+
+def is_ahead(column: str) -> bool:
+    """Whether a header names a part ahead of the passenger cell, which stops before the vehicle does."""
+    return _AHEAD.search(place_of(column)) is not None
 
 
 def filter_order(column: str) -> float:

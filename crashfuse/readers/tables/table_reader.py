@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.readers.record import PartialCondition, Record, RecordedChannel
-from crashfuse.readers.tables.headers import bare_name, cutoff_of
+from crashfuse.readers.tables.headers import bare_name, cutoff_of, is_ahead
 from crashfuse.readers.tables.mapping import QUANTITIES, ColumnRole, ColumnUse, Mapping
 from crashfuse.readers.tables.sheet import Sheet
 from crashfuse.readers.unit_spelling import UNITS
@@ -53,8 +53,12 @@ def apply_mapping(sheet: Sheet, mapping: Mapping, *, record_id: str, together: b
 
     def record(name: str, uses: tuple[ColumnUse, ...], rows: Rows) -> Record:
         channels = tuple(channel(use, rows) for use in uses)
-        steps = (*sheet.steps, *(_told(use) for use in (*times, *ids, *uses)), *filter(None, [mapping.travel]), *told)
-        return Record(name, sheet.name, PartialCondition(), channels, tuple(c.name for c in channels), steps)
+        ahead = [use.column for use in uses if is_ahead(use.column)]
+        averaged = tuple(use.column for use in uses if use.column not in ahead) or tuple(ahead)
+        left = f"Ahead of the passenger cell, not averaged unless chosen: {', '.join(map(printable, ahead))}."
+        notes = [mapping.travel, left if 0 < len(ahead) < len(uses) else ""]
+        steps = (*sheet.steps, *(_told(use) for use in (*times, *ids, *uses)), *filter(None, notes), *told)
+        return Record(name, sheet.name, PartialCondition(), channels, averaged, steps)
 
     rows = np.flatnonzero(np.isfinite(time))
     if ids:
