@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral, Real
 from typing import Any, Literal, Self, cast, get_args
 
 from crashfuse.approaches.base import Approach
 from crashfuse.approaches.registry import APPROACHES, create
 from crashfuse.approaches.settings import DEVICES, PRESETS, Device, Preset, Settings
 from crashfuse.campaign import Campaign
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, one_of
 from crashfuse.execution.cache import Cache
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
@@ -73,9 +74,20 @@ class StudyConfig:
         return tuple(replace(self, leave_out=way) for way in ways)
 
     def check(self) -> None:
-        """Raise a UsageError if an approach, the preset or the device is wrong, before anything is computed."""
+        """Raise a UsageError if a setting is impossible, before anything is computed."""
+        if not self.approaches:
+            raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
         for name in self.approaches:
             _ = self.create(name).device
+        one_of("way to leave tests out", self.leave_out, dict.fromkeys(get_args(LeaveOut)))
+        if not (isinstance(self.seed, Integral) and 0 <= self.seed < 2**32):
+            raise UsageError(f"Seed must be between 0 and {2**32 - 1}, got {self.seed}.")
+        if not (isinstance(self.windows_ms, Sequence) and self.windows_ms):
+            raise UsageError(f"Name at least one rating window, such as (60.0,), not {self.windows_ms!r}.")
+        for window in self.windows_ms:
+            if not (isinstance(window, Real) and 10 <= window <= 100):
+                asked = str(window).removesuffix(".0")
+                raise UsageError(f"A rating window of {asked} ms is not possible; choose 10 to 100 ms.")
 
     @property
     def on_this_device(self) -> "StudyConfig":

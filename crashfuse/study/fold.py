@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import UsageError
+from crashfuse.errors import UsageError, one_of
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import Rating, rate_many, rate_windows
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
@@ -57,8 +57,8 @@ class Fold:
         return tuple(each.approach for each in self.estimates if each.prediction.draws_mps2 is not None)
 
     def estimate(self, approach: str) -> Estimate:
-        """The estimate of this approach."""
-        return next(estimate for estimate in self.estimates if estimate.approach == approach)
+        """The estimate of this approach; a UsageError if the study is without it."""
+        return one_of("prediction of this test by", approach, {each.approach: each for each in self.estimates})
 
     def explained(self, approach: str, window_ms: float) -> RatingExplanation:
         """What the rating of an approach's prediction over [0, window_ms) is made of."""

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, UsageError
@@ -41,16 +40,10 @@ class StudyPlan:
         object.__setattr__(self, "held_out", tuple(dict.fromkeys(self.held_out or campaign.test_ids)))
         if len(campaign.tests) < 2:
             raise UsageError("Leaving a test out takes at least 2 tests: one to predict and one to learn from.")
+        config.check()
         if config.leave_out == "speed group" and not self._has_speed_groups:
             raise UsageError("All tests are of one speed group: leaving it out leaves nothing to learn from.")
-        if not config.approaches:
-            raise UsageError(f"Name at least one approach: {', '.join(APPROACHES)}.")
-        config.check()
-        if not 0 <= config.seed < 2**32:
-            raise UsageError(f"Seed must be between 0 and {2**32 - 1}, got {config.seed}.")
         for window in config.windows_ms:
-            if not 10 <= window <= 100:
-                raise UsageError(f"A rating window of {window:g} ms is not possible; choose 10 to 100 ms.")
             for test_id in self.held_out:
                 check_window(campaign.test(test_id), window)
 

@@ -66,4 +66,6 @@ def test_an_approach_without_a_band_has_no_spread(campaign: Campaign) -> None:
     assert fold.with_band == ()
     with pytest.raises(UsageError, match="cae has no band"):
         fold.rating_draws("cae", 60.0)
+    with pytest.raises(UsageError, match="There is no prediction of this test by 'fused'; choose from cae"):
+        fold.estimate("fused")
     assert fold.ratings["cae"][60.0].overall == pytest.approx(1.0)

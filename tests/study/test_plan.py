@@ -35,7 +35,11 @@ def test_both_ways_to_leave_out_are_planned_where_both_are_possible(campaign: Ca
         (StudyConfig(preset="slow"), [], "There is no preset 'slow'; choose from fast, paper"),  # type: ignore[arg-type]
         (StudyConfig(seed=-1), [], "Seed must be between 0 and 4294967295, got -1"),
         (StudyConfig(seed=2**32), [], "Seed must be between 0 and 4294967295, got 4294967296"),
+        (StudyConfig(seed="1"), [], "Seed must be between 0 and 4294967295, got 1"),  # type: ignore[arg-type]
         (StudyConfig(windows_ms=(5.0,)), [], "A rating window of 5 ms is not possible; choose 10 to 100 ms"),
+        (StudyConfig(windows_ms=()), [], "Name at least one rating window"),
+        (StudyConfig(windows_ms=60.0), [], "Name at least one rating window"),  # type: ignore[arg-type]
+        (StudyConfig(leave_out="speed_group"), [], "did you mean speed group"),  # type: ignore[arg-type]
     ],
 )
 def test_an_impossible_study_is_refused_before_it_starts(
