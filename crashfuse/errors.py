@@ -114,6 +114,12 @@ class UsageError(CrashfuseError):
     """The request refers to something that does not exist, or is invalid (exit code 2)."""
 
 
+def require_a(kind: type, given: object, how: str) -> None:
+    """Raise a UsageError if this is no such object; ``how`` is how to get one."""
+    if not isinstance(given, kind):
+        raise UsageError(f"This takes a {kind.__name__} ({how}), not {printable(repr(given), 60)}.")
+
+
 def several(given: str | Sequence[T]) -> tuple[str | T, ...]:
     """What is given one by one, or a single name as it is."""
     return (given,) if isinstance(given, str) else tuple(given)

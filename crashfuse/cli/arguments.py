@@ -18,6 +18,7 @@ from crashfuse.cli import (
     ratings,
     studies,
 )
+from crashfuse.cli.numbers import in_si, number, whole
 from crashfuse.units import KPH, LB, MPH
 from crashfuse.version import __version__
 from crashfuse.wording import SYSTEMS
@@ -53,7 +54,7 @@ def parser() -> argparse.ArgumentParser:
         return added
 
     app = command("app", data.app, "start the dashboard on 127.0.0.1", None)
-    app.add_argument("--port", type=_whole(1, 65535), default=8501, help="port to listen on (default: %(default)s)")
+    app.add_argument("--port", type=whole(1, 65535), default=8501, help="port to listen on (default: %(default)s)")
     app.add_argument("--campaign", type=Path, metavar="DIR", help="campaign folder to open at the start")
     app.add_argument(
         "--root",
@@ -88,7 +89,7 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--held-out", nargs="+", metavar="ID", help="tests to leave out in turn (default: every test)")
     _add_model_options(study, several=True)
     study.add_argument(
-        "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
+        "--windows-ms", nargs="+", type=number, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
     )
     study.add_argument(
         "--leave-out",
@@ -128,13 +129,13 @@ def parser() -> argparse.ArgumentParser:
     )
     curve.add_argument("--cost-per-test", metavar="AMOUNT", help="cost of one test, such as 60000 or '60000 EUR'")
     curve.add_argument(
-        "--repeats", type=_whole(0), metavar="N", help="random choices of each number of tests (default: 3)"
+        "--repeats", type=whole(0), metavar="N", help="random choices of each number of tests (default: 3)"
     )
     curve.add_argument(
-        "--windows-ms", nargs="+", type=float, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
+        "--windows-ms", nargs="+", type=number, metavar="W", help="rate over 0 to W ms (default: 20 40 60)"
     )
     _add_units(curve)
-    curve.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
+    curve.add_argument("--seed", type=whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
     curve.add_argument("--device", choices=_DEVICES, help=_DEVICE_HELP)
     _add_workers(curve)
 
@@ -162,7 +163,7 @@ def parser() -> argparse.ArgumentParser:
     )
     next_test.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     _add_units(next_test)
-    next_test.add_argument("--seed", type=_whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
+    next_test.add_argument("--seed", type=whole(0, 2**32 - 1), help="seed of everything random (default: 0)")
 
     figures.add_options(commands.add_parser("figures", help="write the figures of a report as SVG, PNG, CSV or slides"))
     history.add_options(commands.add_parser("compare", help="say which of two studies rates better, and by how much"))
@@ -182,17 +183,8 @@ def _add_axes(
     """Options for speed and weights; a value is converted to SI as it is read."""
     for name in axes:
         group = parser.add_mutually_exclusive_group(required=required)
-        for flag, in_si in _AXES[name].items():
-            group.add_argument(flag, dest=name, type=_in_si(in_si), **{"metavar": flag[2].upper(), **options})
-
-
-def _in_si(factor: float) -> Callable[[str], float]:
-    """Parser of a number in a unit with this factor to SI."""
-
-    def number(text: str) -> float:
-        return float(text) * factor
-
-    return number
+        for flag, factor in _AXES[name].items():
+            group.add_argument(flag, dest=name, type=in_si(factor), **{"metavar": flag[2].upper(), **options})
 
 
 def _add_units(parser: argparse.ArgumentParser) -> None:
@@ -218,7 +210,7 @@ def _add_model_options(parser: argparse.ArgumentParser, *, several: bool = False
 
 
 def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False) -> None:
-    preset, seed = _one_of("fast", "paper"), _whole(0, 2**32 - 1)
+    preset, seed = _one_of("fast", "paper"), whole(0, 2**32 - 1)
     more = "; several separated by commas" if several else ""
     parser.add_argument(
         "--preset",
@@ -234,7 +226,7 @@ def _add_settings(parser: argparse.ArgumentParser, *, several: bool = False) -> 
 
 def _add_workers(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=_whole(1), metavar="N", help="processes (default: one for each core)")
+    where.add_argument("--workers", type=whole(1), metavar="N", help="processes (default: one for each core)")
     where.add_argument(
         "--scheduler", metavar="tcp://HOST:PORT", help="Dask cluster that you trust, to compute on its workers"
     )
@@ -270,16 +262,3 @@ def _one_of(*choices: str) -> Callable[[str], str]:
         return text
 
     return choice
-
-
-def _whole(low: int, high: int | None = None) -> Callable[[str], int]:
-    """Parser of an integer within bounds, for argparse."""
-
-    def whole_number(text: str) -> int:
-        number = int(text)
-        if number < low or (high is not None and number > high):
-            allowed = f"{low} or more" if high is None else f"between {low} and {high}"
-            raise argparse.ArgumentTypeError(f"must be {allowed}, got {number}")
-        return number
-
-    return whole_number

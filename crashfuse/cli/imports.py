@@ -1,9 +1,9 @@
 """The command that imports foreign files into a campaign."""
 
 import argparse
-import math
 from pathlib import Path
 
+from crashfuse.cli.numbers import filter_class, number
 from crashfuse.readers.axes import TRAVELS
 from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS
 
@@ -53,7 +53,7 @@ def import_(arguments: argparse.Namespace) -> None:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the command's options to its parser."""
-    parser.add_argument("source", type=Path, metavar="SOURCE", help="a file, a folder or a zip, of one record or many")
+    parser.add_argument("source", type=Path, metavar="SOURCE", help="a file, folder or archive, of one record or many")
     parser.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
     parser.add_argument("--format", choices=(*FORMATS, *BROKEN_FORMATS), help="default: by the files' names")
     parser.add_argument("--as", dest="role", choices=("tests", "cae"), default="tests", help="default: %(default)s")
@@ -70,29 +70,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--deceleration-sign", choices=("negative", "positive"), help="in the source (default: detected)"
     )
     parser.add_argument("--travel", choices=TRAVELS, help="direction of travel in the source's axes (default: found)")
-    parser.add_argument("--time-zero-ms", type=_number, metavar="T", help="first contact, in the source's own time")
+    parser.add_argument("--time-zero-ms", type=number, metavar="T", help="first contact, in the source's own time")
     parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help='60, 180 or so, or "none"')
     speed = parser.add_mutually_exclusive_group()
     for unit in ("mph", "kph"):
-        speed.add_argument(f"--speed-{unit}", type=_number, metavar="V", help=f"impact speed in {unit}")
+        speed.add_argument(f"--speed-{unit}", type=number, metavar="V", help=f"impact speed in {unit}")
     for name, what in _WEIGHTS.items():
         group = parser.add_mutually_exclusive_group()
         for unit in ("lb", "kg"):
-            group.add_argument(f"--{name}-{unit}", type=_number, metavar="W", help=f"weight {what} in {unit}")
-    parser.add_argument("--front-share", type=_number, metavar="S", help="share of the mass on the front axle, 0 to 1")
+            group.add_argument(f"--{name}-{unit}", type=number, metavar="W", help=f"weight {what} in {unit}")
+    parser.add_argument("--front-share", type=number, metavar="S", help="share of the mass on the front axle, 0 to 1")
     parser.set_defaults(run=import_)
-
-
-def _number(text: str) -> float:
-    number = float(text)
-    if not math.isfinite(number):
-        raise argparse.ArgumentTypeError(f"must be a number, not {text}")
-    return number
-
-
-def filter_class(text: str) -> float | str:
-    """Parse a channel filter class, or "none"."""
-    return text if text == "none" else float(text)
 
 
 def _in_si(arguments: argparse.Namespace, name: str, units: dict[str, float]) -> float | None:

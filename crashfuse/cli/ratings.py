@@ -5,7 +5,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crashfuse.cli.imports import UNITS, filter_class
+from crashfuse.cli.imports import UNITS
+from crashfuse.cli.numbers import filter_class, number
 from crashfuse.errors import CrashfuseError, UsageError
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--explain", action="store_true", help="say what each rating is made of: shift, corridor left, humps"
     )
-    parser.add_argument("--windows-ms", nargs="+", type=float, metavar="W", help="over 0 to W ms (default: 20 40 60)")
+    parser.add_argument("--windows-ms", nargs="+", type=number, metavar="W", help="over 0 to W ms (default: 20 40 60)")
     parser.add_argument("--channel", nargs="+", default=(), metavar="NAME", help="to be averaged (default: proposed)")
     parser.add_argument(
         "--comparison-channel", nargs="+", default=(), metavar="NAME", help="of the comparison, if named otherwise"

@@ -35,8 +35,10 @@ def replacing(path: Path) -> Iterator[Path]:
         with temporary.open("rb+") as stream:
             os.fsync(stream.fileno())
         temporary.replace(path)
-    except BaseException:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            error.filename = str(path)  # a full disk names none, and the temporary one says nothing
         raise
 
 
@@ -68,14 +70,16 @@ def new_folder(folder: Path) -> Iterator[Path]:
         raise DataError(Problem(str(folder), "a folder that holds nothing yet", "one that does", "choose another"))
     folder.parent.mkdir(parents=True, exist_ok=True)
     home = _unfinished(folder.parent)
-    home.mkdir()
     try:
+        home.mkdir()
         yield home
         if folder.exists():
             folder.rmdir()
         home.rename(folder)
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(home, ignore_errors=True)
+        if isinstance(error, OSError):
+            error.filename = str(folder)
         raise
 
 

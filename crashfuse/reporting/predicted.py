@@ -12,7 +12,7 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.errors import UsageError, several
+from crashfuse.errors import UsageError, require_a, several
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.figures import Curves, Further, beside, chosen, prediction_name
@@ -168,7 +168,9 @@ def asked(approach: str | Sequence[str], config: StudyConfig) -> tuple[str, ...]
 
 
 def check_factors(campaign: Campaign, condition: Condition) -> None:
-    """Raise a UsageError if no test has a factor of this condition, or its value."""
+    """Raise a UsageError if these are no campaign and condition, or no test has a factor of it, or its value."""
+    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+    require_a(Condition, condition, "crashfuse.Condition.of(speed_mph=…, …)")
     for name, value in condition.factors:
         if name not in campaign.factors:
             known = ", ".join(campaign.factors) or "none"

@@ -13,7 +13,7 @@ from crashfuse.certification.certify import APPROACH, Certification, certify_mat
 from crashfuse.certification.criteria import CONFIDENCE, Criteria
 from crashfuse.certification.criteria_file import criteria_of, read_criteria
 from crashfuse.certification.matrix import Matrix
-from crashfuse.errors import one_of
+from crashfuse.errors import one_of, require_a
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.reporting.certification_tables import (
@@ -135,6 +135,7 @@ def certify(
     DataError, UsageError
         If the criteria or the matrix are wrong, or the campaign cannot be judged by them.
     """
+    require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
     if isinstance(matrix, pd.DataFrame):
         matrix = Matrix.of(matrix, campaign.factors)
     elif not isinstance(matrix, Matrix):

@@ -6,7 +6,7 @@ import numpy as np
 
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.errors import DataError, Problem, UsageError
+from crashfuse.errors import DataError, Problem, UsageError, require_a
 from crashfuse.signals.pulse import DT_S
 from crashfuse.study.config import StudyConfig
 
@@ -36,6 +36,8 @@ class StudyPlan:
 
     def __post_init__(self) -> None:
         campaign, config = self.campaign, self.config
+        require_a(Campaign, campaign, "crashfuse.load_campaign(folder)")
+        require_a(StudyConfig, config, "crashfuse.StudyConfig()")
         campaign.without(self.held_out)
         object.__setattr__(self, "held_out", tuple(dict.fromkeys(self.held_out or campaign.test_ids)))
         if len(campaign.tests) < 2:

@@ -75,6 +75,29 @@ def test_a_new_folder_appears_when_it_is_whole(tmp_path: Path, there: bool) -> N
     assert contents(tmp_path) == {"c/a.csv": b"new"}
 
 
+@pytest.mark.parametrize("folder", [False, True])
+def test_what_the_disk_has_no_room_for_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: bool) -> None:
+    """A full disk names no file, and the temporary name would say nothing: it is the one that was asked for."""
+
+    def full(path: Path, _: bytes) -> int:
+        path.touch()
+        raise OSError(28, "No space left on device")
+
+    def write(target: Path) -> None:
+        if not folder:
+            write_atomically(target, b"new")
+            return
+        with new_folder(target) as home:
+            write_atomically(home / "a.csv", b"new")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    target = tmp_path / "report.html"
+    with pytest.raises(OSError, match="No space left") as caught:
+        write(target)
+    assert caught.value.filename == str(target)
+    assert not contents(tmp_path)
+
+
 @pytest.mark.slow
 def test_a_disk_that_is_full_at_the_end_of_a_study_costs_nothing_but_time(
     campaign_on_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -1,6 +1,7 @@
 """A prediction as the library offers it: tables in known units, the pages' figure, one sentence for what is wrong."""
 
 import io
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -62,6 +63,23 @@ def test_what_the_campaign_does_not_have_is_a_sentence(campaign: crashfuse.Campa
     assert refusal(wheels) == "Tiny has no factor 'wheels'; its factors are: drive."
     rear = Condition.of(speed_mph=30, front_weight_lb=2050, rear_weight_lb=1500, drive="RWD")
     assert refusal(rear) == "No test has drive 'RWD'; known are FWD."
+
+
+def test_what_is_no_campaign_or_condition_is_a_sentence(campaign: crashfuse.Campaign) -> None:
+    """A folder's name, or three numbers: the sentence says what makes one of them."""
+    folder: Any = "campaign"
+    numbers: Any = (30, 2050, 1500)
+    settings: Any = {"seed": 1}
+    for call, sentence in (
+        (lambda: crashfuse.run_study(folder), "This takes a Campaign (crashfuse.load_campaign(folder)), not 'c"),
+        (lambda: crashfuse.certify(folder, [], pd.DataFrame()), "This takes a Campaign"),
+        (lambda: predict(folder, AT), "This takes a Campaign"),
+        (lambda: predict(campaign, numbers), "This takes a Condition (crashfuse.Condition.of(speed_mph=…, …)"),
+        (lambda: crashfuse.run_study(campaign, settings), "This takes a StudyConfig (crashfuse.StudyConfig())"),
+    ):
+        with pytest.raises(UsageError) as caught:
+            call()
+        assert str(caught.value).startswith(sentence)
 
 
 def test_an_error_in_a_notebook_is_its_sentence() -> None:
