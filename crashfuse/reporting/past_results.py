@@ -96,8 +96,8 @@ def _row(result: PastResult, display: Display) -> dict[str, str]:
             "Mean rating": f"{result.mean(result.approach, window):.3f}",
             "Worst test": f"{worst} {rating:.3f}",
         }
-    elif result.expected is not None:
-        rated["Mean rating"] = f"{result.expected:.2f} expected"
+    elif result.expected:
+        rated["Mean rating"] = f"{result.expected} expected"
     return {
         "Date (UTC)": _date(result),
         "Campaign": result.campaign,

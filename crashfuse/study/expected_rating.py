@@ -76,6 +76,11 @@ class ExpectedRating:
         return rating_range(self.lower, self.upper)
 
     @property
+    def brief(self) -> str:
+        """What is expected in the fewest words: the likely range, or less than what nearer tests were rated."""
+        return f"less than {rating_range(self.lowest, self.highest)}" if self.farther else self.range
+
+    @property
     def grades(self) -> str:
         """Grades of both ends as they are displayed, so that 0.94 is Good beside "Excellent above 0.94"."""
         return " to ".join(dict.fromkeys(grade(round(end, 2)) for end in (self.lower, self.upper)))

@@ -57,8 +57,8 @@ class PastResult:
         speed groups left out if both were asked for.
     condition : Condition, optional
         Of a prediction.
-    expected : float, optional
-        Rating that is to be expected of a prediction.
+    expected : str
+        Rating that is to be expected of a prediction, as told: ``0.78 to 0.93``, ``less than 0.97``; empty if none is.
     """
 
     campaign: str
@@ -70,7 +70,7 @@ class PastResult:
     ratings: Ratings = field(default_factory=dict)
     speed_groups: Ratings = field(default_factory=dict)
     condition: Condition | None = None
-    expected: float | None = None
+    expected: str = ""
 
     @classmethod
     def of_study(cls, study: Study) -> Self:
@@ -86,7 +86,7 @@ class PastResult:
         """The record of a prediction by several approaches at one condition."""
         condition = estimates[0].prediction.condition
         advice = recommend_for(estimates, campaign, condition)
-        expected = None if advice.expected is None else advice.expected.mean
+        expected = "" if advice.expected is None else advice.expected.brief
         return cls(
             campaign.name, campaign.fingerprint, config, campaign.rating_basis, advice.approach, _now(),
             condition=condition, expected=expected,
@@ -164,15 +164,18 @@ def parsed(values: Mapping[str, Any]) -> PastResult:
     texts = [values[name] for name in ("campaign", "fingerprint", "basis", "approach", "date")]
     if not all(isinstance(text, str) for text in texts) or not _DATE.fullmatch(values["date"]):
         raise ValueError("no texts, or no date")
-    told = values["condition"]
-    condition = None if told is None else Condition.parse(told)
-    expected = None if values["expected"] is None else float(values["expected"])
+    asked = values["condition"]
+    condition = None if asked is None else Condition.parse(asked)
+    expected = values["expected"]
+    if not isinstance(expected, str | float | None):
+        raise ValueError("no expectation")
     campaign, fingerprint, basis, approach, date = texts
     ratings, groups = _ratings(values["ratings"], approach), _ratings(values["speed_groups"], approach)
     if not ratings and condition is None:
         raise ValueError("neither a study nor a prediction")
     config = StudyConfig.parse(values["config"])
-    return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, expected)
+    told = expected if isinstance(expected, str) else ""  # earlier versions kept a mean
+    return PastResult(campaign, fingerprint, config, basis, approach, date, ratings, groups, condition, told)
 
 
 def _read(path: Path) -> PastResult | None:
