@@ -48,8 +48,8 @@ def time_trouble(record: RecordedPulse, where: str) -> Problem | None:
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time[at + 1] / MS:.6g} ms after {time[at] / MS:.6g} ms"
-        expected, advice = "time that increases from row to row", "sort the rows by time"
-        return Problem(where, expected, found, advice, "time", int(rows[at + 1]))
+        advice = "sort the rows by time" if steps[at] else "delete the duplicates, or export time with more digits"
+        return Problem(where, "time that increases from row to row", found, advice, "time", int(rows[at + 1]))
     step = np.median(steps)
     off = np.abs(steps - step)
     if off.max() > UNEVEN * step:

@@ -366,7 +366,12 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "unsorted time": (
         _edit("tests/T1.csv", lambda t: pd.concat([t[:5], t[5:7][::-1], t[7:]])),
-        "tests/T1.csv, column time, row 8: expected time that increases from row to row, found 0.4 ms after 0.48 ms;",
+        "tests/T1.csv, column time, row 8: expected time that increases from row to row, found 0.4 ms after 0.48 ms; "
+        "sort the rows by time",
+    ),
+    "time twice": (
+        _edit("tests/T1.csv", lambda t: pd.concat([t[:5], t[4:]])),
+        "row 7: expected time that increases from row to row, found 0.32 ms after 0.32 ms; delete the duplicates",
     ),
     "uneven time": (
         _edit("tests/T1.csv", lambda t: t.drop(index=100)),
