@@ -136,6 +136,10 @@ def test_the_engine_is_not_averaged_with_the_floor(tmp_path: Path, engine: str) 
     assert f"Ahead of the passenger cell, not averaged unless chosen: {engine}." in one.steps
     (chosen,) = import_source(path, tmp_path / "engine", replace(GIVEN, channels=(engine,)), record_id="T1")
     assert chosen.channels == (engine,)
+    tunnel = table(
+        tmp_path, "t [ms];ax left [g];transmission tunnel X [g]", TIME_S / MS, PULSE_G, PULSE_G, name="t.csv"
+    )
+    assert len(import_source(tunnel, tmp_path / "tunnel", GIVEN, record_id="T1")[0].channels) == 2
     (alone,) = read_records(Reading(table(tmp_path, f"t [ms];{engine}", TIME_S / MS, PULSE_G, name="alone.csv")))
     assert alone.proposed == (engine,)
 

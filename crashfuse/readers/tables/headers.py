@@ -43,7 +43,7 @@ _DUMMY = re.compile(
     r"foot|fuss)\b"
 )
 _AHEAD = re.compile(
-    r"\b(engines?|\w\wengn\w*|motor(block)?|gearbox|getriebe|transmission|calipers?|bremssattel|bumper|stossfanger)\b"
+    r"\b(engines?|\w\wengn\w*|motor(block)?|gearbox|getriebe|calipers?|bremssattel|bumper|stossfanger)\b"
 )
 _OF_THE_VEHICLE = re.compile(
     r"\b(veh\w*|car|fahrzeug\w*|cg|tunnel\w*|sill|schweller\w*|b (pillar|saule)|rocker|(x|cross) ?member)\b"
