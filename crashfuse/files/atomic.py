@@ -37,8 +37,7 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     except BaseException as error:
         temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            error.filename = str(path)  # a full disk names none, and the temporary one says nothing
+        _name(error, temporary, path)
         raise
 
 
@@ -78,9 +77,14 @@ def new_folder(folder: Path) -> Iterator[Path]:
         home.rename(folder)
     except BaseException as error:
         shutil.rmtree(home, ignore_errors=True)
-        if isinstance(error, OSError):
-            error.filename = str(folder)
+        _name(error, home, folder)
         raise
+
+
+def _name(error: BaseException, temporary: Path, target: Path) -> None:
+    """Let a system error name what was to be written: a full disk names nothing, and temporary names say nothing."""
+    if isinstance(error, OSError) and error.errno and str(error.filename or temporary).startswith(str(temporary)):
+        error.filename = str(target)
 
 
 def _unfinished(folder: Path) -> Path:

@@ -152,12 +152,13 @@ def test_an_addition_cut_short_leaves_the_campaign_as_it_was(
 
     def no_table(path: Path, content: bytes) -> None:
         if path.name == "tests.csv":
-            raise OSError("disk full")
+            raise OSError(28, "disk full", str(path))
         write_atomically(path, content)
 
     monkeypatch.setattr(additions, "write_atomically", no_table)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(OSError, match="disk full") as caught:
         add_to_campaign(campaign_folder, "tests", [addition()])
+    assert caught.value.filename == str(campaign_folder / "tests.csv")  # not what keeps the history
     assert load_campaign(campaign_folder).fingerprint == fingerprint
     assert not (campaign_folder / "tests" / "New.csv").exists()
     monkeypatch.undo()

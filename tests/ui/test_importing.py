@@ -337,7 +337,7 @@ def test_choices_outlive_a_visit_to_another_page(visit: Visit) -> None:
 @pytest.mark.slow
 def test_many_tables_are_mapped_once_and_the_bad_one_is_left_out(visit: Visit, tmp_path: Path) -> None:
     """Three CSVs of one form and one with a word amid its numbers: three are added, of the fourth it is said why."""
-    files = {f"t{i}_csv": german(clock(), half_sine_g(clock())) for i in range(4)}
+    files = {f"t{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), 1.5 * i)) for i in range(4)}
     files["t3_csv"] = files["t3_csv"].replace(b"\n100,000000;", b"\nhundred;")
     session = drop(visit(), **files)
     assert len([one for one in session.app.selectbox if one.label == "Time"]) == 1
