@@ -14,7 +14,9 @@ from crashfuse.errors import UsageError, one_of, several
 from crashfuse.reporting.plots.displacement import energy_over_crush, integration_check, over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import motion, overlay
+from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import Pulse
+from crashfuse.study.estimate import Estimate
 
 T = TypeVar("T")
 
@@ -25,7 +27,7 @@ RUN = "cae:"
 class Elsewhere(Protocol):
     """A prediction at another condition."""
 
-    def curve(self, display: Display) -> tuple[str, Prediction]:
+    def curve(self, display: Display) -> tuple[str, Estimate]:
         """Its name in a legend, and itself."""
 
 
@@ -41,16 +43,27 @@ class Curves:
     ----------
     measured : Pulse or None
         Of the test at the condition, if one is to be shown.
-    predictions : mapping of str to Prediction
-        By approach; then whatever is put beside them, by its name in the legend.
+    shown : mapping of str to Estimate or Prediction
+        Estimates by approach; then whatever is put beside them, by its name in the legend.
     band : str or None
         The approach whose band is filled; None for the preferred one.
     """
 
     measured: Pulse | None
-    predictions: Mapping[str, Prediction]
+    shown: Mapping[str, Estimate | Prediction]
     condition: Condition
     band: str | None = None
+
+    @property
+    def predictions(self) -> dict[str, Prediction]:
+        """The pulses by their names."""
+        return {name: own.prediction if isinstance(own, Estimate) else own for name, own in self.shown.items()}
+
+    @property
+    def crush(self) -> dict[str, Metric]:
+        """Maximum crush of every estimate, with the interval that tables give."""
+        own = {name: each.metrics for name, each in self.shown.items() if isinstance(each, Estimate)}
+        return {name: metric for name, metrics in own.items() for metric in metrics if metric.name == "max_crush"}
 
     def draw(self, figure: str, display: Display) -> go.Figure:
         """The figure of this name.
@@ -69,7 +82,7 @@ PULSES: dict[str, Callable[[Curves, Display], go.Figure]] = {
     ),
     "acceleration": lambda own, display: overlay(own.measured, own.predictions, display, filled=own.band),
     "displacement": lambda own, display: over_displacement(
-        own.measured, own.predictions, own.condition.speed_mps, display, filled=own.band
+        own.measured, own.predictions, own.condition.speed_mps, display, filled=own.band, crush=own.crush
     ),
     "energy": lambda own, _: energy_over_crush(
         own.measured, own.predictions, own.condition.speed_mps, own.condition.mass_kg, filled=own.band
@@ -92,7 +105,7 @@ def chosen(known: Mapping[str, T], approaches: Sequence[str] | None) -> dict[str
     return {name: one_of("prediction by", name, known) for name in names}
 
 
-def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dict[str, Prediction]:
+def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dict[str, Estimate | Prediction]:
     """Further pulses by their names in the legend.
 
     Raises
@@ -114,7 +127,7 @@ def prediction_name(approach: str, condition: Condition, display: Display) -> st
     return f"{LABELS[approach]} at {display.briefly(condition)}"
 
 
-def _further(campaign: Campaign, each: Further, display: Display) -> tuple[str, Prediction]:
+def _further(campaign: Campaign, each: Further, display: Display) -> tuple[str, Estimate | Prediction]:
     if not isinstance(each, str):
         return each.curve(display)
     if each in campaign.test_ids:

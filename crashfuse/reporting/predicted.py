@@ -8,7 +8,6 @@ from typing import Unpack
 import pandas as pd
 import plotly.graph_objects as go
 
-from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
@@ -99,12 +98,12 @@ class PredictedPulse:
             If there is no such figure, approach, test, CAE run, option or unit.
         """
         shown = Display.of(self.campaign.units, **display)
-        own = chosen({each.approach: each.prediction for each in self.estimates}, approaches)
+        own = chosen({each.approach: each for each in self.estimates}, approaches)
         return Curves(None, own | beside(self.campaign, also, shown), self.condition, band).draw(figure, shown)
 
-    def curve(self, display: Display) -> tuple[str, Prediction]:
+    def curve(self, display: Display) -> tuple[str, Estimate]:
         """The name of the preferred approach's prediction beside others, and itself."""
-        return prediction_name(self.estimate.approach, self.condition, display), self.estimate.prediction
+        return prediction_name(self.estimate.approach, self.condition, display), self.estimate
 
     def __repr__(self) -> str:
         names = ", ".join(LABELS[each.approach].lower() for each in self.estimates)

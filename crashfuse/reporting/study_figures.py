@@ -77,10 +77,10 @@ def figure_of_test(
     if corridors and figure not in _ACCELERATIONS:
         raise UsageError(f"Corridors stand in the figures {' and '.join(_ACCELERATIONS)}, not in {figure}.")
     fold, display = study.fold(held_out), _display(study, options)
-    predictions = chosen({each.approach: each.prediction for each in fold.estimates}, approaches)
-    pulses = predictions | beside(study.campaign, also, display)
-    curves = Curves(fold.test.pulse if measured else None, pulses, fold.test.condition, band)
-    drawn = draw(_Shown(study, tuple(predictions), display, fold, curves))
+    estimates = chosen({each.approach: each for each in fold.estimates}, approaches)
+    shown = estimates | beside(study.campaign, also, display)
+    curves = Curves(fold.test.pulse if measured else None, shown, fold.test.condition, band)
+    drawn = draw(_Shown(study, tuple(estimates), display, fold, curves))
     if corridors:
         add_corridors(drawn, fold.test.pulse, display)
     return add_marks(drawn, [note for note in notes if note.test == held_out]) if figure in _OVER_TIME else drawn

@@ -42,6 +42,17 @@ def test_metrics_are_those_of_the_files(predicted: PredictedPulse) -> None:
     assert crush["lower"] < crush["value"] < crush["upper"]
 
 
+def test_the_figure_marks_the_crush_of_the_metrics(predicted: PredictedPulse) -> None:
+    """With the interval of the table: here, and of a prediction that is put beside it."""
+    crush = predicted.metrics.set_index("metric").loc["max_crush"]
+    marks = [t for t in predicted.plot("displacement", also=[predicted]).data if t.mode == "markers"]
+    assert len(marks) == 2
+    for mark in marks:
+        assert mark.x[0] == pytest.approx(crush["value"], rel=1e-4)
+        assert mark.x[0] - mark.error_x.arrayminus[0] == pytest.approx(crush["lower"], rel=1e-4)
+        assert mark.x[0] + mark.error_x.array[0] == pytest.approx(crush["upper"], rel=1e-4)
+
+
 def test_it_shows_itself(predicted: PredictedPulse) -> None:
     """In a line, as a table, as the pages' figure in the unit asked for."""
     assert repr(predicted).startswith("<PredictedPulse, displacement domain, at 30.0 mph")

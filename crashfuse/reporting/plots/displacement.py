@@ -16,6 +16,7 @@ from crashfuse.reporting.plots.curves import TEST, Curve, curve_lines, draw_curv
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.energy import energy_crush
 from crashfuse.signals.loading import LoadingPhase, loading_phase
+from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import FloatArray, Pulse
 from crashfuse.units import MS
 
@@ -31,23 +32,22 @@ def over_displacement(
     display: Display = DEFAULT,
     *,
     filled: str | None = None,
+    crush: Mapping[str, Metric] = {},
 ) -> go.Figure:
     """Draw acceleration over displacement: the test, the CAE model, and every correction with its 95 % band (Fig. 7).
 
     The band at a displacement covers the draws that reach it; it ends where half of them have stopped. The mark at a
-    curve's end is the maximum dynamic crush, with its 95 % interval. Measured pulse, predictions and the filled band
-    are as in :func:`crashfuse.reporting.plots.pulses.overlay`.
+    curve's end is the maximum dynamic crush, with its 95 % interval as far as ``crush`` has one for this name. Measured
+    pulse, predictions and the filled band are as in :func:`crashfuse.reporting.plots.pulses.overlay`.
     """
     figure = displacement_figure(height=460 + room_for_names(predictions))
     scale = display.accel_scale
     phases = _loading_phases(measured, predictions, speed_mps)
     curves: dict[str, Curve] = {}
-    crush: dict[str, FloatArray] = {}
     for name, phase in phases.items():
         band = None
         if name != TEST and (all_draws := predictions[name].draws_mps2) is not None:
             draws = [loading_phase(draw, predictions[name].condition.speed_mps) for draw in all_draws]
-            crush[name] = np.quantile([draw.crush_m for draw in draws], [0.025, 0.975]) / _MM
             at_m, lower, upper = _band_of(draws)
             band = at_m / _MM, lower * scale, upper * scale
         curves[name] = Curve(phase.displacement_m / _MM, phase.accel_mps2 * scale, band)
@@ -149,15 +149,15 @@ def _loading_phases(
     return {name: loading_phase(*pulse) for name, pulse in pulses.items()}
 
 
-def _mark_crush(figure: go.Figure, name: str, curve: Curve, colour: str, interval_mm: FloatArray | None) -> None:
-    """Mark the end of a curve, its maximum crush, with its interval."""
-    end, error, told = curve.x[-1], None, ""
-    if interval_mm is not None:
-        low, high = interval_mm
-        error, told = {"array": [high - end], "arrayminus": [end - low]}, f" [{low:.0f}, {high:.0f}]"
+def _mark_crush(figure: go.Figure, name: str, curve: Curve, colour: str, crush: Metric | None) -> None:
+    """Mark the end of a curve, its maximum crush, with its interval; an end that the record leaves open has no bar."""
+    end, error, told = curve.x[-1], None, f"{curve.x[-1]:.1f}"
+    if crush is not None:
+        low, high = (end if known is None else known for known in (crush.lower, crush.upper))
+        error, told = {"array": [high - end], "arrayminus": [end - low]}, crush.text
     add_line(
         figure, curve.x[-1:], curve.y[-1:], mode="markers", error_x=error,
-        marker={"color": colour, "size": 8}, name=f"Maximum crush {end:.0f} mm{told}",
+        marker={"color": colour, "size": 8}, name=f"Maximum crush {told} mm",
         legendgroup=name, showlegend=False, hovertemplate=" ",
     )  # fmt: skip
 

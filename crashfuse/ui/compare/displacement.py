@@ -12,8 +12,8 @@ _OF_CURVES = {
     _CURVES: (
         "displacement",
         "Acceleration over displacement: test {} and every prediction of it, up to maximum crush",
-        "Up to maximum crush (the marks, with their 95 % interval). The area under each curve is the absorbed energy "
-        "per unit mass, ½ v0², the same for all: a lower deceleration means more crush.",
+        "Up to maximum crush (the marks, with their 95 % interval; an open end has no bar). The area under each curve "
+        "is the absorbed energy per unit mass, ½ v0², the same for all: a lower deceleration means more crush.",
     ),
     _ENERGY: (
         "energy",

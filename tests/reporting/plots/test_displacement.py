@@ -16,6 +16,7 @@ from crashfuse.crash_test import CrashTest
 from crashfuse.reporting.plots import bias as bias_plots
 from crashfuse.reporting.plots import displacement as plots
 from crashfuse.reporting.plots.display import Display
+from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.units import MS, G
 
@@ -99,15 +100,20 @@ def test_the_band_holds_95_percent_of_the_draws_that_get_so_far(
     assert x[-1] == pytest.approx(1000 * energy / 250, abs=4.5)
 
 
-def test_the_mark_is_the_maximum_crush_with_its_interval(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    """v0² / 2a at 250 m/s², from 345 to 155 m/s²."""
-    energy = 0.5 * test.condition.speed_mps**2
-    figure = plots.over_displacement(None, predictions, test.condition.speed_mps)
-    (mark,) = [t for t in figure.data if t.mode == "markers" and t.legendgroup == "displacement_domain"]
-    crush, error = mark.x[0], mark.error_x
-    assert crush == pytest.approx(1000 * energy / 250, rel=1e-4)
-    assert crush - error.arrayminus[0] == pytest.approx(1000 * energy / 345, rel=1e-4)
-    assert crush + error.array[0] == pytest.approx(1000 * energy / 155, rel=1e-4)
+def test_the_mark_is_the_maximum_crush_with_the_interval_of_the_tables(
+    test: CrashTest, predictions: dict[str, Prediction]
+) -> None:
+    """v0² / 2a at 250 m/s²; an end that the record leaves open has no bar."""
+    crush = 1000 * 0.5 * test.condition.speed_mps**2 / 250
+    low, high = crush - 30, crush + 40
+    for upper, bar, told in ((high, 40, f"[{low:.1f}, {high:.1f}]"), (None, 0, f"[≥ {low:.1f}]")):
+        known = {"displacement_domain": Metric("max_crush", crush, low, upper, "mm")}
+        figure = plots.over_displacement(None, predictions, test.condition.speed_mps, crush=known)
+        (mark,) = [t for t in figure.data if t.mode == "markers" and t.legendgroup == "displacement_domain"]
+        assert mark.x[0] == pytest.approx(crush, rel=1e-4)
+        assert mark.error_x.arrayminus[0] == pytest.approx(30, abs=0.1)
+        assert mark.error_x.array[0] == pytest.approx(bar, abs=0.1)
+        assert mark.name == f"Maximum crush {crush:.1f} {told} mm"
 
 
 def test_a_vehicle_that_never_stops_has_no_maximum_crush(test: CrashTest) -> None:
