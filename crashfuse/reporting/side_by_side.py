@@ -5,10 +5,12 @@ from collections.abc import Collection, Mapping, Sequence
 import pandas as pd
 
 from crashfuse.campaign import Campaign
+from crashfuse.condition import Condition
+from crashfuse.reporting.fit_explanations import missing_by_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.study.estimate import Estimate
-from crashfuse.wording import signed
+from crashfuse.wording import Sentence, signed
 
 
 def side_by_side(
@@ -29,6 +31,18 @@ def side_by_side(
         table[who] = [metrics[name].text for name in headings]
         table[f"Difference, {who}"] = [_difference(metrics[name], base[name]) for name in headings]
     return pd.DataFrame(table)
+
+
+def cautions(
+    columns: Sequence[tuple[str, Sequence[Metric]]], conditions: Sequence[Condition], campaign: Campaign
+) -> list[str]:
+    """What has to be known of the columns after the first: where a condition is an extrapolation, what is missing."""
+    outside = [
+        Sentence("{}: {}", name, note)
+        for (name, _), condition in zip(columns[1:], conditions[1:], strict=True)
+        for note in campaign.cae.extrapolation(condition)
+    ]
+    return [*outside, *missing_by_table(columns[1:])[0]]
 
 
 def conditions_table(answers: Sequence[Sequence[Estimate]]) -> pd.DataFrame:

@@ -1,11 +1,13 @@
 """Metrics at several conditions: differences are from the first, in the reader's units."""
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
-from crashfuse.reporting.side_by_side import conditions_table, side_by_side
+from crashfuse.reporting.side_by_side import cautions, conditions_table, side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
@@ -30,6 +32,18 @@ def test_each_column_is_followed_by_its_differences_from_the_first(campaign: Cam
     in_si = side_by_side([("now", base), ("faster", other)], campaign, Display(unit="m/s²"))
     peak = in_si.set_index("Pulse metric").loc["Peak deceleration (m/s²)"]
     assert float(peak["Difference, faster"]) == pytest.approx(3.25 * G, abs=0.05)
+
+
+def test_a_column_beside_says_where_it_is_an_extrapolation_and_what_it_lacks(campaign: Campaign) -> None:
+    """Of the first column the page and the report speak themselves."""
+    here = campaign.tests[0].condition
+    columns = [("now", metrics(campaign, t0=None)), ("faster", metrics(campaign, max_crush=None))]
+    far = replace(here, speed_mps=60 * MPH)  # beyond all CAE runs
+    outside, *missing = cautions(columns, [far, far], campaign)
+    assert outside.startswith("faster: Extrapolation: speed 60 mph lies outside")
+    assert all(sentence.startswith("faster: ") for sentence in missing)
+    assert "Maximum dynamic crush" in missing[0]
+    assert cautions(columns, [far, here], campaign) == missing
 
 
 def test_a_file_holds_every_approach_at_every_condition(campaign: Campaign) -> None:

@@ -3,7 +3,7 @@
 import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.side_by_side import side_by_side
+from crashfuse.reporting.side_by_side import cautions, side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.study.nearest import nearest_sentences
 from crashfuse.ui import explanations
@@ -35,4 +35,6 @@ def _show_pinned(answer: Answer) -> None:
     columns = list(zip(display.apart(conditions), (each.metrics for each in at), strict=True))
     st.subheader(f"Beside the pinned predictions: {LABELS[approach]}")
     show_table(side_by_side(columns, answer.campaign, display, MAIN_METRICS), "pinned")
+    for sentence in cautions(columns, conditions, answer.campaign):
+        st.caption(plain(sentence))
     st.caption(f"Differences are from the first column, {display.briefly(conditions[0])}.")
