@@ -11,7 +11,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.reporting.certification_tables import probability_text
-from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure
+from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure, row_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, INK, MEASURED_COLOUR, VERDICT_COLOURS
 
@@ -20,6 +20,7 @@ FEW_CONDITIONS = 40
 
 _MOST_WORDS = 200  # conditions; of more, only colours can be made out
 _ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
+_ONE_LINE = 4  # criteria; of more, cells on paper are too narrow for word and number beside each other
 _LETTER_PX, _LINE_PX = 7, 19  # of names beside and above the cells, rather more than they take
 _HEADER_CHARACTERS = 65  # of all columns together, on paper
 _WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
@@ -36,9 +37,13 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
     ids, rows = _by_speed(certification)
     width = min(max(_HEADER_CHARACTERS // len(certification.criteria.items), 9), 22)
     names = [_header(criterion, width, display) for criterion in certification.criteria.items]
-    labels = [f"{i} · {display.speed(row[0].condition.speed_mps)}" for i, row in zip(ids, rows, strict=True)]
+    speeds = [display.speed(row[0].condition.speed_mps) for row in rows]
+    labels = [f"{i} · {own}" for i, own in zip(ids, speeds, strict=True)]
+    short = [f"{row_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
     with_words = len(rows) <= _MOST_WORDS
-    row_px = _ROW_PX if len(rows) <= FEW_CONDITIONS else _NARROW_ROW_PX
+    few = len(rows) <= FEW_CONDITIONS
+    row_px = _ROW_PX if few else _NARROW_ROW_PX
+    between = "<br>" if few and len(names) > _ONE_LINE else " "
     figure = new_figure(height=110 + row_px * len(rows) if with_words else _ALL_ROWS_PX)
     hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
     figure.add_heatmap(
@@ -54,7 +59,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
     )
     if with_words:
         figure.update_traces(
-            text=[[_cell(verdict) for verdict in row] for row in rows],
+            text=[[_cell(verdict, between) for verdict in row] for row in rows],
             texttemplate="%{text}",
             textfont={"color": MEASURED_COLOUR, "size": 12},
             hoverinfo="skip",
@@ -83,7 +88,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
         hoverlabel={"align": "left"},
         dragmode=False,
         margin={
-            "l": max(map(len, labels), default=0) * _LETTER_PX + 6,
+            "l": max(map(len, short), default=0) * _LETTER_PX + 6,
             "t": max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12,
             "b": 44,
         },
@@ -93,7 +98,8 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
     plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}
     figure.update_xaxes(**plain, side="top", tickangle=0, range=[-0.5, len(names) - 0.5], showspikes=False)
     figure.update_yaxes(**plain, range=[len(rows) - 0.5, -0.5])  # the marks would widen it
-    figure.update_yaxes(tickmode="linear" if with_words else "auto", dtick=1 if with_words else None)
+    if with_words:
+        figure.update_yaxes(tickvals=labels, ticktext=short)
     return figure
 
 
@@ -178,10 +184,10 @@ def _header(criterion: Criterion, width: int, display: Display) -> str:
     return "<br>".join(name + wrap(display.words(criterion.limits), width))
 
 
-def _cell(verdict: Verdict) -> str:
+def _cell(verdict: Verdict, between: str) -> str:
     if verdict.word == "outside" or verdict.probability is None:
         return verdict.word
-    return f"{verdict.word}  {probability_text(verdict.probability)}"
+    return f"{verdict.word}{between}{probability_text(verdict.probability)}"
 
 
 def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:

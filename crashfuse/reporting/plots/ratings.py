@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure
+from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure, row_name
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import GRADES, grade
@@ -32,7 +32,7 @@ def rating_heatmap(
         z = np.column_stack([z, [repeats[test].value for test in tests]])
     z = np.vstack([z, z.mean(axis=0)])
     rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
-    text = [["" if np.isnan(value) else f"{value:.3f}  {grade(value)}" for value in row] for row in z]
+    text = [["" if np.isnan(value) else f"{value:.3f} {grade(value)}" for value in row] for row in z]
     figure = new_figure(height=_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     figure.add_heatmap(
         z=z.astype(np.float32),
@@ -70,7 +70,10 @@ def rating_heatmap(
         showgrid=False, showspikes=False,
     )  # fmt: skip
     ends = [len(rows) - 0.5, -0.5]  # the marks would widen it
-    figure.update_yaxes(range=ends, type="category", ticks="", showline=False, zeroline=False, showgrid=False)
+    figure.update_yaxes(
+        range=ends, type="category", tickvals=rows, ticktext=[f"Test {row_name(test)}" for test in tests] + rows[-1:],
+        ticks="", showline=False, zeroline=False, showgrid=False,
+    )  # fmt: skip
     return figure
 
 

@@ -171,7 +171,8 @@ def _told(trial: Trial, display: Display) -> str:
     return "<br>".join(
         [
             f"<b>{trial.held_out}</b>, left out {'alone' if alone else 'with its speed group'}",
-            f"predicted {shown(verdict.value)}, 95 % of tests {shown(verdict.lower)} to {shown(verdict.upper)}",
+            f"predicted {shown(verdict.value)}, 95 % of tests "
+            f"{display.words(verdict.criterion.interval(verdict.lower, verdict.upper))}",
             f"measured {shown(trial.measured)}: {'met' if trial.met else 'not met'}",
             f"verdict: {verdict.word}{', wrong' * trial.wrong}",
         ]

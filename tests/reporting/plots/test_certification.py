@@ -74,8 +74,8 @@ def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(th
     assert list(heat.y) == ["slow · 20.0 mph", "fast · 30.0 mph", "far · 70.0 mph"]
     assert list(heat.x) == ["<b>crush</b><br>at most 500 mm", "<b>rating</b><br>at least 0.80"]
     assert [list(row) for row in heat.text] == [
-        ["met  >0.99", "met  >0.99"],
-        ["not met  0.03", "open  0.50"],
+        ["met >0.99", "met >0.99"],
+        ["not met 0.03", "open 0.50"],
         ["outside", "outside"],
     ]
     words = [WORDS[name] for name in ("slow", "fast", "far")]
@@ -83,6 +83,18 @@ def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(th
     assert list(marks.customdata) == [f"{i} | {name}" for i in ("slow", "fast", "far") for name in ("crush", "rating")]
     assert marks.hovertext[0].endswith("Because of crush.")
     assert marks.hovertext[-1].endswith("0.90 expected, 0.85 to 0.95 in 95 % of tests; the limit is at least 0.80")
+
+
+def test_words_and_names_keep_within_narrow_cells(campaign: Campaign) -> None:
+    """Of many criteria word and number stand below each other; long ids are cut in the middle, beside the cells."""
+    found = certification(
+        campaign, {"a condition with a long name": ("met", "open")}, {"a condition with a long name": 20.0}
+    )
+    assert list(verdict_matrix(found).layout.yaxis.ticktext) == ["a condition …a long name · 20.0 mph"]
+    many = [replace(CRUSH, name=f"crush {i}") for i in range(5)]
+    row = tuple(replace(found.verdicts[0][0], criterion=own) for own in many)
+    heat = verdict_matrix(replace(found, criteria=Criteria(tuple(many)), verdicts=(row,))).data[0]
+    assert list(heat.text[0]) == ["met<br>>0.99"] * 5
 
 
 def test_the_legend_counts_the_verdicts(three: Certification) -> None:

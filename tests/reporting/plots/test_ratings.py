@@ -7,14 +7,23 @@ from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.study.repeatability import Repeatability
 
 
+def test_long_names_leave_the_cells_their_room() -> None:
+    """Rows are named by beginning and end of the id; the row itself, and so a click, knows the whole."""
+    test = "2026-11-03_full_frontal_left_repeat_2"
+    figure = plots.rating_heatmap({test: {"cae": 0.5}, "T1": {"cae": 0.5}})
+    assert list(figure.layout.yaxis.ticktext) == ["Test 2026-11-03_f…ft_repeat_2", "Test T1", "<b>Mean</b>"]
+    assert list(figure.layout.yaxis.tickvals) == list(figure.data[0].y)
+    assert figure.data[1].customdata[0] == test
+
+
 def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
     """Grades hold above 0.94, 0.80 and 0.58 (ISO/TS 18571), not at them."""
     scores = {"A": {"cae": 0.58, "lf_tcn": 0.81}, "B": {"cae": 0.80, "lf_tcn": 0.95}}
     heat, _ = plots.rating_heatmap(scores).data
     assert [list(row) for row in heat.text] == [
-        ["0.580  Poor", "0.810  Good"],
-        ["0.800  Fair", "0.950  Excellent"],
-        ["0.690  Fair", "0.880  Good"],
+        ["0.580 Poor", "0.810 Good"],
+        ["0.800 Fair", "0.950 Excellent"],
+        ["0.690 Fair", "0.880 Good"],
     ]
     np.testing.assert_allclose(heat.z[-1], [0.69, 0.88], rtol=1e-6)
 
