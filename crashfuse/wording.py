@@ -75,7 +75,8 @@ class Quantity:
         return self._text(system.factor(self.unit), system.unit(self.unit))
 
     def _text(self, factor: float, unit: str) -> str:
-        numbers = ["–" if value is None else f"{value * factor:{self.form}}".replace("-", "−") for value in self.values]
+        told = [None if value is None else f"{value * factor:{self.form}}" for value in self.values]
+        numbers = ["–" if each is None else each.removesuffix(".").replace("-", "−") for each in told]
         known = any(value is not None for value in self.values)
         return self.between.join(numbers) + (f" {unit}" if unit and known else "")
 

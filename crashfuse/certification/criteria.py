@@ -45,16 +45,24 @@ class Criterion:
     def limits(self) -> str:
         """The limits in words, such as ``at most 650 mm``."""
         ends = (("at least", self.at_least), ("at most", self.at_most))
-        return joined([Sentence("{} {}", word, self.shown(end)) for word, end in ends if end is not None], " and ")
+        form = ".4g" if self.unit else ".2f"
+        known = [Sentence("{} {}", word, Quantity((end,), self.unit, form)) for word, end in ends if end is not None]
+        return joined(known, " and ")
 
-    def shown(self, *values: float | None, between: str = "–") -> Quantity:
-        """Values of the metric as displayed, with its unit."""
-        return Quantity(values, self.unit, ".4g" if self.unit else ".2f", between)
+    def shown(self, *values: float | None) -> Quantity:
+        """Values of the metric as displayed, with its unit; several are the ends of a range."""
+        return Quantity(values, self.unit, "#.4g" if self.unit else ".2f", " to ")
+
+    def interval(self, lower: float | None, upper: float | None) -> Quantity | Sentence:
+        """The interval of a value as displayed; of one that the record is too short for, the end that is known."""
+        if (lower is None) is (upper is None):
+            return self.shown(lower) if lower is None else self.shown(lower, upper)
+        return Sentence("≤ {}", self.shown(upper)) if lower is None else Sentence("≥ {}", self.shown(lower))
 
     def compared(self, value: float | None, lower: float | None, upper: float | None) -> Sentence:
         """An expected value with its interval, and the limits, in words."""
-        found = "{} expected, {} to {} in 95 % of tests; the limit is {}"
-        return Sentence(found, *map(self.shown, (value, lower, upper)), self.limits)
+        found = "{} expected, {} in 95 % of tests; the limit is {}"
+        return Sentence(found, self.shown(value), self.interval(lower, upper), self.limits)
 
     def is_met_by(self, value: float) -> bool:
         """Whether a value lies within the limits."""

@@ -32,10 +32,14 @@ def matrix_sentence(certification: Certification) -> str:
 
 
 def to_test(certification: Certification) -> Iterator[str]:
-    """Which conditions need a test or another design, and which lie outside."""
+    """Which conditions need no test, which would miss a criterion, which need a test, and which lie outside."""
     rows = {word: _by_condition(certification, word) for word in WORDS}
-    if rows["open"]:
-        yield f"To be tested, or redesigned: {_listed([f'{i} ({_names(own)})' for i, own in rows['open'].items()])}."
+    settled = [i for i in rows["met"] if not any(i in rows[word] for word in WORDS if word != "met")]
+    if settled and len(settled) < len(certification.matrix.ids):
+        yield f"Need not be run, as every criterion is met: {_listed(settled)}."
+    for word, told in (("not met", "A test would miss"), ("open", "To be tested, or redesigned")):
+        if rows[word]:
+            yield f"{told}: {_listed([f'{i} ({_names(own)})' for i, own in rows[word].items()])}."
     if certification.domain.too_few_tests:
         yield from certification.domain.too_few_tests
     elif rows["outside"]:

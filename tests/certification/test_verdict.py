@@ -10,6 +10,7 @@ from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecast import Forecast
 from crashfuse.certification.verdict import Verdict, judge
 from crashfuse.condition import Condition
+from crashfuse.wording import MPH_LB, UnitSystem, said
 
 FREE = 1e9  # degrees of freedom: as good as the normal
 
@@ -52,10 +53,26 @@ def test_the_reason_gives_value_interval_limit_and_probability(campaign: Campaig
     """As a sentence, in the metric's unit."""
     found = verdict(campaign, Criterion("crush", "max_crush", at_most=510.0))
     assert found.reason == (
-        "498 mm expected, 480.4 mm to 519.6 mm in 95 % of tests; the limit is at most 510 mm, "
+        "498.0 mm expected, 480.4 to 519.6 mm in 95 % of tests; the limit is at most 510 mm, "
         "met with probability 0.841 only: test it, or redesign."
     )
     assert (found.value, found.lower, found.upper) == pytest.approx((498.0, 480.4, 519.6), abs=0.01)
+
+
+def test_an_interval_with_an_open_end_tells_the_other() -> None:
+    """As tables of metrics do, in the reader's units; without any end it is a dash."""
+    change = Criterion("change", "delta_v", at_most=64.0)
+    assert change.compared(61.0, None, 64.75).startswith("61.00 km/h expected, ≤ 64.75 km/h in 95 % of tests")
+    assert said(change.interval(58.2, None), MPH_LB) == "≥ 36.16 mph"
+    assert str(change.interval(None, None)) == "–"
+
+
+def test_round_values_keep_their_digits() -> None:
+    """A value of 30 g stands as exactly as one of 26.52 g; a limit as it was declared."""
+    peak = Criterion("peak", "peak", at_most=40.0)
+    assert peak.compared(30.0, 26.52, 36.754).startswith("30.00 g expected, 26.52 to 36.75 g in")
+    assert peak.limits == "at most 40 g"
+    assert said(peak.shown(120.0), UnitSystem(acceleration="m/s²")) == "1177 m/s²"
 
 
 def test_a_rating_is_at_most_one(campaign: Campaign) -> None:

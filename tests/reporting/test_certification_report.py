@@ -108,7 +108,7 @@ def test_exceptions_are_all_named(certification: Certification) -> None:
     assert outside.startswith("M70: 70.0 mph is 35.0 mph above the fastest test")
     assert found["Open, because the record is too short to predict"] == ("M20: OLC.",)
     [mistaken] = found["Wrong verdicts on left-out tests"]
-    assert mistaken.startswith("T1, left out alone: crush (at most 430 mm) was said to be not met; measured 200 mm.")
+    assert mistaken.startswith("T1, left out alone: crush (at most 430 mm) was said to be not met; measured 200.0 mm.")
     [unsupported] = found["Criteria whose record does not support the confidence"]
     assert "left-out verdicts with no more than" in unsupported
     [untouched] = found["Criteria whose limit no left-out test came near"]
@@ -138,11 +138,19 @@ def test_the_record_is_told_with_its_exact_bound(certification: Certification) -
 
 
 def test_the_summary_says_where_to_test(certification: Certification) -> None:
-    """Open conditions with their criteria; a matrix without any open or outside needs no test."""
+    """Conditions that need no test, would miss a criterion or are open; without any open or outside, none needs one."""
     said = summary(certification)
     assert said[0].startswith("3 conditions × 3 criteria, confidence 0.8: ")
     assert "Outside what the tests check: M70." in said
     assert any(sentence.startswith("To be tested, or redesigned: M20 (") for sentence in said)
+    first, second, third = certification.verdicts
+    missed = replace(first[0], word="not met")
+    met_too = [replace(own, word="met") for own in second[1:]]
+    rows = (tuple(replace(own, word="met") for own in first), (missed, *met_too), third)
+    first_id, second_id, _ = certification.matrix.ids
+    said = summary(replace(certification, verdicts=rows))
+    assert f"Need not be run, as every criterion is met: {first_id}." in said
+    assert f"A test would miss: {second_id} ({missed.criterion.name})." in said
     met = tuple(tuple(replace(own, word="met") for own in row) for row in certification.verdicts)
     assert "No condition of the matrix needs a test." in summary(replace(certification, verdicts=met))
 

@@ -214,9 +214,7 @@ def _predicted(verdict: Verdict, display: Display) -> str:
 
 
 def _interval(verdict: Verdict, display: Display) -> str:
-    if verdict.lower is None or verdict.upper is None:
-        return "–"
-    return _together(display.words(verdict.criterion.shown(verdict.lower, verdict.upper, between=" to ")))
+    return _together(display.words(verdict.criterion.interval(verdict.lower, verdict.upper)))
 
 
 def _together(text: str) -> str:

@@ -6,7 +6,7 @@ from pandas.io.formats.style import Styler
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.track_record import largest_share
-from crashfuse.certification.verdict import WORDS, Verdict
+from crashfuse.certification.verdict import WORDS
 from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.certification_sentences import to_test
 from crashfuse.reporting.certification_tables import verdict_counts
@@ -110,19 +110,13 @@ def _table(certification: Certification, display: Display) -> pd.DataFrame:
             "Criterion": verdict.criterion.name,
             "Limit": display.words(verdict.criterion.limits),
             "Expected": display.words(verdict.criterion.shown(verdict.value)),
-            "95 % of tests": _interval(verdict, display),
+            "95 % of tests": display.words(verdict.criterion.interval(verdict.lower, verdict.upper)),
             "Probability": verdict.probability,
             "Verdict": verdict.word,
             "Reason": display.words(verdict.reason),
         }
         for i, verdict in certification.cells
     )
-
-
-def _interval(verdict: Verdict, display: Display) -> str:
-    if verdict.lower is None or verdict.upper is None:
-        return "–"
-    return display.words(verdict.criterion.shown(verdict.lower, verdict.upper, between=" to "))
 
 
 def _coloured(table: pd.DataFrame) -> Styler:
