@@ -123,7 +123,7 @@ def show_conditions(view: frame.View) -> None:
         name="conditions",
     )
     st.markdown(
-        f"**The tests, and how the CAE model rates against each before any correction** ({campaign.rating_basis})"
+        f"**The tests, and how the CAE run paired with each rates before any correction** ({campaign.rating_basis})"
     )
     show_table(page_tables.conditions(campaign, view.display), "conditions")
 
@@ -139,9 +139,11 @@ def show_library(view: frame.View) -> None:
         view.display,
         name=file_name("CAE runs", view.display.in_names[1]),
     )
+    paired = any(campaign.cae.paired_run(test.condition) is not None for test in campaign.tests)
+    lines = "Lines are the runs" if paired else "No run was"
     st.caption(
         "The shaded band holds the middle 90 % of all CAE runs at each time, whatever their speed. "
-        "Lines are the runs made at a test's own condition."
+        f"{lines} made at a test's own condition."
     )
     show_quality(view)
 

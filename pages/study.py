@@ -5,7 +5,7 @@ from dataclasses import replace
 import streamlit as st
 
 from crashfuse.study.recommendation import recommend
-from crashfuse.ui import explanations, frame
+from crashfuse.ui import explanations, frame, page_tables
 from crashfuse.ui.computation import StudyRequest, chosen_config
 from crashfuse.ui.figures import choose
 from crashfuse.ui.learning_curve import show_learning_curve
@@ -41,5 +41,9 @@ explanations.show_missing(config, study.config.approaches)
 if outcome.whole:
     first, *others = map(view.display.words, recommend(study).sentences)
     use, _, why = first.partition(". ")
-    explanations.show_recommendation([f"{use}. {others[0]}", why, *others[1:]])
+    told = others.pop(-1 if tab == "Ratings" and ratings.by_group(study) else 0)
+    longest = max(study.config.windows_ms)
+    if outcome.window_ms != longest:  # what is said does not follow the choice in the sidebar
+        told += f" This is over {page_tables.window_label(longest)}."
+    explanations.show_recommendation([f"{use}. {told}", why, *others])
 TABS[tab](outcome)

@@ -80,7 +80,8 @@ def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
 
 
 def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
-    told = f"shifted and warped, the {comparison} still differs by {100 * explanation.warped.error:.0f} % of the test"
+    moved = "shifted and " if explanation.shift_s else ""
+    told = f"{moved}warped, the {comparison} still differs by {100 * explanation.warped.error:.0f} % of the test"
     if len(explanation.humps) < _SEVERAL or explanation.warped.error == 0:
         return Sentence(told)
     worst = max(explanation.humps, key=lambda hump: hump.magnitude_share)
@@ -95,7 +96,8 @@ def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
 
 
 def _slope(explanation: RatingExplanation, comparison: str) -> Sentence:
-    told = f"shifted, the slope of the {comparison} differs by {100 * explanation.slopes.error:.0f} % of the test's"
+    moved = "shifted, " if explanation.shift_s else ""
+    told = f"{moved}the slope of the {comparison} differs by {100 * explanation.slopes.error:.0f} % of the test's"
     if len(explanation.humps) < _SEVERAL or explanation.slopes.error == 0:
         return Sentence(told)
     worst = max(explanation.humps, key=lambda hump: hump.slope_share)

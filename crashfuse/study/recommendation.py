@@ -219,7 +219,8 @@ class _Verdict:
         raw = {f.held_out: f.ratings[BASELINE][self.window_ms].overall for f in self.study.folds}
         below = [test for test in overall if overall[test] < raw[test]]
         harm = max((raw[test] - overall[test] for test in below), default=0.0)
-        compared = f"better than this in {', '.join(below)} (by up to {harm:.3f})" if below else "better in no test"
+        most = f"{'up to ' if len(below) > 1 else ''}{harm:.3f}"
+        compared = f"better than this in {', '.join(below)} (by {most})" if below else "better in no test"
         return Sentence(f"{{}}; the raw CAE model {np.mean(list(raw.values())):.3f}, {{}}.", told, compared)
 
 

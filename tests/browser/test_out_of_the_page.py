@@ -96,15 +96,29 @@ def sample_study() -> Study:
     return Study(campaign, config, tuple(folds))
 
 
+_CELLS = """
+const figure = [...document.querySelectorAll(".js-plotly-plot")].find(each => each.querySelector(".heatmap-label"));
+const words = [...figure.querySelectorAll(".heatmap-label")].map(each => each.getBoundingClientRect().width);
+const cells = figure.querySelector(".nsewdrag").getBoundingClientRect().width;
+const trace = figure.data.find(each => each.type === "heatmap");
+return [Math.max(...words), cells / trace.x.length, trace.textfont.size];
+"""  # of a table of cells: its widest words, the width of a cell, and the size of the words
+
+
 @pytest.mark.parametrize(("form", "most"), [("short", 3), ("whole", 26)])
 def test_a_report_on_the_sample_fits_its_pages(
     user: "User", tmp_path: "Path", sample_study: Study, form: ReportForm, most: int
 ) -> None:
-    """Printed by Chromium: short on three pages of A4, whole on about 25."""
+    """Printed by Chromium: short on three pages of A4, whole on about 25; words of a table keep within its cells."""
     path = tmp_path / f"{form}.html"
     notes = (Note("T01", "Third hump comes early: check the record", 25.0, 40.0), Note("T02", "Barrier face replaced"))
     path.write_text(study_report(sample_study, options=ReportOptions(form, notes=notes)), encoding="utf-8")
     user.browser.get(path.as_uri())
     user.wait(lambda: user.all(FIGURE))
+    user.browser.execute_script("dispatchEvent(new Event('beforeprint'))")
+    words, cell, on_paper = user.browser.execute_script(_CELLS)
+    assert 0 < words <= 0.8 * cell
+    user.browser.execute_script("dispatchEvent(new Event('afterprint'))")
+    assert user.browser.execute_script(_CELLS)[2] == 12 > on_paper
     printed = user.browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})
     assert 2 <= len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(printed["data"]))) <= most

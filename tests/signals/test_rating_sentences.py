@@ -19,6 +19,8 @@ def test_a_late_pulse_is_told_to_be_moved_earlier() -> None:
     )
     assert "moved 3.0 ms earlier; that gains most at the" in said["phase"]
     assert "which comes 3.0 ms late in the prediction" in said["phase"]
+    assert ": shifted and warped, " in said["magnitude"]
+    assert ": shifted, the slope" in said["slope"]
     assert said["overall"].startswith("0.7")
     assert ": corridor costs most, " in said["overall"]
 
@@ -49,6 +51,8 @@ def test_a_perfect_match_loses_nothing() -> None:
     assert said["overall"] == "1.000 (Excellent) over 0–70 ms: nothing is lost."
     assert said["phase"] == "Phase 1.00 (costs 0.00): no shift of the prediction correlates better with the test."
     assert "stays inside the inner corridor" in said["corridor"]
+    assert ": warped, " in said["magnitude"]  # where nothing is shifted, nothing is said to be
+    assert ": the slope" in said["slope"]
 
 
 @pytest.mark.parametrize("window_ms", [10.0, 20.0])

@@ -107,7 +107,9 @@ def test_harm_against_the_raw_model_is_named_with_its_test(campaign: Campaign) -
     )
     text = " ".join(recommend(replace(spoiled, folds=(bad, *spoiled.folds[1:]))).sentences)
     harm = bad.ratings["cae"][60.0].overall - bad.ratings["displacement_domain"][60.0].overall
-    assert f"better than this in T1 (by up to {harm:.3f})" in text
+    assert f"better than this in T1 (by {harm:.3f})" in text
+    twice = replace(spoiled, folds=(bad, replace(bad, test=campaign.tests[1]), *spoiled.folds[2:]))
+    assert f"better than this in T1, T2 (by up to {harm:.3f})" in " ".join(recommend(twice).sentences)
 
 
 def test_equal_approaches_are_said_to_be_equal(campaign: Campaign) -> None:

@@ -504,8 +504,12 @@ def test_the_study_holds_every_test_out(campaign: Campaign) -> None:
     study = quick_study(campaign, StudyConfig(), held_out=campaign.test_ids)
     (means,) = tables(app)
     assert means["0–60 ms"][0].startswith(f"{study.mean_rating('cae', 60.0):.3f} ")
+    assert " for this campaign.** Mean rating " in words(app)
     app.button_group(key="ways").set_value("With all tests at about its speed").run()
     assert means.equals(tables(app)[0])
+    assert " for this campaign.** Where no test of about the same speed was left" in words(app)  # as the figure has it
+    app.button_group(key="window").set_value(20.0).run()
+    assert "This is over 0–60 ms." in words(app)
     open_tab(app, "study", "Bands")
     assert charts(app) == 2
     assert tables(app)[0]["Maximum crush"][0].endswith(f" of {len(study.folds)}")

@@ -20,7 +20,6 @@ FEW_CONDITIONS = 40
 
 _MOST_WORDS = 200  # conditions; of more, only colours can be made out
 _ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
-_ONE_LINE = 4  # criteria; of more, cells on paper are too narrow for word and number beside each other
 _LETTER_PX, _LINE_PX = 7, 19  # of names beside and above the cells, rather more than they take
 _HEADER_CHARACTERS = 65  # of all columns together, on paper
 _WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
@@ -41,9 +40,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
     labels = [f"{i} · {own}" for i, own in zip(ids, speeds, strict=True)]
     short = [f"{row_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
     with_words = len(rows) <= _MOST_WORDS
-    few = len(rows) <= FEW_CONDITIONS
-    row_px = _ROW_PX if few else _NARROW_ROW_PX
-    between = "<br>" if few and len(names) > _ONE_LINE else " "
+    row_px = _ROW_PX if len(rows) <= FEW_CONDITIONS else _NARROW_ROW_PX
     figure = new_figure(height=110 + row_px * len(rows) if with_words else _ALL_ROWS_PX)
     hover = [[_hover(i, verdict, display) for verdict in row] for i, row in zip(ids, rows, strict=True)]
     figure.add_heatmap(
@@ -59,7 +56,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
     )
     if with_words:
         figure.update_traces(
-            text=[[_cell(verdict, between) for verdict in row] for row in rows],
+            text=[[_cell(verdict) for verdict in row] for row in rows],
             texttemplate="%{text}",
             textfont={"color": MEASURED_COLOUR, "size": 12},
             hoverinfo="skip",
@@ -184,10 +181,10 @@ def _header(criterion: Criterion, width: int, display: Display) -> str:
     return "<br>".join(name + wrap(display.words(criterion.limits), width))
 
 
-def _cell(verdict: Verdict, between: str) -> str:
+def _cell(verdict: Verdict) -> str:
     if verdict.word == "outside" or verdict.probability is None:
         return verdict.word
-    return f"{verdict.word}{between}{probability_text(verdict.probability)}"
+    return f"{verdict.word} {probability_text(verdict.probability)}"
 
 
 def _hover(condition_id: str, verdict: Verdict, display: Display) -> str:

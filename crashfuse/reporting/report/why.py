@@ -21,7 +21,7 @@ def why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> d
     sentences = rating_sentences(explanation)
     return {
         "outcome": advice.expected.outcome(rating) if advice.expected is not None and len(study.folds) > 1 else None,
-        "overall": sentences.pop("overall"),
+        "overall": f"{sentences.pop('overall').partition('. ')[0].removesuffix('.')}.",  # its reason is among the parts
         "parts": list(sentences.values()),
         "curves": study.plot(fold.held_out, "rating", approaches=[advice.approach], display=display) if drawn else None,
     }

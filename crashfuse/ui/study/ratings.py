@@ -16,6 +16,11 @@ from crashfuse.ui.text import plain
 _ALONE, _GROUP = page_tables.WAYS.values()
 
 
+def by_group(study: Study) -> bool:
+    """Whether the reader has chosen the tests left out with all at about their speed."""
+    return study.speed_groups is not None and st.session_state.get("ways") == _GROUP
+
+
 def show(outcome: Outcome) -> None:
     """Show the ratings of one way of leaving tests out."""
     campaign, study = outcome.view.campaign, outcome.study

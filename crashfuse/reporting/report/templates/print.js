@@ -1,10 +1,11 @@
 // On paper figures are narrower and lower, with smaller words, so that two or three fit a page; afterwards all is as it was.
-const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, LOWEST_PX = 225, ROW_PX = 19, WORDS_PX = 11;
+const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, LOWEST_PX = 225, ROW_PX = 19, WORDS_PX = 11, IN_CELLS_PX = 9, USUAL_IN_CELLS_PX = 12;
 const MARGINS_PX = 110, LETTER_PX = 6;
 const before = new Map();
 const figures = () => document.querySelectorAll(".plotly-graph-div");
-const relaid = (figure, changes, height) => {
-  Plotly.relayout(figure, changes);
+const relaid = (figure, changes, height, inCellsPx) => {
+  const cells = figure.data.flatMap((trace, number) => trace.type === "heatmap" ? [number] : []);
+  Plotly.update(figure, cells.length ? { "textfont.size": inCellsPx } : {}, changes, cells.length ? cells : undefined);
   figure.parentElement.style.height = `${height}px`;
 };
 const wrapped = (text, most) => text.replaceAll("<br>", " ").split(" ").reduce((lines, word) => {
@@ -40,9 +41,9 @@ const kept = (figure, changes) => Object.fromEntries(Object.keys(changes).map(pa
 addEventListener("beforeprint", () => figures().forEach(figure => {
   const changes = onPaper(figure);
   before.set(figure, kept(figure, changes));
-  relaid(figure, changes, changes.height);
+  relaid(figure, changes, changes.height, IN_CELLS_PX);
 }));
 addEventListener("afterprint", () => before.forEach((usual, figure) => {
-  relaid(figure, { ...usual, autosize: true, width: null }, usual.height);
+  relaid(figure, { ...usual, autosize: true, width: null }, usual.height, USUAL_IN_CELLS_PX);
   before.delete(figure);
 }));
