@@ -81,6 +81,8 @@ def compare_two(studies: list[PastResult], display: Display = DEFAULT) -> None:
     way = compared.ways[0]
     if len(compared.ways) > 1:
         way = choose("Left out", compared.ways, key="compared_way", label_of=page_tables.WAYS.__getitem__)
+    else:
+        st.caption(f"{page_tables.WAYS[way]}, the only way that both studies have.")
     _show(compared, way, display)
 
 

@@ -161,7 +161,7 @@ def _show_step(name: str, step: Step) -> None:
 
 def duration(seconds: float) -> str:
     """A duration in everyday words."""
-    if seconds < 90:
+    if seconds < 120:  # 90 s are not yet 2 min
         return f"{seconds:.0f} s"
     if seconds < 5400:
         return f"{seconds / 60:.0f} min"
