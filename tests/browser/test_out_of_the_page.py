@@ -105,11 +105,20 @@ return [Math.max(...words), cells / trace.x.length, trace.textfont.size];
 """  # of a table of cells: its widest words, the width of a cell, and the size of the words
 
 
+_TOO_WIDE = """
+document.querySelectorAll(".narrow td:first-child").forEach(cell => cell.textContent = "2026-11_" + "long_id_".repeat(8));
+return Math.max(0, ...[...document.querySelectorAll(".narrow")].map(tables => tables.scrollWidth - tables.clientWidth));
+"""  # by how much tables in columns are, whose tests have long ids
+
+
 @pytest.mark.parametrize(("form", "most"), [("short", 3), ("whole", 26)])
 def test_a_report_on_the_sample_fits_its_pages(
     user: "User", tmp_path: "Path", sample_study: Study, form: ReportForm, most: int
 ) -> None:
-    """Printed by Chromium: short on three pages of A4, whole on about 25; words of a table keep within its cells."""
+    """Printed by Chromium: short on three pages of A4, whole on about 25.
+
+    Words of a table keep within its cells; long ids make tables in columns no wider, which made all pages smaller.
+    """
     path = tmp_path / f"{form}.html"
     notes = (Note("T01", "Third hump comes early: check the record", 25.0, 40.0), Note("T02", "Barrier face replaced"))
     path.write_text(study_report(sample_study, options=ReportOptions(form, notes=notes)), encoding="utf-8")
@@ -122,3 +131,8 @@ def test_a_report_on_the_sample_fits_its_pages(
     assert user.browser.execute_script(_CELLS)[2] == 12 > on_paper
     printed = user.browser.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True, "printBackground": True})
     assert 2 <= len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(printed["data"]))) <= most
+    user.sits_at(794, 1123)
+    user.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    too_wide_px = user.browser.execute_script(_TOO_WIDE)
+    user.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert too_wide_px == 0

@@ -24,7 +24,7 @@ _USUAL_NAMES = 6  # of the approaches and the test
 _ROW_PX, _ROW_MARGIN_PX = 21, 23  # of names above a figure, and the room that ticks and Plotly's own spaces take
 _LETTER_PX, _SYMBOL_PX = 6.4, 46  # of a name, on average, with the symbol and the space beside it
 _NAMES_PX = 915  # in a window of 1440 px
-_ROW_NAME = 24  # characters
+_TICK_NAME = 24  # characters
 _EDGE_OPACITY = 0.6  # of a band that is outlined
 
 UNWANTED_TOOLS = ["sendChartToCloud", "lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
@@ -36,9 +36,9 @@ BAND = "band"
 unless it is filled."""
 
 
-def row_name(name: str) -> str:
-    """A name beside the rows of a table of cells: of a long one its beginning and end, so that the cells stay wide."""
-    return name if len(name) <= _ROW_NAME else f"{name[: _ROW_NAME // 2]}…{name[1 - _ROW_NAME // 2 :]}"
+def tick_name(name: str) -> str:
+    """A test's or condition's name at an axis: of a long one its beginning and end, so that the figure has its room."""
+    return name if len(name) <= _TICK_NAME else f"{name[: _TICK_NAME // 2]}…{name[1 - _TICK_NAME // 2 :]}"
 
 
 def new_figure(height: int) -> go.Figure:

@@ -11,7 +11,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.reporting.certification_tables import probability_text
-from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure, row_name
+from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, INK, MEASURED_COLOUR, VERDICT_COLOURS
 
@@ -38,7 +38,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
     names = [_header(criterion, width, display) for criterion in certification.criteria.items]
     speeds = [display.speed(row[0].condition.speed_mps) for row in rows]
     labels = [f"{i} · {own}" for i, own in zip(ids, speeds, strict=True)]
-    short = [f"{row_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
+    short = [f"{tick_name(i)} · {own}" for i, own in zip(ids, speeds, strict=True)]
     with_words = len(rows) <= _MOST_WORDS
     row_px = _ROW_PX if len(rows) <= FEW_CONDITIONS else _NARROW_ROW_PX
     figure = new_figure(height=110 + row_px * len(rows) if with_words else _ALL_ROWS_PX)

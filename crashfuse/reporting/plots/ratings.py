@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure, row_name
+from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure, tick_name
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import GRADES, grade
@@ -71,7 +71,7 @@ def rating_heatmap(
     )  # fmt: skip
     ends = [len(rows) - 0.5, -0.5]  # the marks would widen it
     figure.update_yaxes(
-        range=ends, type="category", tickvals=rows, ticktext=[f"Test {row_name(test)}" for test in tests] + rows[-1:],
+        range=ends, type="category", tickvals=rows, ticktext=[f"Test {tick_name(test)}" for test in tests] + rows[-1:],
         ticks="", showline=False, zeroline=False, showgrid=False,
     )  # fmt: skip
     return figure
@@ -117,8 +117,8 @@ def rating_spread(
             figure.add_hline(y=limit, line={"color": AXIS, "width": 1, "dash": "dot"})
     figure.update_layout(hovermode="closest")
     figure.update_xaxes(
-        title="Held-out test", tickvals=list(range(len(tests))), ticktext=tests, range=[-0.6, len(tests) - 0.4],
-        zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,
+        title="Held-out test", tickvals=list(range(len(tests))), ticktext=[*map(tick_name, tests)],
+        range=[-0.6, len(tests) - 0.4], zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,
     )  # fmt: skip
     figure.update_yaxes(title="Overall rating (dotted: limits of the grades)", range=[0, 1.01])
     return figure

@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.track_record import TrackRecord, Trial
 from crashfuse.certification.verdict import WORDS
-from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.canvas import new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import AXIS, CURSOR, INK, MEASURED_COLOUR, PAPER, VERDICT_COLOURS
 from crashfuse.signals.pulse import FloatArray
@@ -84,7 +84,8 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
     x_style, y_style = (axis.to_plotly_json() for axis in (figure.layout.xaxis, figure.layout.yaxis))
     figure.set_subplots(len(criteria), 1, shared_xaxes=True, vertical_spacing=0.24 / (len(criteria) + 0.6))
     figure.update_xaxes({**x_style, "title": None, "showspikes": False, "zeroline": False, "unifiedhovertitle": None})
-    figure.update_xaxes(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=tests)
+    names = [tick_name(test) for test in tests]
+    figure.update_xaxes(range=[-0.6, len(tests) - 0.4], tickvals=list(range(len(tests))), ticktext=names)
     figure.update_yaxes(y_style)
     for row, criterion in enumerate(criteria, start=1):
         own = [trial for trial in trials if trial.verdict.criterion == criterion]

@@ -14,6 +14,8 @@ def test_long_names_leave_the_cells_their_room() -> None:
     assert list(figure.layout.yaxis.ticktext) == ["Test 2026-11-03_f…ft_repeat_2", "Test T1", "<b>Mean</b>"]
     assert list(figure.layout.yaxis.tickvals) == list(figure.data[0].y)
     assert figure.data[1].customdata[0] == test
+    spread = plots.rating_spread({test: {"fused": (0.9, 0.8, 0.95)}})
+    assert list(spread.layout.xaxis.ticktext) == ["2026-11-03_f…ft_repeat_2"]
 
 
 def test_the_heat_map_names_every_grade_and_ends_with_the_mean() -> None:
