@@ -12,7 +12,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import UsageError, one_of, several
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.figures import Further, beside
+from crashfuse.reporting.figures import Further, beside, pulses_of
 from crashfuse.reporting.plots.bias import bias_by_speed
 from crashfuse.reporting.plots.conditions import condition_space
 from crashfuse.reporting.plots.display import Display, DisplayOptions
@@ -52,7 +52,7 @@ def campaign_figure(
 
 
 def _tests(own: _Shown) -> go.Figure:
-    further = beside(own.campaign, own.also, own.display)
+    further = pulses_of(beside(own.campaign, own.also, own.display))
     return measured_pulses(own.tests, highlight=own.held_out, cfc=own.cfc, display=own.display, further=further)
 
 

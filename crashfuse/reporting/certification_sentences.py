@@ -6,7 +6,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import TrackRecord, largest_share
-from crashfuse.certification.verdict import WORDS, Verdict
+from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.wording import Sentence, joined, speed, weight
 
@@ -37,7 +37,8 @@ def to_test(certification: Certification) -> Iterator[str]:
     settled = [i for i in rows["met"] if not any(i in rows[word] for word in WORDS if word != "met")]
     if settled and len(settled) < len(certification.matrix.ids):
         yield f"Need not be run, as every criterion is met: {_listed(settled)}."
-    for word, told in (("not met", "A test would miss"), ("open", "To be tested, or redesigned")):
+    needed: dict[Word, str] = {"not met": "A test would miss", "open": "To be tested, or redesigned"}
+    for word, told in needed.items():
         if rows[word]:
             yield f"{told}: {_listed([f'{i} ({_names(own)})' for i, own in rows[word].items()])}."
     if certification.domain.too_few_tests:

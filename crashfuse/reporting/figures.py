@@ -57,7 +57,7 @@ class Curves:
     @property
     def predictions(self) -> dict[str, Prediction]:
         """The pulses by their names."""
-        return {name: own.prediction if isinstance(own, Estimate) else own for name, own in self.shown.items()}
+        return pulses_of(self.shown)
 
     @property
     def crush(self) -> dict[str, Metric]:
@@ -114,6 +114,11 @@ def beside(campaign: Campaign, also: Sequence[Further], display: Display) -> dic
         If there is no such test or CAE run.
     """
     return dict(_further(campaign, each, display) for each in several(also))
+
+
+def pulses_of(shown: Mapping[str, Estimate | Prediction]) -> dict[str, Prediction]:
+    """What estimates predict; other pulses as they are."""
+    return {name: own.prediction if isinstance(own, Estimate) else own for name, own in shown.items()}
 
 
 def pulse_name(of: str, condition: Condition, display: Display) -> str:

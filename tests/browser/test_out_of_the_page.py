@@ -106,7 +106,8 @@ return [Math.max(...words), cells / trace.x.length, trace.textfont.size];
 
 
 _TOO_WIDE = """
-document.querySelectorAll(".narrow td:first-child").forEach(cell => cell.textContent = "2026-11_" + "long_id_".repeat(8));
+const ids = document.querySelectorAll(".narrow td:first-child");
+ids.forEach(id => id.textContent = "2026-11_" + "long_id_".repeat(8));
 return Math.max(0, ...[...document.querySelectorAll(".narrow")].map(tables => tables.scrollWidth - tables.clientWidth));
 """  # by how much tables in columns are, whose tests have long ids
 

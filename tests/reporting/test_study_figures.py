@@ -95,9 +95,11 @@ def test_the_options_are_those_of_the_pages(study: Study, elsewhere: PredictedPu
     assert [each.text for each in corridors.layout.annotations] == ["rated: 0–40 ms", "kink"]
 
 
-def test_a_campaign_shows_some_tests_and_what_is_put_beside_them(campaign: Campaign) -> None:
-    """By their ids; a filter draws each test twice."""
-    assert names(campaign.plot(tests=["T2"], also=["C05"], held_out="T2"))[0] == "T2 · 25.0 mph (held out)"
+def test_a_campaign_shows_some_tests_and_what_is_put_beside_them(campaign: Campaign, elsewhere: PredictedPulse) -> None:
+    """By their ids, and a prediction; a filter draws each test twice."""
+    beside = campaign.plot(tests=["T2"], also=["C05", elsewhere], held_out="T2")
+    assert names(beside)[0] == "T2 · 25.0 mph (held out)"
+    assert any(name.startswith("Fused at 30.0 mph") for name in names(beside))
     assert len(campaign.plot(tests=["T2"], cfc=60).data) == 2
     peak = max(campaign.test("T2").pulse.accel_mps2, key=abs) / G
     assert max(campaign.plot(tests="T2").data[0].y, key=abs) == pytest.approx(peak)
