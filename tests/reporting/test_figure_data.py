@@ -17,6 +17,7 @@ from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import add_corridors, motion, overlay
 from crashfuse.reporting.plots.ratings import rating_heatmap, rating_spread
+from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, kinematics
 from crashfuse.units import MPH, MS, G
 from tests.reporting.conftest import with_and_without_band
@@ -79,8 +80,9 @@ def test_what_is_hidden_is_not_in_the_table(test: CrashTest, predictions: dict[s
 def test_curves_with_positions_of_their_own_stand_below_each_other(
     test: CrashTest, predictions: dict[str, Prediction]
 ) -> None:
-    """Over displacement: the curve's name, its displacement, its acceleration; the maximum crush with its interval."""
-    shown = table(over_displacement(test.pulse, predictions, test.condition.speed_mps))
+    """Over displacement: the curve's name, its displacement, its acceleration; what is known of maximum crush."""
+    interval = {"fused": Metric("max_crush", 500.0, 100.0, None, "mm")}
+    shown = table(over_displacement(test.pulse, predictions, test.condition.speed_mps, crush=interval))
     assert set(shown["Curve"]) > {"Test", "CAE", "Fused"}
     own = shown[shown["Curve"] == "CAE"]
     travelled = predictions["cae"]
@@ -90,7 +92,8 @@ def test_curves_with_positions_of_their_own_stand_below_each_other(
     expected = np.interp(own["Displacement (mm)"], at_mm, accel_g)
     np.testing.assert_allclose(own["Acceleration (g)"], expected, atol=0.05)
     (crush,) = shown[shown["Curve"].str.startswith("Fused: Maximum crush")].to_dict("records")
-    assert crush["Displacement, lower (mm)"] < crush["Displacement (mm)"] < crush["Displacement, upper (mm)"]
+    assert crush["Displacement, lower (mm)"] == pytest.approx(100.0, rel=1e-5)
+    assert np.isnan(crush["Displacement, upper (mm)"])  # left open
 
 
 def test_points_with_intervals_and_cells_of_a_heat_map() -> None:

@@ -151,10 +151,13 @@ def _loading_phases(
 
 def _mark_crush(figure: go.Figure, name: str, curve: Curve, colour: str, crush: Metric | None) -> None:
     """Mark the end of a curve, its maximum crush, with its interval; an end that the record leaves open has no bar."""
-    end, error, told = curve.x[-1], None, f"{curve.x[-1]:.1f}"
-    if crush is not None:
-        low, high = (end if known is None else known for known in (crush.lower, crush.upper))
-        error, told = {"array": [high - end], "arrayminus": [end - low]}, crush.text
+    end, error = float(curve.x[-1]), None
+    if crush is not None and (crush.lower is not None or crush.upper is not None):
+        error = {
+            "array": [None if crush.upper is None else crush.upper - end],
+            "arrayminus": [None if crush.lower is None else end - crush.lower],
+        }
+    told = f"{end:.1f}" if crush is None else crush.text
     add_line(
         figure, curve.x[-1:], curve.y[-1:], mode="markers", error_x=error,
         marker={"color": colour, "size": 8}, name=f"Maximum crush {told} mm",
