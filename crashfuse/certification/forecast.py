@@ -8,7 +8,7 @@ import numpy as np
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.fit_cache import settings
-from crashfuse.approaches.metric_calibration import Distribution, metric_distributions, standardised_error
+from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
@@ -20,6 +20,7 @@ from crashfuse.signals.occupant import OccupantModel
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.estimate import Fit
+from crashfuse.study.rating_distribution import RatingDistribution
 
 _RATED_DRAWS = 25
 _UNKNOWN = (np.nan,) * 5
@@ -78,7 +79,8 @@ class Forecast:
         rows = numbers(entry, "numbers", None, None).tolist()
         for name, (value, *own) in zip(entry["names"].tolist(), rows, strict=True):
             values[name] = None if np.isnan(value) else value
-            distributions[name] = None if np.isnan(own[0]) else Distribution(*own)
+            kind = RatingDistribution if name.startswith(RATING) else Distribution
+            distributions[name] = None if np.isnan(own[0]) else kind(*own)
         return cls(finite(entry, "accel_mps2", N_SAMPLES), values, distributions)
 
 
@@ -89,7 +91,7 @@ class Forecaster:
     Attributes
     ----------
     rated : dict of float to ndarray, shape (2, n_tests)
-        By window in ms: the ratings, and their errors in units of the drawn ratings' spread; NaN without draws.
+        By window in ms: the ratings, and those against draws in the place of the tests; NaN without draws.
     """
 
     fit: Fit
@@ -103,9 +105,7 @@ class Forecaster:
             rows = []
             for test_id, prediction in fit.left_out.items():
                 rating = _overall(campaign.test(test_id).pulse, prediction.accel_mps2, window_ms)
-                has_draws = prediction.draws_mps2 is not None
-                error = standardised_error(drawn_ratings(prediction, window_ms), rating) if has_draws else np.nan
-                rows.append((rating, error))
+                rows.append((rating, drawn_rating(prediction, window_ms)))
             return np.array(rows, dtype=np.float64).reshape(-1, 2).T
 
         rated = {}
@@ -132,26 +132,23 @@ class Forecaster:
         found = metric_distributions(prediction, self.fit.metric_errors, occupant)
         for window in self.rated:
             rating = found[_rating(window)] = self._rating_at(prediction, window)
-            known[_rating(window)] = None if rating is None else rating.centre
+            known[_rating(window)] = None if rating is None else rating.quantile(0.5)
         return Forecast(prediction.accel_mps2, known, found)
 
-    def _rating_at(self, prediction: Prediction, window_ms: float) -> Distribution | None:
-        """Distribution of the rating against a test here; without draws, that of left-out tests."""
-        rated, errors = self.rated[window_ms]
-        if prediction.draws_mps2 is not None:
-            return Distribution.of(drawn_ratings(prediction, window_ms), errors)
-        if rated.size < 2:
-            return None
-        spread = float(rated.std(ddof=1))
-        return Distribution(float(rated.mean()), spread, rated.size - 1)
+    def _rating_at(self, prediction: Prediction, window_ms: float) -> RatingDistribution | None:
+        """Distribution of the rating against a test here; None if no test could be left out."""
+        rated, drawn = self.rated[window_ms]
+        here = drawn_rating(prediction, window_ms)
+        return RatingDistribution.learned(rated, drawn, here) if rated.size else None
 
 
-def drawn_ratings(prediction: Prediction, window_ms: float) -> FloatArray:
-    """Ratings of a predicted pulse against some of its draws, each in the place of a test."""
+def drawn_rating(prediction: Prediction, window_ms: float) -> float:
+    """Rating of a predicted pulse against its draws, each in the place of a test: their median; NaN without draws."""
     n, draws = round(window_ms / 1e3 / DT_S), prediction.draws_mps2
-    assert draws is not None  # noqa: S101 - asked for by callers
+    if draws is None:
+        return float("nan")
     some = np.asarray(draws[:: -(-len(draws) // _RATED_DRAWS), :n], dtype=np.float64)
-    return np.array([_overall(Pulse(GRID_S[:n], draw), prediction.accel_mps2[:n], window_ms) for draw in some])
+    return float(np.median([_overall(Pulse(GRID_S[:n], draw), prediction.accel_mps2[:n], window_ms) for draw in some]))
 
 
 def _overall(reference: Pulse, accel_mps2: FloatArray, window_ms: float) -> float:

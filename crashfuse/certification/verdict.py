@@ -66,8 +66,6 @@ def _verdict(
 ) -> Verdict:
     value, own = forecast.values[quantity(criterion)], forecast.distributions[quantity(criterion)]
     lower, upper = (None, None) if own is None else own.interval()
-    if criterion.window_ms is not None and upper is not None:
-        upper = min(upper, 1.0)
     probability = None if own is None else own.probability(criterion.at_least, criterion.at_most)
     word, reason = _word(criterion, probability, confidence, (value, lower, upper))
     if outside:

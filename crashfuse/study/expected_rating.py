@@ -1,26 +1,24 @@
 """Expected rating of a prediction before there is a test to rate it against, and how the expectation came out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import stdtrit
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
 from crashfuse.signals.rating import grade, rate_windows
+from crashfuse.study.rating_distribution import RatingDistribution
 from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed
 
 _REACH_MPS = 5 * MPH
 _LEAST = 3  # minimum number of tests, at any distance
 _BESIDE_MPS = 1 * MPH  # a test this near counts as beside the condition
-_LIKELY, _FAR = 0.8, 0.95  # shares of single tests: in the range that is told, and in the one that is not surprising
-_SPREAD, _KNOWN_TESTS = 0.4, 4  # what the log of a rating's distance to 1 scatters by, and how many tests that is worth
-_LEAST_LACK = 1e-4  # of a rating to 1
+_ENDS = 0.1, 0.9, 0.025, 0.975  # of the range that is told, and of the one that is not surprising
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,13 +134,17 @@ def expected_rating(
     ratings = [
         _overall(test.pulse, left_out_mps2[test.id].astype(np.float64).tobytes(), float(window_ms)) for test in near
     ]
+    single = RatingDistribution.learned(np.array(ratings))
+    lower, upper, least, most = map(single.quantile, _ENDS)
     gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test
     return ExpectedRating(
         float(np.mean(ratings)),
         min(ratings),
         max(ratings),
-        *_single(ratings, _LIKELY),
-        *_single(ratings, _FAR),
+        lower,
+        upper,
+        least,
+        most,
         float(window_ms),
         tuple(test.id for test in near),
         away(near[-1]),
@@ -160,16 +162,3 @@ def _overall(measured: Pulse, predicted_mps2: bytes, window_ms: float) -> float:
 def rating_range(lower: float, upper: float) -> str:
     """Both ends as displayed, one if they are equal."""
     return " to ".join(dict.fromkeys(f"{end:.2f}" for end in (lower, upper)))
-
-
-def _single(ratings: Sequence[float], share: float) -> tuple[float, float]:
-    """Central range of a single test's rating, given those of tests near it.
-
-    What ratings lack to 1 is taken as log-normal. Three tests say little of its spread, so that of other campaigns
-    counts too; the range is that of a Student's t with the tests of both.
-    """
-    logs = np.log(np.maximum(1 - np.array(ratings), _LEAST_LACK))
-    freedom = _KNOWN_TESTS + logs.size - 1
-    variance = (_KNOWN_TESTS * _SPREAD**2 + float(((logs - logs.mean()) ** 2).sum())) / freedom
-    reach = float(stdtrit(freedom, 0.5 + share / 2)) * np.sqrt(variance * (1 + 1 / logs.size))
-    return max(1 - float(np.exp(logs.mean() + reach)), 0.0), 1 - float(np.exp(logs.mean() - reach))
