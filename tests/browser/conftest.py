@@ -46,7 +46,6 @@ _FLAGS = (
     "--disable-component-update",
     "--disable-sync",
     "--disable-dev-shm-usage",
-    "--disable-features=BackForwardCache",  # for which each page gets a process of its own, and compiles scripts anew
     "--force-prefers-reduced-motion",  # to draw what moves while one waits takes a fifth of the browser's time
     "--window-size=1440,1000",
 )
@@ -151,6 +150,17 @@ class User:
         place = element.rect
         time.sleep(0.1)
         return element.rect == place
+
+    def presses_until(self, done: Callable[[], object], label: str, css: str = "button") -> None:
+        """Click, and again after a while if nothing came of it: the page may just have been drawn anew."""
+
+        def worked() -> bool:
+            self._pressed(label, css)
+            with suppress(TimeoutException):
+                return bool(self.wait(done, timeout_s=10))
+            return False
+
+        self.wait(worked, f"Nothing came of a click on {label!r}.")
 
     def fill(self, label: str, text: str) -> None:
         """Type into the field of this label, and leave it."""

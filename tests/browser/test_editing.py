@@ -1,12 +1,10 @@
 """Campaigns in a real browser: tests in and out of use, an import undone, an upload refused and mended."""
 
 import shutil
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
@@ -32,17 +30,12 @@ def own(campaign_on_disk: Path, tmp_path: Path) -> Path:
 
 
 def held_out_choices(user: "User") -> list[str]:
-    """The tests that can be held out, as the sidebar lists them; asked again if the page was just being drawn."""
-
-    def listed() -> list[str]:
-        user.press("", f'{SIDEBAR} [data-testid="stSelectbox"]:has([aria-label*="Held-out"]) [role="combobox"]')
-        with suppress(TimeoutException):
-            return user.wait(lambda: [option.split(" ")[0] for option in user.texts('[role="option"]')], timeout_s=5)
-        return []
-
-    found = user.wait(listed)
+    """The tests that can be held out, as the sidebar lists them."""
+    field = f'{SIDEBAR} [data-testid="stSelectbox"]:has([aria-label*="Held-out"]) [role="combobox"]'
+    user.presses_until(lambda: user.texts('[role="option"]'), "", field)
+    listed = [option.split(" ")[0] for option in user.texts('[role="option"]')]
     user.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
-    return found
+    return listed
 
 
 def test_a_test_is_left_out_of_use_and_used_again(server: "Server", user: "User", own: Path) -> None:
