@@ -1,6 +1,6 @@
 """How long the dashboard lets one wait: ``python benchmarks/responsiveness.py [--beside CHECKOUT]`` (needs Chromium).
 
-Four times on the sample, whose studies have been run before, each the median: from a link into a cold server to the
+Five waits on the sample, whose studies have been run before, each the median: from a link into a cold server to the
 first paint of the page's frame (Streamlit's own list of files does not count); a switch of page while four others
 switch, too, first with all five browsers on the server's cores, then with only the one that is measured: of the others
 the server is asked as by their browsers, which draw elsewhere; on Predict, from the stop of a slider to the figure that

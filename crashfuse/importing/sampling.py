@@ -45,10 +45,8 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
     told = f"{channel.name} was sampled unevenly and is interpolated to {1 / step:.0f} Hz."
     if lost.any() and np.abs(steps - (lost + 1) * step).max() <= UNEVEN * step:
         first_ms = time[int(np.argmax(lost > 0))] / MS
-        told = (
-            f"Careful: {channel.name} lacks {lost.sum()} of {clock.size} samples, the first after {first_ms:.6g} ms; "
-        )
-        told += "they are interpolated."
+        lacking = f"{channel.name} lacks {lost.sum()} of {clock.size} samples, the first after {first_ms:.6g} ms"
+        told = f"Careful: {lacking}; they are interpolated."
     return clock, np.interp(clock, time, values), told
 
 

@@ -8,6 +8,7 @@ from crashfuse.wording import Sentence, acceleration
 
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _SEVERAL = 2  # humps: of one alone nothing is worst
+_NOTHING = 1e-9  # of a rating
 _IN_PLACE_S = 0.0005  # a hump that comes this near to its time is not out of place
 
 
@@ -19,20 +20,24 @@ def rating_sentences(explanation: RatingExplanation, comparison: str = "predicti
     comparison : str
         What the curve that is compared with the test is called, in a word.
     """
-    rating, losses, part = explanation.rating, explanation.losses, explanation.costliest
+    rating, losses = explanation.rating, explanation.losses
     reasons = {name: reason(explanation, comparison) for name, reason in _REASONS.items()}
-    lost = 1 - rating.overall
-    head = f"{rating.overall:.3f} ({rating.grade}) over 0–{explanation.window_ms:g} ms"
-    if lost < 1e-9:
-        overall = Sentence("{}: nothing is lost.", head)
-    else:
-        cost = f"{part} costs most, {losses[part]:.2f} of the {lost:.2f} missing to 1"
-        overall = Sentence("{}: {}. {}.", head, cost, _capital(reasons[part]))
+    overall = rating_headline(explanation)
+    if 1 - rating.overall >= _NOTHING:
+        overall = Sentence("{} {}.", overall, _capital(reasons[explanation.costliest]))
     parts = {
         name: Sentence("{}: {}.", f"{name.capitalize()} {getattr(rating, name):.2f} (costs {losses[name]:.2f})", said)
         for name, said in reasons.items()
     }
     return {"overall": overall, **parts}
+
+
+def rating_headline(explanation: RatingExplanation) -> Sentence:
+    """A rating, and the part that costs most of it."""
+    rating, part, lost = explanation.rating, explanation.costliest, 1 - explanation.rating.overall
+    head, costs = f"{rating.overall:.3f} ({rating.grade}) over 0–{explanation.window_ms:g} ms", explanation.losses[part]
+    said = "nothing is lost" if lost < _NOTHING else f"{part} costs most, {costs:.2f} of the {lost:.2f} missing to 1"
+    return Sentence("{}: {}.", head, said)
 
 
 def _corridor(explanation: RatingExplanation, comparison: str) -> Sentence:

@@ -152,15 +152,19 @@ class User:
         return element.rect == place
 
     def presses_until(self, done: Callable[[], object], label: str, css: str = "button") -> None:
+        """Click until something is done."""
+        self._clicks_until(done, lambda: self._pressed(label, css), f"Nothing came of a click on {label!r}.")
+
+    def _clicks_until(self, done: Callable[[], object], click: Callable[[], object], missing: str = "") -> None:
         """Click, and again after a while if nothing came of it: the page may just have been drawn anew."""
 
         def worked() -> bool:
-            self._pressed(label, css)
+            click()
             with suppress(TimeoutException):
-                return bool(self.wait(done, timeout_s=10))
+                return bool(self.wait(done, timeout_s=15))
             return False
 
-        self.wait(worked, f"Nothing came of a click on {label!r}.")
+        self.wait(worked, missing)
 
     def fill(self, label: str, text: str) -> None:
         """Type into the field of this label, and leave it."""
@@ -209,18 +213,15 @@ class User:
         Where it lies, right of and below the centre of all cells in pixels, depends on how wide and high they are.
         """
 
-        def told() -> bool:
+        def click() -> None:
             drawn = self.find(FIGURE, figure)
             self.browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", drawn)
             cells = drawn.find_element(By.CSS_SELECTOR, ".nsewdrag")
             right, down = where(cells.rect["width"], cells.rect["height"])
             mouse = ActionChains(self.browser)
             mouse.move_to_element_with_offset(cells, round(right), round(down)).pause(0.5).click().perform()
-            with suppress(TimeoutException):
-                return bool(self.sees(words, timeout_s=15))
-            return False
 
-        self.wait(told)
+        self._clicks_until(lambda: self.texts(MAIN, words), click, f"Nothing came of a click on the cell: {words!r}.")
 
     def sits_at(self, width: int, height: int, zoom: float = 1.0) -> None:
         """Make the window so many pixels large, and zoom the page."""

@@ -1,7 +1,7 @@
 """Part of a study's report on why a test is rated as it is, and how the expectation came out."""
 
 from crashfuse.reporting.plots.display import Display
-from crashfuse.signals.rating_sentences import rating_sentences
+from crashfuse.signals.rating_sentences import rating_headline, rating_sentences
 from crashfuse.study.account import worst_test
 from crashfuse.study.fold import Fold
 from crashfuse.study.recommendation import Recommendation
@@ -18,10 +18,10 @@ def why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> d
     explanation = fold.explained(advice.approach, window_ms)
     missed = advice.expected is not None and advice.expected.is_missed_by(rating)
     drawn = missed or fold.held_out == worst_test(study, window_ms).test.id
-    sentences = rating_sentences(explanation)
+    _, *parts = rating_sentences(explanation).values()
     return {
         "outcome": advice.expected.outcome(rating) if advice.expected is not None and len(study.folds) > 1 else None,
-        "overall": f"{sentences.pop('overall').partition('. ')[0].removesuffix('.')}.",  # its reason is among the parts
-        "parts": list(sentences.values()),
+        "overall": rating_headline(explanation),  # its reason is among the parts
+        "parts": parts,
         "curves": study.plot(fold.held_out, "rating", approaches=[advice.approach], display=display) if drawn else None,
     }

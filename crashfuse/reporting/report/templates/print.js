@@ -1,11 +1,12 @@
 // On paper figures are narrower and lower, with smaller words, so that two or three fit a page; afterwards all is as it was.
-const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, LOWEST_PX = 225, ROW_PX = 19, WORDS_PX = 11, IN_CELLS_PX = 9, USUAL_IN_CELLS_PX = 12;
+const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, LOWEST_PX = 225, ROW_PX = 19, WORDS_PX = 11, IN_CELLS_PX = 9;
 const MARGINS_PX = 110, LETTER_PX = 6;
 const before = new Map();
 const figures = () => document.querySelectorAll(".plotly-graph-div");
+const cells = figure => figure.data.flatMap((trace, number) => trace.type === "heatmap" ? [number] : []);
 const relaid = (figure, changes, height, inCellsPx) => {
-  const cells = figure.data.flatMap((trace, number) => trace.type === "heatmap" ? [number] : []);
-  Plotly.update(figure, cells.length ? { "textfont.size": inCellsPx } : {}, changes, cells.length ? cells : undefined);
+  const some = inCellsPx.length > 0;
+  Plotly.update(figure, some ? { "textfont.size": inCellsPx } : {}, changes, some ? cells(figure) : undefined);
   figure.parentElement.style.height = `${height}px`;
 };
 const wrapped = (text, most) => text.replaceAll("<br>", " ").split(" ").reduce((lines, word) => {
@@ -26,8 +27,8 @@ const onPaper = figure => {
   const { layout, data } = figure, usual = layout.height;
   const changes = { autosize: false, width: WIDTH_PX };
   const share = document.querySelector(".dossier") ? SHARE_IN_DOSSIER : SHARE; // its figures stand for themselves
-  const cells = data.find(trace => trace.type === "heatmap");
-  const rows = cells ? heightOfCells(cells, data) : Math.max(usual * share, LOWEST_PX) + underNames(data);
+  const heatMap = data.find(trace => trace.type === "heatmap");
+  const rows = heatMap ? heightOfCells(heatMap, data) : Math.max(usual * share, LOWEST_PX) + underNames(data);
   Object.assign(changes, { height: Math.round(Math.min(usual, rows)), "font.size": WORDS_PX });
   for (const key of Object.keys(layout).filter(key => /^[xy]axis/.test(key) && layout[key].title?.text)) {
     changes[`${key}.title.font.size`] = WORDS_PX;
@@ -39,11 +40,11 @@ const onPaper = figure => {
 const kept = (figure, changes) => Object.fromEntries(Object.keys(changes).map(path =>
   [path, path.split(".").reduce((part, key) => part?.[key], figure.layout) ?? null]));
 addEventListener("beforeprint", () => figures().forEach(figure => {
-  const changes = onPaper(figure);
-  before.set(figure, kept(figure, changes));
-  relaid(figure, changes, changes.height, IN_CELLS_PX);
+  const changes = onPaper(figure), inCellsPx = cells(figure).map(number => figure.data[number].textfont?.size ?? null);
+  before.set(figure, { usual: kept(figure, changes), inCellsPx });
+  relaid(figure, changes, changes.height, inCellsPx.map(() => IN_CELLS_PX));
 }));
-addEventListener("afterprint", () => before.forEach((usual, figure) => {
-  relaid(figure, { ...usual, autosize: true, width: null }, usual.height, USUAL_IN_CELLS_PX);
+addEventListener("afterprint", () => before.forEach(({ usual, inCellsPx }, figure) => {
+  relaid(figure, { ...usual, autosize: true, width: null }, usual.height, inCellsPx);
   before.delete(figure);
 }));
