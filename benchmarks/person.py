@@ -39,7 +39,11 @@ class Person:
         message.rerun_script.query_string = ""
         self._connection.send_binary(message.SerializeToString())
         answer = ForwardMsg()
-        while answer.WhichOneof("type") != "script_finished":
+        # A run that is asked for while another goes on ends that one early.
+        while not (
+            answer.WhichOneof("type") == "script_finished"
+            and answer.script_finished == ForwardMsg.FINISHED_SUCCESSFULLY
+        ):
             answer.ParseFromString(self._connection.recv())
             if answer.WhichOneof("type") == "navigation":
                 self._pages = {page.url_pathname: page.page_script_hash for page in answer.navigation.app_pages}
