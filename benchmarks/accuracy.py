@@ -50,9 +50,9 @@ def main() -> None:
                 _print_repeats(study, repeats)
                 _print_tests(study)
                 _print_table_3(study)
-                _print_recommendations(study)
             else:
                 repeats = {}
+            _print_recommendations(study)
             rows.append(_row(study, repeats))
     print("\n### All campaigns, 0–60 ms\n")
     labels = [LABELS[name] for name in _SHOWN]
@@ -152,9 +152,7 @@ def _print_table_3(study: Study) -> None:
 
 def _print_recommendations(study: Study) -> None:
     """Print the recommendation for each test before it was run, the expected rating and the actual one."""
-    print("\n| Test | recommended | expected | likely | rated | |")
-    print("|---|---|---:|---:|---:|---|")
-    errors, came_out = [], []  # of those for which a range was told
+    rows, errors, surprises = [], [], []
     for fold in study.folds:
         condition = study.campaign.test(fold.held_out).condition
         rest = study.config.training_campaign(study.campaign, fold.held_out)
@@ -162,18 +160,21 @@ def _print_recommendations(study: Study) -> None:
         rated = fold.ratings[advice.approach][_WINDOW_MS].overall
         if (expected := advice.expected) is None:
             continue
-        errors.append(expected.mean - rated)
-        told, surprise = ("–", "") if expected.farther else (expected.range, expected.surprise(rated))
-        came_out += [surprise] if surprise else []
-        cells = LABELS[advice.approach], f"{expected.mean:.3f}", told, f"{rated:.3f}", surprise
-        print(f"| {fold.held_out} | {' | '.join(cells)} |")
-    likely, no_surprise = came_out.count("as expected"), sum("far" not in each for each in came_out)
+        errors.append(expected.median - rated)
+        surprises.append(expected.surprise(rated))
+        cells = LABELS[advice.approach], f"{expected.median:.3f}", expected.range, f"{rated:.3f}", surprises[-1]
+        rows.append(f"| {fold.held_out} | {' | '.join(cells)} |")
+    if study.config.leave_out == "test":
+        print("\n| Test | recommended | expected | likely | rated | |\n|---|---|---:|---:|---:|---|")
+        print("\n".join(rows))
+    likely, no_surprise = surprises.count("as expected"), sum("far" not in each for each in surprises)
     print(
         f"\nThe expected rating is {np.mean(errors):+.3f} off on average, {np.abs(errors).mean():.3f} in size. "
-        f"A likely range (80 %) was told for {len(came_out)} of {len(errors)} tests: {likely} came out inside it, "
-        f"{no_surprise} inside the central 95 %.\n"
+        f"Of {len(errors)} tests {likely} came out inside the likely range (80 %), "
+        f"{no_surprise} inside the central 95 %."
     )
-    print("\n".join(recommend(study).sentences))
+    if study.config.leave_out == "test":
+        print("\n" + "\n".join(recommend(study).sentences))
 
 
 def _overall(study: Study, approach: str) -> np.ndarray:

@@ -107,7 +107,6 @@ def few_draws() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("crashfuse.study.repeatability._N_DRAWS", 10)
         patch.setattr("crashfuse.study.fold._RATED_DRAWS", 10)
-        patch.setattr("crashfuse.certification.forecast._RATED_DRAWS", 5)
         yield
 
 

@@ -6,23 +6,19 @@ from typing import Self
 
 import numpy as np
 
-from crashfuse.approaches.base import Prediction
-from crashfuse.approaches.fit_cache import settings
 from crashfuse.approaches.metric_calibration import Distribution, metric_distributions
 from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
-from crashfuse.execution.cache import Cache, Entry, finite, numbers
-from crashfuse.execution.code_digest import code_digest
+from crashfuse.execution.cache import Entry, finite, numbers
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.occupant import OccupantModel
-from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse
+from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.estimate import Fit
-from crashfuse.study.rating_distribution import RatingDistribution
+from crashfuse.study.rating_distribution import RatingDistribution, agreement
 
-_RATED_DRAWS = 25
 _UNKNOWN = (np.nan,) * 5
 
 
@@ -90,38 +86,24 @@ class Forecaster:
 
     Attributes
     ----------
-    rated : dict of float to ndarray, shape (2, n_tests)
-        By window in ms: the ratings, and those against draws in the place of the tests; NaN without draws.
+    speeds_mps : ndarray, shape (n_tests,)
+        Of these tests.
+    rated : dict of float to ndarray, shape (n_tests,)
+        The ratings, by window in ms.
     """
 
     fit: Fit
+    speeds_mps: FloatArray
     rated: dict[float, FloatArray]
 
     @classmethod
-    def of(cls, fit: Fit, campaign: Campaign, windows_ms: Sequence[float], cache: Cache) -> Self:
+    def of(cls, fit: Fit, campaign: Campaign, windows_ms: Sequence[float]) -> Self:
         """Rate the left-out predictions of a fit over windows; the campaign is the one that it learned from."""
-
-        def rate(window_ms: float) -> FloatArray:
-            rows = []
-            for test_id, prediction in fit.left_out.items():
-                rating = _overall(campaign.test(test_id).pulse, prediction.accel_mps2, window_ms)
-                rows.append((rating, drawn_rating(prediction, window_ms)))
-            return np.array(rows, dtype=np.float64).reshape(-1, 2).T
-
-        rated = {}
-        for window in windows_ms:
-            key = {**settings(fit.approach), "campaign": campaign.fingerprint, "window": window}
-            key["code"] = code_digest(__name__)
-
-            def compute(window: float = window) -> tuple[FloatArray, Entry]:
-                found = rate(window)
-                return found, {"rated": found}
-
-            def restore(entry: Entry) -> FloatArray:
-                return numbers(entry, "rated", 2, len(fit.left_out))
-
-            rated[window] = cache.get_or_compute("left-out ratings", key, compute, restore)
-        return cls(fit, rated)
+        pairs = [(campaign.test(test_id), own.accel_mps2) for test_id, own in fit.left_out.items()]
+        speeds = np.array([test.condition.speed_mps for test, _ in pairs])
+        return cls(
+            fit, speeds, {w: np.array([_overall(test.pulse, own, w) for test, own in pairs]) for w in windows_ms}
+        )
 
     def at(self, condition: Condition) -> Forecast:
         """The forecast at a condition."""
@@ -130,25 +112,13 @@ class Forecaster:
         values = metric_values(prediction.accel_mps2, condition.speed_mps, occupant=occupant)
         known = {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
         found = metric_distributions(prediction, self.fit.metric_errors, occupant)
-        for window in self.rated:
-            rating = found[_rating(window)] = self._rating_at(prediction, window)
+        away = np.abs(self.speeds_mps - condition.speed_mps)
+        agreements, here = np.array(list(self.fit.agreements.values())), agreement(prediction)
+        for window, ratings in self.rated.items():
+            rating = RatingDistribution.learned(ratings, away, agreements, here) if ratings.size else None
+            found[_rating(window)] = rating
             known[_rating(window)] = None if rating is None else rating.quantile(0.5)
         return Forecast(prediction.accel_mps2, known, found)
-
-    def _rating_at(self, prediction: Prediction, window_ms: float) -> RatingDistribution | None:
-        """Distribution of the rating against a test here; None if no test could be left out."""
-        rated, drawn = self.rated[window_ms]
-        here = drawn_rating(prediction, window_ms)
-        return RatingDistribution.learned(rated, drawn, here) if rated.size else None
-
-
-def drawn_rating(prediction: Prediction, window_ms: float) -> float:
-    """Rating of a predicted pulse against its draws, each in the place of a test: their median; NaN without draws."""
-    n, draws = round(window_ms / 1e3 / DT_S), prediction.draws_mps2
-    if draws is None:
-        return float("nan")
-    some = np.asarray(draws[:: -(-len(draws) // _RATED_DRAWS), :n], dtype=np.float64)
-    return float(np.median([_overall(Pulse(GRID_S[:n], draw), prediction.accel_mps2[:n], window_ms) for draw in some]))
 
 
 def _overall(reference: Pulse, accel_mps2: FloatArray, window_ms: float) -> float:

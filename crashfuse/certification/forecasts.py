@@ -83,7 +83,7 @@ def _forecast(
     with threadpool_limits(1):  # contended BLAS threads multiply CPU time and change the numbers
         for name in dict.fromkeys(each.approach for each in asked):
             fit = Fit.of(training, name, config, cache=cache, watch=watch)
-            forecaster = Forecaster.of(fit, training, windows_ms, cache)
+            forecaster = Forecaster.of(fit, training, windows_ms)
             for each in asked:
                 if each.approach == name:
                     forecast = forecaster.at(each.condition)

@@ -135,7 +135,7 @@ def account(
         test,
         approach,
         fold.ratings[approach][window_ms].overall,
-        expected_rating(estimate.left_out_mps2, others, test.condition, window_ms),
+        expected_rating(estimate, others, window_ms),
         neighbours,
         apart,
         without_neighbours,

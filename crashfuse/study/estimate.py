@@ -24,6 +24,7 @@ from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import N_SAMPLES, FloatArray
 from crashfuse.study.config import StudyConfig
+from crashfuse.study.rating_distribution import agreement
 from crashfuse.wording import Sentence, packed, speed, unpacked, weight
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
@@ -46,6 +47,8 @@ class Estimate:
         Fit results as plain JSON values.
     left_out_mps2 : mapping of str to ndarray, shape (1250,)
         Prediction for each test that it learned from, as if that test had not been run; empty if unknown.
+    agreements : mapping of str to float
+        How well the draws of each of these agree with it: :func:`crashfuse.study.rating_distribution.agreement`.
     metric_errors : mapping of str to ndarray
         Standardised errors of these predictions, by metric.
     occupant : OccupantModel
@@ -57,6 +60,7 @@ class Estimate:
     state: dict[str, object]
     seconds: float
     left_out_mps2: Mapping[str, FloatArray] = field(default_factory=dict)
+    agreements: Mapping[str, float] = field(default_factory=dict)
     metric_errors: Errors = field(default_factory=dict)
     occupant: OccupantModel = USUAL_OCCUPANT
 
@@ -124,6 +128,11 @@ class Fit:
         return f"<Fit of {self.approach.name}, which took {self.seconds:.1f} s>"
 
     @cached_property
+    def agreements(self) -> Mapping[str, float]:
+        """How well the draws of each prediction for a left-out test agree with it."""
+        return {test: agreement(prediction) for test, prediction in self.left_out.items()}
+
+    @cached_property
     def state(self) -> dict[str, object]:
         """Fit results as plain JSON values; computing the uncertainties takes longer than a prediction."""
         with one_thread():
@@ -153,15 +162,15 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
         raise UsageError(Sentence("A prediction takes a speed and weights above 0, not {}.", condition))
     if is_beyond(condition):
         raise UsageError(Sentence("No barrier test is made at {}: {} can be predicted.", condition, BOUNDS))
-    known: dict[tuple[object, ...], Prediction] = {}
+    made: dict[tuple[object, ...], Prediction] = {}
 
     def predict(approach: Approach) -> Prediction:
         key = tuple(settings(approach).values())
-        if key not in known:
+        if key not in made:
             parts = [predict(part) for part in approach.parts]
             with blamed_on(approach.name):
-                known[key] = approach.predict_from(condition, parts)
-        return known[key]
+                made[key] = approach.predict_from(condition, parts)
+        return made[key]
 
     estimates = []
     for fit in fits:
@@ -172,8 +181,8 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
         seconds = fit.seconds + time.perf_counter() - start
         left_out_mps2 = {test: own.accel_mps2 for test, own in fit.left_out.items()}
-        known_errors = left_out_mps2, fit.metric_errors, fit.occupant
-        estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, *known_errors))
+        known = left_out_mps2, fit.agreements, fit.metric_errors, fit.occupant
+        estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, *known))
     return estimates
 
 
@@ -228,9 +237,8 @@ def store_estimate(estimate: Estimate, campaign: Campaign, config: StudyConfig, 
 
 def _entry(estimate: Estimate) -> Entry:
     prediction = estimate.prediction
-    text = json.dumps(
-        {"notes": [packed(note) for note in prediction.notes], "state": estimate.state, "seconds": estimate.seconds}
-    )
+    told = {"notes": [packed(note) for note in prediction.notes], "agreements": dict(estimate.agreements)}
+    text = json.dumps({**told, "state": estimate.state, "seconds": estimate.seconds})
     entry = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
     entry |= {f"{_LEFT_OUT}{test}": pulse for test, pulse in estimate.left_out_mps2.items()}
     entry |= {f"{_ERRORS}{metric}": errors for metric, errors in estimate.metric_errors.items()}
@@ -250,7 +258,9 @@ def _restored(condition: Condition, approach: str, occupant: OccupantModel, entr
     )
     if not isinstance(text["state"], dict) or errors.keys() != METRIC_LABELS.keys():
         raise ValueError("no estimate")
-    return Estimate(approach, prediction, text["state"], float(text["seconds"]), left_out, errors, occupant)
+    agreements = {test: float(value) for test, value in text["agreements"].items()}
+    known = left_out, agreements, errors, occupant
+    return Estimate(approach, prediction, text["state"], float(text["seconds"]), *known)
 
 
 def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:

@@ -1,50 +1,50 @@
 """Expected rating of a prediction before there is a test to rate it against, and how the expectation came out."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from crashfuse.campaign import Campaign
-from crashfuse.condition import Condition
-from crashfuse.crash_test import CrashTest
-from crashfuse.signals.pulse import GRID_S, FloatArray, Pulse
+from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import grade, rate_windows
-from crashfuse.study.rating_distribution import RatingDistribution
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.rating_distribution import RatingDistribution, agreement
 from crashfuse.units import MPH
 from crashfuse.wording import Sentence, speed
 
 _REACH_MPS = 5 * MPH
 _LEAST = 3  # minimum number of tests, at any distance
 _BESIDE_MPS = 1 * MPH  # a test this near counts as beside the condition
-_ENDS = 0.1, 0.9, 0.025, 0.975  # of the range that is told, and of the one that is not surprising
+_SHARES = 0.5, 0.1, 0.9, 0.025, 0.975  # the median, the ends of the range that is told, and of what is no surprise
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedRating:
-    """Ratings of tests near a condition, each predicted as if it had not been run.
+    """Rating of a single test at a condition, learned from tests that were each predicted as if they had not been run.
 
     Attributes
     ----------
     mean, lowest, highest : float
-        Overall ISO/TS 18571 ratings over one window.
+        Overall ISO/TS 18571 ratings, over one window, of those of them that are near the condition.
+    median : float
+        The rating that a test at the condition is as likely to be above as below.
     lower, upper : float
-        Where the rating of a single test at the condition is likely to be: the central 80 %.
+        Where the rating of a test at the condition is likely to be: the central 80 %.
     least, most : float
         The central 95 %; a rating outside is a surprise.
     tests : tuple of str
-        Ids of those tests, nearest in speed first.
+        Ids of the near tests, nearest in speed first.
     reach_mps : float
         Speed difference of the farthest of them.
     farther : bool
-        Whether the condition is farther in speed from all tests than any of these was from the others; the rating may
-        then be lower.
+        Whether the condition is farther in speed from all tests than any of these was from the others.
     """
 
     mean: float
     lowest: float
     highest: float
+    median: float
     lower: float
     upper: float
     least: float
@@ -56,27 +56,19 @@ class ExpectedRating:
 
     @property
     def sentence(self) -> str:
-        """A sentence on the expected rating, and the number of tests that it rests on."""
+        """A sentence on the expected rating, and the number of tests near the condition."""
         n, within = len(self.tests), speed(self.reach_mps)
         tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
-        if self.farther:
-            return Sentence(
-                f"Expected rating over 0–{self.window_ms:g} ms: less than the {rated} of {tests} within {{}}, which "
-                "had nearer tests.",
-                within,
-            )
-        expected = f"Expected rating over 0–{self.window_ms:g} ms: {self.range} ({self.grades})"
-        return Sentence(f"{expected}; {tests} within {{}} rated {rated}.", within)
+        return Sentence(
+            f"Expected rating over 0–{self.window_ms:g} ms: {self.range} ({self.grades}); {tests} within {{}}"
+            f"{', which had nearer tests,' * self.farther} rated {rated}.",
+            within,
+        )
 
     @property
     def range(self) -> str:
         """The likely range as displayed."""
         return rating_range(self.lower, self.upper)
-
-    @property
-    def brief(self) -> str:
-        """What is expected in the fewest words: the likely range, or less than what nearer tests were rated."""
-        return f"less than {rating_range(self.lowest, self.highest)}" if self.farther else self.range
 
     @property
     def grades(self) -> str:
@@ -85,11 +77,9 @@ class ExpectedRating:
 
     def surprise(self, rating: float) -> str:
         """How a rating compares with what was expected, in words; to two digits, as the range is displayed."""
-        rating, highest, lower, upper, least, most = (
-            round(each, 2) for each in (rating, self.highest, self.lower, self.upper, self.least, self.most)
+        rating, lower, upper, least, most = (
+            round(each, 2) for each in (rating, self.lower, self.upper, self.least, self.most)
         )
-        if self.farther:
-            return "as expected" if rating <= highest else "above what was expected"
         if lower <= rating <= upper:
             return "as expected"
         far = "" if least <= rating <= most else "far "
@@ -101,54 +91,49 @@ class ExpectedRating:
 
     def outcome(self, rating: float) -> str:
         """A sentence on how the expectation came out, once the test is known."""
-        nearer = f"less than the {rating_range(self.lowest, self.highest)} of tests with nearer neighbours"
-        expected = nearer if self.farther else self.range
-        return f"Expected {expected}, came out {rating:.3f} ({grade(rating)}): {self.surprise(rating)}."
+        return f"Expected {self.range}, came out {rating:.3f} ({grade(rating)}): {self.surprise(rating)}."
 
 
-def expected_rating(
-    left_out_mps2: Mapping[str, FloatArray], campaign: Campaign, condition: Condition, window_ms: float = 60.0
-) -> ExpectedRating | None:
-    """Rate an approach's predictions of tests near a condition, each as if that test had not been run.
+def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 60.0) -> ExpectedRating | None:
+    """The rating of an estimate, once there is a test at its condition.
 
-    Uses all tests within 5 mph of it in speed, and at least the three nearest.
+    The range rests on all tests that were left out, the nearer the more, and on how well the draws of their predictions
+    and of this one agree. The near tests beside it are those within 5 mph in speed, and at least the three nearest. The
+    result is None if none was left out.
 
     Parameters
     ----------
-    left_out_mps2 : mapping of str to ndarray, shape (1250,)
-        As in :class:`crashfuse.study.estimate.Estimate`: pulses in m/s² by test id. If empty, the result is None.
     campaign : Campaign
         The campaign that the approach learned from.
     window_ms : float
         The rating is over [0, window_ms).
     """
-    tests = [test for test in campaign.tests if test.id in left_out_mps2]
+    speed_mps, left_out = estimate.prediction.condition.speed_mps, estimate.left_out_mps2
+    speeds = np.array([test.condition.speed_mps for test in campaign.tests])
+    tests = [test for test in campaign.tests if test.id in left_out]
     if not tests:
         return None
-    speeds = np.array([test.condition.speed_mps for test in campaign.tests])
-
-    def away(test: CrashTest) -> float:
-        return abs(test.condition.speed_mps - condition.speed_mps)
-
-    near = [test for i, test in enumerate(sorted(tests, key=away)) if i < _LEAST or away(test) <= _REACH_MPS]
-    ratings = [
-        _overall(test.pulse, left_out_mps2[test.id].astype(np.float64).tobytes(), float(window_ms)) for test in near
-    ]
-    single = RatingDistribution.learned(np.array(ratings))
-    lower, upper, least, most = map(single.quantile, _ENDS)
+    tests.sort(key=lambda test: abs(test.condition.speed_mps - speed_mps))
+    away = np.array([abs(test.condition.speed_mps - speed_mps) for test in tests])
+    near = tests[: max(int((away <= _REACH_MPS).sum()), _LEAST)]
+    ratings = [_overall(test.pulse, left_out[test.id].astype(np.float64).tobytes(), float(window_ms)) for test in tests]
+    agreements = np.array([estimate.agreements.get(test.id, np.nan) for test in tests])
+    single = RatingDistribution.learned(np.array(ratings), away, agreements, agreement(estimate.prediction))
+    median, lower, upper, least, most = map(single.quantile, _SHARES)
     gaps = [np.sort(np.abs(speeds - test.condition.speed_mps))[1:2].sum() for test in near]  # to the next other test
     return ExpectedRating(
-        float(np.mean(ratings)),
-        min(ratings),
-        max(ratings),
+        float(np.mean(ratings[: len(near)])),
+        min(ratings[: len(near)]),
+        max(ratings[: len(near)]),
+        median,
         lower,
         upper,
         least,
         most,
         float(window_ms),
         tuple(test.id for test in near),
-        away(near[-1]),
-        bool(np.abs(speeds - condition.speed_mps).min() > max(*gaps, _BESIDE_MPS)),
+        float(away[len(near) - 1]),
+        bool(np.abs(speeds - speed_mps).min() > max(*gaps, _BESIDE_MPS)),
     )
 
 

@@ -86,7 +86,7 @@ class PastResult:
         """The record of a prediction by several approaches at one condition."""
         condition = estimates[0].prediction.condition
         advice = recommend_for(estimates, campaign, condition)
-        expected = "" if advice.expected is None else advice.expected.brief
+        expected = "" if advice.expected is None else advice.expected.range
         return cls(
             campaign.name, campaign.fingerprint, config, campaign.rating_basis, advice.approach, _now(),
             condition=condition, expected=expected,

@@ -71,9 +71,7 @@ def recommend_for(
     by_name = {estimate.approach: estimate for estimate in estimates}
     names = by_preference(by_name)
     expected = {
-        name: found
-        for name in names
-        if (found := expected_rating(by_name[name].left_out_mps2, campaign, condition, window_ms)) is not None
+        name: found for name in names if (found := expected_rating(by_name[name], campaign, window_ms)) is not None
     }
     if len(campaign.tests) == 1:  # not enough to learn the weights of a mixture either
         return _by_the_paper([name for name in names if not CLASSES[name].made_of] or names, campaign, condition)
@@ -88,7 +86,7 @@ def recommend_for(
         sentences.append(f"The raw CAE model rated {raw:.2f} on the same tests.{worse}")
     if CLASSES[chosen].made_of:
         sentences.append(by_name[chosen].prediction.notes[0])
-    if expected[chosen].mean <= _GOOD:
+    if expected[chosen].median <= _GOOD:
         good = grade(_GOOD + 1e-9)
         likely = "to be expected" if expected[chosen].upper <= _GOOD else "likely"
         sentences.append(f"Less than {good} is {likely}: a guide, not a proof.")

@@ -141,7 +141,6 @@ def test_two_processes_find_what_one_does(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch, tmp_path: object
 ) -> None:
     """The same verdicts to the bit."""
-    monkeypatch.setattr("crashfuse.certification.forecast._RATED_DRAWS", 25)  # as the other processes rate
     few = replace(campaign, tests=campaign.tests[:2])
     asked = matrix(campaign, *np.linspace(16.0, 34.0, 12).tolist())
     found = []

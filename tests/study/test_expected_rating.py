@@ -1,25 +1,41 @@
-"""What rating may be expected is what tests near it were rated when they were left out."""
+"""What rating may be expected is learned from tests that were left out, and from how well draws agree."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
-from crashfuse.condition import Condition
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import rate_windows
+from crashfuse.study.estimate import Estimate
 from crashfuse.study.expected_rating import expected_rating
+from crashfuse.study.rating_distribution import RatingDistribution, agreement
 from crashfuse.units import MPH
 
 
-def at(campaign: Campaign, mph: float) -> Condition:
-    """A condition of the campaign's weights at this speed."""
-    return replace(campaign.tests[0].condition, speed_mps=mph * MPH)
+def drawn(accel_mps2: FloatArray, spread: float) -> FloatArray:
+    """Draws of a relative spread."""
+    return accel_mps2 * (1 + spread * np.linspace(-1, 1, 41)[:, None])
 
 
-def test_it_is_the_mean_over_the_nearest_tests(campaign: Campaign) -> None:
+def at(
+    campaign: Campaign, mph: float, left_out: Mapping[str, FloatArray], spread: float = 0.1, there: float = 0.1
+) -> Estimate:
+    """An estimate at the campaign's weights and this speed, with bands of a relative width there and here."""
+    condition, pulse = replace(campaign.tests[0].condition, speed_mps=mph * MPH), campaign.tests[0].pulse.accel_mps2
+    agreements = {
+        test: agreement(Prediction(condition, accel, drawn(accel, there))) for test, accel in left_out.items()
+    }
+    return Estimate("fused", Prediction(condition, pulse, drawn(pulse, spread)), {}, 0.0, left_out, agreements)
+
+
+def test_the_nearest_tests_stand_beside_it(campaign: Campaign) -> None:
     """At 30 mph those of 25, 26 and 35 mph count, each rated against its own pulse; the one of 15 mph does not."""
     softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
-    found = expected_rating(softer, campaign, at(campaign, 30.4), 60.0)
+    found = expected_rating(at(campaign, 30.4, softer), campaign)
     assert found is not None
     ratings = [
         rate_windows(test.pulse, replace(test.pulse, accel_mps2=softer[test.id]), [60.0])[60.0].overall
@@ -31,10 +47,28 @@ def test_it_is_the_mean_over_the_nearest_tests(campaign: Campaign) -> None:
     assert found.reach_mps == pytest.approx(5.4 * MPH)
 
 
+def test_the_range_rests_on_all_tests_by_distance_and_on_the_bands(campaign: Campaign) -> None:
+    """It is that of the rating's distribution; a band twice as wide as those of the left-out tests lowers it."""
+    softer = {test.id: 0.8 * test.pulse.accel_mps2 for test in campaign.tests}
+    alike, wider = (expected_rating(at(campaign, 30.4, softer, spread), campaign) for spread in (0.1, 0.3))
+    assert alike is not None
+    assert wider is not None
+    ratings = [
+        rate_windows(test.pulse, replace(test.pulse, accel_mps2=softer[test.id]), [60.0])[60.0].overall
+        for test in campaign.tests
+    ]
+    away = np.abs([test.condition.speed_mps - 30.4 * MPH for test in campaign.tests])
+    known, here = at(campaign, 30.4, softer, 0.3).agreements, agreement(at(campaign, 30.4, softer, 0.3).prediction)
+    own = RatingDistribution.learned(np.array(ratings), away, np.array(list(known.values())), here)
+    assert (wider.lower, wider.median, wider.upper) == pytest.approx([own.quantile(share) for share in (0.1, 0.5, 0.9)])
+    assert wider.median < alike.median
+    assert wider.lower < alike.lower
+
+
 def test_a_perfect_record_is_told_with_its_count(campaign: Campaign) -> None:
     """Tests predicted as they were measured rate 1, and the sentence says how many there are."""
     perfect = {test.id: test.pulse.accel_mps2 for test in campaign.tests}
-    found = expected_rating(perfect, campaign, at(campaign, 25.5))
+    found = expected_rating(at(campaign, 25.5, perfect), campaign)
     assert found is not None
     assert found.sentence.startswith("Expected rating over 0–60 ms: 1.00 (Excellent); 3 left-out tests within")
 
@@ -42,14 +76,14 @@ def test_a_perfect_record_is_told_with_its_count(campaign: Campaign) -> None:
 def test_a_condition_farther_from_tests_than_they_from_each_other_is_flagged(campaign: Campaign) -> None:
     """The nearest three to 60 mph have neighbours within 9 mph of them; 60 mph has none within 25."""
     known = {test.id: test.pulse.accel_mps2 for test in campaign.tests}
-    near, far = (expected_rating(known, campaign, at(campaign, mph)) for mph in (30.0, 60.0))
+    near, far = (expected_rating(at(campaign, mph, known), campaign) for mph in (30.0, 60.0))
     assert near is not None
     assert far is not None
     assert not near.farther
     assert far.farther
-    assert far.sentence.startswith("Expected rating over 0–60 ms: less than the")
+    assert "3 left-out tests within 35.0 mph, which had nearer tests, rated 1.00." in far.sentence
 
 
 def test_where_no_test_was_left_out_nothing_is_expected(campaign: Campaign) -> None:
     """The paper's preset does not ask."""
-    assert expected_rating({}, campaign, at(campaign, 30.0)) is None
+    assert expected_rating(at(campaign, 30.0, {}), campaign) is None

@@ -62,9 +62,6 @@ def test_a_prediction_is_found_again_with_its_condition(campaign: Campaign, shar
     assert found.condition.factors == asked.factors
     assert found.ratings == {}
     assert found.expected == past.expected
-    far = PastResult.of_prediction(campaign, [fit.estimate(replace(asked, speed_mps=1.0))], CONFIG)
-    assert far.expected.startswith("less than ")  # as the prediction says: no test is near, so none is promised
-    assert not past.expected.startswith("less than ")
 
 
 def test_the_same_question_has_one_record_and_another_has_its_own(past: PastResult) -> None:
