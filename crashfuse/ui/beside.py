@@ -4,7 +4,7 @@ The choices stay until they are changed, over figures, windows, pages and reload
 shown or hidden here alone, not by clicks in a legend, which the next redraw would forget.
 """
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import plotly.graph_objects as go
@@ -71,7 +71,7 @@ def choose_curves(
     """
     known = [*([TEST] if held_out else []), *predictions] if offered is None else offered
     with st.popover("Curves", icon=":material/stacked_line_chart:"):
-        chosen = kept_choice("curves", known, _pills(known)) if known else []
+        chosen = _choose_of(known) if known else []
         band = _choose_band(predictions, recommended) if offered is None else leading(predictions, recommended)
         beside = _choose_beside(view, condition, band, held_out)
     st.button(
@@ -102,7 +102,7 @@ def choose_tests(view: View) -> tuple[tuple[str, ...], tuple[Further, ...]]:
     """Let the user choose tests, all by default, and CAE runs and pinned predictions beside them."""
     names = {test.id: pulse_name(test.id, test.condition, view.display) for test in view.campaign.tests}
     with st.container(horizontal=True, vertical_alignment="bottom", gap="small"):
-        only = kept_choice("only", list(names), _multiselect(names, "Tests", "all"))
+        only = _choose_several("only", names, "Tests", "all")
         with st.popover("Beside them", icon=":material/stacked_line_chart:"):  # closed, a thousand runs cost nothing
             further = _choose_beside(view, None, by_preference(chosen_config().approaches)[0])
     return tuple(test for test in view.campaign.test_ids if not only or test in only), further
@@ -113,10 +113,19 @@ def without_clicks(figure: go.Figure) -> go.Figure:
     return figure.update_layout(legend={"itemclick": False, "itemdoubleclick": False})
 
 
-def _pills(known: Sequence[str]) -> Callable[[str, Callable[[], None]], object]:
-    return lambda key, keep: st.pills(
-        "Curves", known, selection_mode="multi", format_func=_curve_label, key=key, on_change=keep, width="content",
+def _choose_of(known: Sequence[str]) -> list[str]:
+    return kept_choice(
+        "curves", known, st.pills, "Curves", selection_mode="multi", width="content",
+        format_func=lambda name: LABELS.get(name, "Test"),
         help="The choice stays, whatever else you change, and is in the link.",
+    )  # fmt: skip
+
+
+def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder: str) -> list[str]:
+    """Let the user choose of some pulses by their labels."""
+    return kept_choice(
+        key, list(labels), st.multiselect, title, format_func=labels.__getitem__, max_selections=_MOST,
+        placeholder=placeholder,
     )  # fmt: skip
 
 
@@ -144,9 +153,7 @@ def _choose_beside(view: View, condition: Condition | None, approach: str, held_
     unasked = "" if condition is None or held_out else condition.text  # on Predict pinned predictions are shown anyway
     if not unasked:
         offered = {**offered, **at_pins}
-    also = kept_choice(
-        "also", list(offered), _multiselect(offered, "Also show", "tests, CAE runs" if condition else "CAE runs")
-    )
+    also = _choose_several("also", offered, "Also show", "tests, CAE runs" if condition else "CAE runs")
     if unasked:
         also += [name for name in at_pins if name != f"{_PIN}{unasked}"]
     wanted = [pins[name.removeprefix(_PIN)] for name in also if name in at_pins]
@@ -158,15 +165,6 @@ def _offered_runs(key: str, display: Display, _campaign: Campaign) -> Mapping[st
     """Labels of a campaign's CAE runs by their ids, thousands of them, made once for all sessions."""
     runs = zip(_campaign.cae.ids, _campaign.cae.conditions, strict=True)
     return {(name := f"{RUN}{run}"): pulse_name(name, at, display) for run, at in runs}
-
-
-def _multiselect(
-    labels: Mapping[str, str], title: str, placeholder: str
-) -> Callable[[str, Callable[[], None]], object]:
-    return lambda key, keep: st.multiselect(
-        title, list(labels), format_func=labels.__getitem__, key=key, on_change=keep, max_selections=_MOST,
-        placeholder=placeholder,
-    )  # fmt: skip
 
 
 def _pinned_predictions(campaign: Campaign, wanted: Sequence[Condition], approach: str) -> list[PredictedPulse]:
@@ -194,7 +192,3 @@ def _add_nearest(campaign: Campaign, condition: Condition, held_out: str) -> Non
     )
     also = st.session_state["also"]
     st.session_state["also"] = list(dict.fromkeys([*also, *(test.id for test in ordered[:_NEAREST])]))[:_MOST]
-
-
-def _curve_label(name: str) -> str:
-    return LABELS.get(name, "Test")

@@ -1,6 +1,6 @@
 """How the report is to be: short or whole, with which tests one by one."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import streamlit as st
 
@@ -26,13 +26,9 @@ def choose_report(view: View, tests: Sequence[str]) -> ReportOptions:
         form: ReportForm = st.session_state["report_form"]
         shown: list[str] = []
         if len(tests) > 1:
-            shown = kept_choice("report_tests", tests, _multiselect(tests, form))
+            shown = kept_choice(
+                "report_tests", tests, st.multiselect, "Tests shown one by one",
+                placeholder="all tests" if form == "whole" else "the worst",
+                help="Means are over all tests, whichever are shown.",
+            )  # fmt: skip
     return ReportOptions(form, tuple(shown), notes_of(view))
-
-
-def _multiselect(tests: Sequence[str], form: ReportForm) -> Callable[[str, Callable[[], None]], object]:
-    return lambda key, keep: st.multiselect(
-        "Tests shown one by one", tests, key=key, on_change=keep,
-        placeholder="all tests" if form == "whole" else "the worst",
-        help="Means are over all tests, whichever are shown.",
-    )  # fmt: skip
