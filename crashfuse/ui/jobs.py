@@ -79,11 +79,10 @@ class Job(Generic[T]):
             if not self._cancel.is_set():
                 self.wanted_by.add(visitor)
 
-    def cancel(self, visitor: Visitor | None = None) -> None:
+    def cancel(self, visitor: Visitor) -> None:
         """Note that someone wants it no more; once nobody does, it stops at its next progress report."""
         with self._joining:
-            if visitor is not None:
-                self.wanted_by.discard(visitor)
+            self.wanted_by.discard(visitor)
             if not self.wanted_by:
                 self._cancel.set()
 
@@ -160,21 +159,20 @@ class Jobs:
         key: Hashable,
         title: str,
         work: Callable[[Watch], T],
-        visitor: Visitor | None = None,
+        visitor: Visitor,
         *,
         at_once: bool = False,
     ) -> Job[T]:
         """Queue work for someone, or join the job that is doing it or has done it; short work may start at once."""
         with self._lock:
             job = self._jobs.get(key)
-            if job is not None and visitor is not None:
+            if job is not None:
                 job.join(visitor)
-            if job is not None and (job.state == "done" or (job.active and not job.cancelling)):
-                return job
-            self._jobs.pop(key, None)
+                if job.state == "done" or (job.active and not job.cancelling):
+                    return job
+                del self._jobs[key]  # what is begun again is the latest
             job = self._jobs[key] = Job(title, work)
-            if visitor is not None:
-                job.join(visitor)
+            job.join(visitor)
             finished = [old for old, kept in self._jobs.items() if not kept.active]
             for old in finished[: max(len(finished) - _KEPT, 0)]:
                 del self._jobs[old]

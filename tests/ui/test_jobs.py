@@ -16,6 +16,7 @@ from crashfuse.ui.jobs import Job, Jobs
 from crashfuse.ui.visitors import Visitor
 
 SOON = 60.0
+ANNA, BEN = Visitor("k1", "anna@example.com"), Visitor("k2", "browser 0a1b2c")
 
 
 @pytest.fixture
@@ -33,7 +34,7 @@ def ended(job: Job[Any]) -> bool:
 
 def test_a_job_hands_over_what_its_work_returned() -> None:
     """State, result and time are there once it has ended."""
-    job = Jobs().start("a", "A", lambda _: 42)
+    job = Jobs().start("a", "A", lambda _: 42, ANNA)
     assert ended(job)
     assert (job.state, job.result, job.active) == ("done", 42, False)
 
@@ -47,11 +48,11 @@ def test_who_asks_for_the_same_joins_the_same_job(gate: threading.Event) -> None
         gate.wait(SOON)
         return len(calls)
 
-    first, second = jobs.start("a", "A", work), jobs.start("a", "A", work)
+    first, second = jobs.start("a", "A", work, ANNA), jobs.start("a", "A", work, ANNA)
     gate.set()
     assert first is second
     assert ended(first)
-    assert jobs.start("a", "A", work) is first
+    assert jobs.start("a", "A", work, ANNA) is first
     assert calls == [1]
 
 
@@ -63,8 +64,8 @@ def test_one_job_runs_at_a_time_in_the_order_of_asking(gate: threading.Event) ->
         gate.wait(SOON)
         order.append("first")
 
-    first = jobs.start("a", "First", first_work)
-    second = jobs.start("b", "Second", lambda _: order.append("second"))
+    first = jobs.start("a", "First", first_work, ANNA)
+    second = jobs.start("b", "Second", lambda _: order.append("second"), ANNA)
     assert second.state == "waiting"
     assert jobs.active == [first, second]
     gate.set()
@@ -76,8 +77,8 @@ def test_one_job_runs_at_a_time_in_the_order_of_asking(gate: threading.Event) ->
 def test_short_work_does_not_queue_behind_long_work(gate: threading.Event) -> None:
     """What only reads the cache is answered while a training goes on."""
     jobs = Jobs()
-    jobs.start("long", "Long", lambda _: gate.wait(SOON))
-    short = jobs.start("short", "Short", lambda _: 1, at_once=True)
+    jobs.start("long", "Long", lambda _: gate.wait(SOON), ANNA)
+    short = jobs.start("short", "Short", lambda _: 1, ANNA, at_once=True)
     assert ended(short)
     assert short.result == 1
 
@@ -91,12 +92,12 @@ def test_a_cancelled_job_stops_at_its_next_report_and_can_be_started_again() -> 
             watch.report("Step", i, 10**9)
             reached.set()
 
-    job = jobs.start("a", "A", endless)
+    job = jobs.start("a", "A", endless, ANNA)
     assert reached.wait(SOON)
-    job.cancel()
+    job.cancel(ANNA)
     assert ended(job)
     assert (job.state, job.result) == ("cancelled", None)
-    again = jobs.start("a", "A", lambda _: 1)
+    again = jobs.start("a", "A", lambda _: 1, ANNA)
     assert ended(again)
     assert (again.state, again.result) == ("done", 1)
 
@@ -104,9 +105,9 @@ def test_a_cancelled_job_stops_at_its_next_report_and_can_be_started_again() -> 
 def test_a_job_cancelled_while_it_waits_never_begins(gate: threading.Event) -> None:
     """Its work is not called."""
     jobs, calls = Jobs(), []
-    jobs.start("a", "A", lambda _: gate.wait(SOON))
-    waiting = jobs.start("b", "B", lambda _: calls.append(1))
-    waiting.cancel()
+    jobs.start("a", "A", lambda _: gate.wait(SOON), ANNA)
+    waiting = jobs.start("b", "B", lambda _: calls.append(1), ANNA)
+    waiting.cancel(ANNA)
     gate.set()
     assert ended(waiting)
     assert (waiting.state, calls) == ("cancelled", [])
@@ -119,16 +120,16 @@ def test_a_failed_job_keeps_the_sentence_and_the_queue_goes_on() -> None:
     def fail(_: Watch) -> None:
         raise DataError(Problem("tests.csv", "two tests", "one", "add a test"))
 
-    job = jobs.start("a", "A", fail)
+    job = jobs.start("a", "A", fail, ANNA)
     assert ended(job)
     assert (job.state, job.message) == ("failed", "tests.csv: expected two tests, found one; add a test.")
-    assert ended(jobs.start("b", "B", lambda _: None))
+    assert ended(jobs.start("b", "B", lambda _: None, ANNA))
 
 
 def test_an_unforeseen_error_is_logged_and_shown_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
     """One sentence for the user, the rest for the log."""
     with caplog.at_level(logging.ERROR):
-        job = Jobs().start("a", "A", lambda _: 1 / 0)
+        job = Jobs().start("a", "A", lambda _: 1 / 0, ANNA)
         assert ended(job)
     assert job.state == "failed"
     assert "ZeroDivisionError" in job.message
@@ -143,7 +144,7 @@ def test_memory_that_runs_out_is_a_sentence(error: Exception) -> None:
     def fail(_: Watch) -> None:
         raise error
 
-    job = Jobs().start("a", "A", fail)
+    job = Jobs().start("a", "A", fail, ANNA)
     assert ended(job)
     assert (job.state, job.message) == ("failed", OUT_OF_MEMORY)
 
@@ -159,7 +160,7 @@ def test_progress_and_reported_values_can_be_read(gate: threading.Event) -> None
         reached.set()
         gate.wait(SOON)
 
-    job = jobs.start("a", "A", work)
+    job = jobs.start("a", "A", work, ANNA)
     assert reached.wait(SOON)
     assert list(job.steps) == ["Read", "Train"]
     assert job.steps["Read"].finished
@@ -192,13 +193,10 @@ def test_only_the_last_outcomes_are_kept() -> None:
     """The memory of a server that runs for weeks stays bounded."""
     jobs = Jobs()
     for i in range(40):
-        assert ended(jobs.start(i, str(i), lambda _: None))
+        assert ended(jobs.start(i, str(i), lambda _: None, ANNA))
     kept = [i for i in range(40) if jobs.get(i) is not None]
     assert kept[-1] == 39
     assert len(kept) <= 25
-
-
-ANNA, BEN = Visitor("k1", "anna@example.com"), Visitor("k2", "browser 0a1b2c")
 
 
 def test_what_two_want_goes_on_until_neither_does(gate: threading.Event) -> None:
@@ -248,7 +246,7 @@ def test_pages_go_before_jobs_and_the_threads_that_jobs_start() -> None:
 
     with ThreadPoolExecutor(1) as nice:  # a server may have been started by "nice"
         nice.submit(os.setpriority, os.PRIO_PROCESS, 0, niceness() + 7).result()
-        job, server = nice.submit(lambda: Jobs().start("a", "A", work)).result(), nice.submit(niceness).result()
+        job, server = nice.submit(lambda: Jobs().start("a", "A", work, ANNA)).result(), nice.submit(niceness).result()
     assert ended(job)
     assert job.result is not None
     assert min(job.result) > server > niceness()
