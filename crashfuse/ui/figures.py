@@ -48,19 +48,19 @@ def choose(
     return choice
 
 
-def show_figure(figure: go.Figure, alt: str, key: str | None = None, *, name: str = "") -> None:
-    """Show a figure with the tools that are useful on a curve, and below it what saves it.
-
-    ``alt`` is its alternative text, ``name`` that of its files: what it shows, from :func:`file_name`.
-    """
-    name = name or file_name(alt)
+def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:
+    """Show a figure with the tools that are useful on a curve, and below it what saves it under its alternative text."""
+    name = file_name(alt)
     sent = SentFigure(darkened(figure) if _is_dark() else figure)
     st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_tools(name))
     offer_files(figure, name, key or alt)
 
 
 def show_cached_figure(draw: Callable[[], go.Figure], alt: str, *key: Hashable, name: str = "") -> None:
-    """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure."""
+    """Like :func:`show_figure`, but drawn once for all sessions; ``key`` holds all that determines the figure.
+
+    ``name`` is that of its files, from :func:`file_name`, where the alternative text would be too long for it.
+    """
     name, (figure, sent) = name or file_name(alt), _cached(key, _is_dark(), draw)
     st.plotly_chart(sent, alt=alt, theme=None, config=_tools(name))
     offer_files(figure, name, alt)

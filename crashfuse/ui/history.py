@@ -6,7 +6,7 @@ from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.errors import DataError, UsageError
 from crashfuse.reporting.past_results import comparison_means, comparison_table, described, history_table
 from crashfuse.reporting.plots.compared import rating_differences
-from crashfuse.reporting.plots.display import DEFAULT, Display
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.report import comparison_report
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult, past_results
@@ -34,7 +34,7 @@ def visible() -> list[PastResult]:
     return [result for result in results if result.fingerprint in mine]
 
 
-def show_results(results: list[PastResult], display: Display = DEFAULT) -> None:
+def show_results(results: list[PastResult], display: Display) -> None:
     """Show the list; a click on a row opens that result."""
     table = history_table(results, display)
 
@@ -56,7 +56,7 @@ def show_results(results: list[PastResult], display: Display = DEFAULT) -> None:
         open_page(_page(results[rows[0]]))
 
 
-def compare_two(studies: list[PastResult], display: Display = DEFAULT) -> None:
+def compare_two(studies: list[PastResult], display: Display) -> None:
     """Let the user choose two studies, and show which rates better."""
     by_id = {result.id: result for result in studies}
     latest, *others = sorted(studies, key=lambda result: len(result.tests), reverse=True)  # of the largest ones
