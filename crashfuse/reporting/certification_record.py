@@ -5,7 +5,7 @@ from dataclasses import asdict
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.domain import Domain
 from crashfuse.reporting.certification_sentences import exceptions, summary
-from crashfuse.reporting.certification_tables import counts_table, record_counts, verdict_counts
+from crashfuse.reporting.certification_tables import counts_table, matrix_table, record_counts, verdict_counts
 from crashfuse.reporting.provenance import certify_command, provenance
 from crashfuse.units import LB, MPH
 
@@ -25,16 +25,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
                 {key: value for key, value in asdict(own).items() if value is not None} for own in criteria.items
             ],
         },
-        "matrix": [
-            {
-                "id": i,
-                "speed_mph": round(condition.speed_mps / MPH, 9),
-                "front_weight_lb": round(condition.front_weight_kg / LB, 9),
-                "rear_weight_lb": round(condition.rear_weight_kg / LB, 9),
-                **dict(condition.factors),
-            }
-            for i, condition in zip(certification.matrix.ids, certification.matrix.conditions, strict=True)
-        ],
+        "matrix": matrix_table(certification.matrix).to_dict("records"),
         "domain": _domain(certification.domain),
         "verdicts": verdict_counts(certification),
         "track_record": {

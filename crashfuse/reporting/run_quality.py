@@ -4,11 +4,6 @@ import pandas as pd
 
 from crashfuse.cae.quality import QualityVerdict
 
-_MEANING = {
-    "energy change": "Energy change, largest",
-    "hourglass energy": "Hourglass energy, largest",
-    "added mass": "Added mass, largest",
-}
 _OF = {
     "energy change": "energy at the start",
     "hourglass energy": "largest internal energy",
@@ -21,7 +16,7 @@ def quality_table(verdict: QualityVerdict) -> pd.DataFrame:
     judged = verdict.limits is not None
     return pd.DataFrame(
         {
-            "Quantity": _MEANING[row["quantity"]],
+            "Quantity": f"{row['quantity'].capitalize()}, largest",
             "In % of": _OF[row["quantity"]],
             "Limit (%)": "none" if pd.isna(row["limit"]) else _limit(row),
             **({"Pass": f"{row['passed']:,}", "Fail": f"{row['failed']:,}"} if judged else {}),

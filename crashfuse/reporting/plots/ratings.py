@@ -113,8 +113,7 @@ def rating_spread(
             hovertemplate="%{y:.3f}, single draws %{customdata[0]:.3f} to %{customdata[1]:.3f}",
         )
     for limit, _ in GRADES:
-        if limit > 0:
-            figure.add_hline(y=limit, line={"color": AXIS, "width": 1, "dash": "dot"})
+        figure.add_hline(y=limit, line={"color": AXIS, "width": 1, "dash": "dot"})
     figure.update_layout(hovermode="closest")
     figure.update_xaxes(
         title="Held-out test", tickvals=list(range(len(tests))), ticktext=[*map(tick_name, tests)],
