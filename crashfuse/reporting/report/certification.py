@@ -39,10 +39,6 @@ def certification_report(certification: Certification, display: Display = DEFAUL
     campaign, criteria, record = certification.campaign, certification.criteria, certification.record
     shown, windows_ms = Verdicts(certification), criteria.windows_ms or (_WINDOW_MS,)
     repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)
-    conditions, conditions_left = _shortened(_conditions(certification, display), "certification.csv")
-    verdicts, verdicts_left = _shortened(_verdicts(certification, display), "certification.csv")
-    trials, trials_left = _shortened(_trials(record, display), "track_record.csv")
-    open_cells, open_left = _shortened(_open_cells(certification, display), "certification.csv")
     return render(
         "certification",
         "certification by analysis",
@@ -58,14 +54,12 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         repeats=repeats_table(repeats, campaign.test_ids, windows_ms),
         domain=domain_sentences(certification.domain),
         domain_figure=shown.plot("domain", display=display),
-        conditions=conditions,
-        conditions_left=conditions_left,
+        conditions=_shortened(_conditions(certification, display), "certification.csv"),
         confidence=criteria.confidence,
         criteria=_criteria(criteria.items, display),
         counts=counts_table(certification, display.units).rename(columns={"criterion": "Criterion", "limit": "Limit"}),
         matrix_figures=list(_matrix_figures(certification, display)),
-        verdict_rows=verdicts,
-        verdicts_left=verdicts_left,
+        verdict_rows=_shortened(_verdicts(certification, display), "certification.csv"),
         record=record_sentence(record),
         record_figures=list(_record_figures(certification, display)),
         record_counts=_record_counts(record, criteria.items),
@@ -73,18 +67,16 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         reliability=shown.plot("reliability"),
         bins=_bins(record),
         supports=[(own.name, support_sentence(record, own, criteria.confidence)) for own in criteria.items],
-        trials=trials,
-        trials_left=trials_left,
+        trials=_shortened(_trials(record, display), "track_record.csv"),
         exceptions=exceptions(certification),
-        open_cells=open_cells,
-        open_left=open_left,
+        open_cells=_shortened(_open_cells(certification, display), "certification.csv"),
     )
 
 
-def _shortened(table: pd.DataFrame, file: str) -> tuple[pd.DataFrame, list[str]]:
+def _shortened(table: pd.DataFrame, file: str) -> dict[str, object]:
     """The first rows of a table, and what is left out in words."""
     left = len(table) - _MOST_ROWS
-    return table.head(_MOST_ROWS), [f"{left:,} more rows are in {file}."] if left > 0 else []
+    return {"rows": table.head(_MOST_ROWS), "left": [f"{left:,} more rows are in {file}."] if left > 0 else []}
 
 
 def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
