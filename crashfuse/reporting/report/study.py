@@ -17,10 +17,10 @@ from crashfuse.reporting.provenance import study_command
 from crashfuse.reporting.report.options import ReportOptions
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import details, repeats_table
-from crashfuse.reporting.report.why import why
+from crashfuse.signals.rating_sentences import rating_headline, rating_sentences
 from crashfuse.study.account import worst_test
 from crashfuse.study.fold import Fold
-from crashfuse.study.recommendation import recommend, recommend_without
+from crashfuse.study.recommendation import Recommendation, recommend, recommend_without
 from crashfuse.study.study import Study
 from crashfuse.wording import speed
 
@@ -155,7 +155,25 @@ def _fold(study: Study, fold: Fold, options: ReportOptions, display: Display) ->
             {w: {name: own[w].overall for name, own in fold.ratings.items()} for w in study.config.windows_ms}
         ),
         "over_displacement": study.plot(test.id, "displacement", display=display),
-        "why": why(study, fold, advice, display),
+        "why": _why(study, fold, advice, display),
+    }
+
+
+def _why(study: Study, fold: Fold, advice: Recommendation, display: Display) -> dict[str, object]:
+    """How the expectation came out, what the rating of the recommended approach is made of, and its curves.
+
+    These are drawn for the worst test, and for those that came out below what was expected.
+    """
+    window, expected = display.window_ms, advice.expected
+    rating, explanation = fold.ratings[advice.approach][window].overall, fold.explained(advice.approach, window)
+    missed = expected is not None and expected.is_missed_by(rating)
+    drawn = missed or fold.held_out == worst_test(study, window).test.id
+    _, *parts = rating_sentences(explanation).values()
+    return {
+        "outcome": expected.outcome(rating) if expected is not None and len(study.folds) > 1 else None,
+        "overall": rating_headline(explanation),  # its reason is among the parts
+        "parts": parts,
+        "curves": study.plot(fold.held_out, "rating", approaches=[advice.approach], display=display) if drawn else None,
     }
 
 
