@@ -18,11 +18,12 @@ from crashfuse.reporting.plots.display import Display, DisplayOptions
 from crashfuse.reporting.plots.next_test import BEST, next_tests
 from crashfuse.reporting.plots.sweep import sweep_figure
 from crashfuse.reporting.predicted import asked, check_factors
+from crashfuse.reporting.result_tables import sweep_table
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit
 from crashfuse.study.next_test import ConditionRange, NextTest, next_tests_table, rank_next_tests
-from crashfuse.study.sweep import Sweep, speeds_between, sweep_speed, sweep_table, usual_speeds
+from crashfuse.study.sweep import Sweep, speeds_between, sweep_speed, usual_speeds
 from crashfuse.units import MPH
 from crashfuse.wording import speed
 

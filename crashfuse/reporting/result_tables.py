@@ -16,7 +16,8 @@ from crashfuse.study.estimate import Estimate
 from crashfuse.study.learning_curve import LearningCurve
 from crashfuse.study.one_more_test import gains, plus_minus, summary
 from crashfuse.study.study import Study
-from crashfuse.units import MS, G
+from crashfuse.study.sweep import Sweep
+from crashfuse.units import MPH, MS, G
 from crashfuse.wording import signed
 
 
@@ -65,26 +66,39 @@ def study_pulses(study: Study) -> pd.DataFrame:
     return pulses_table((fold.held_out, estimate) for fold in study.folds for estimate in fold.estimates)
 
 
-def metrics_table(rows: Iterable[tuple[str, str, Sequence[Metric]]], campaign: Campaign) -> pd.DataFrame:
-    """Pulse metrics, one per row, from (held-out test, approach or ``test``, metrics)."""
+def metrics_table(
+    rows: Iterable[tuple[object, str, Sequence[Metric]]], campaign: Campaign, first: str = "held_out"
+) -> pd.DataFrame:
+    """Pulse metrics, one per row, from (held-out test, or what else comes ``first``, approach or ``test``, metrics)."""
     bases = campaign.metric_bases
     return pd.DataFrame(
         [
-            (held_out, approach, m.name, m.value, m.lower, m.upper, m.unit, bases[m.name])
-            for held_out, approach, own in rows
+            (key, approach, m.name, m.value, m.lower, m.upper, m.unit, bases[m.name])
+            for key, approach, own in rows
             for m in own
         ],
-        columns=["held_out", "approach", "metric", "value", "lower", "upper", "unit", "basis"],
+        columns=[first, "approach", "metric", "value", "lower", "upper", "unit", "basis"],
     ).astype(dict.fromkeys(("value", "lower", "upper"), float))
 
 
 def study_metrics(study: Study) -> pd.DataFrame:
     """Pulse metrics of every held-out test as measured (``test``) and as predicted."""
-    rows: list[tuple[str, str, Sequence[Metric]]] = []
+    rows: list[tuple[object, str, Sequence[Metric]]] = []
     for fold in study.folds:
         rows.append((fold.held_out, "test", study.campaign.metrics_of(study.campaign.test(fold.held_out))))
         rows.extend((fold.held_out, estimate.approach, estimate.metrics) for estimate in fold.estimates)
     return metrics_table(rows, study.campaign)
+
+
+def sweep_table(sweeps: Sequence[Sweep], campaign: Campaign) -> pd.DataFrame:
+    """Pulse metrics at every speed, then those of the tests, which have their own weights."""
+    rows: list[tuple[object, str, Sequence[Metric]]] = [
+        (speed_mps / MPH, sweep.approach, metrics)
+        for sweep in sweeps
+        for speed_mps, metrics in zip(sweep.speeds_mps.tolist(), sweep.metrics, strict=True)
+    ]
+    rows += [(test.condition.speed_mps / MPH, "test", campaign.metrics_of(test)) for test in campaign.tests]
+    return metrics_table(rows, campaign, "speed_mph")
 
 
 def repeat_scores(study: Study) -> pd.DataFrame:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 
 from crashfuse.approaches.registry import LABELS
 from crashfuse.cae_library import CaeLibrary
@@ -122,29 +121,6 @@ def uncovered_speeds(library: CaeLibrary, low_mps: float, high_mps: float) -> tu
     parts = [(low_mps, float(speeds[0])), *inner, (float(speeds[-1]), high_mps)]
     clipped = ((max(start, low_mps), min(end, high_mps)) for start, end in parts)
     return tuple((start, end) for start, end in clipped if start < end)
-
-
-def sweep_table(sweeps: Sequence[Sweep], campaign: Campaign) -> pd.DataFrame:
-    """One row per speed, approach (or ``test``) and metric: its value, interval, unit and basis.
-
-    Tests have their own weights, not those of the sweep. For the basis see
-    :func:`crashfuse.signals.metrics.metric_bases`.
-    """
-    bases = campaign.metric_bases
-    rows = [
-        (speed, sweep.approach, metrics)
-        for sweep in sweeps
-        for speed, metrics in zip(sweep.speeds_mps.tolist(), sweep.metrics, strict=True)
-    ]
-    rows += [(test.condition.speed_mps, "test", campaign.metrics_of(test)) for test in campaign.tests]
-    return pd.DataFrame(
-        [
-            (speed / MPH, approach, m.name, m.value, m.lower, m.upper, m.unit, bases[m.name])
-            for speed, approach, metrics in rows
-            for m in metrics
-        ],
-        columns=["speed_mph", "approach", "metric", "value", "lower", "upper", "unit", "basis"],
-    ).astype(dict.fromkeys(("value", "lower", "upper"), float))
 
 
 def missing_over_speed(sweeps: Sequence[Sweep], metric: str) -> list[str]:

@@ -9,16 +9,24 @@ from scipy.stats import norm
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.result_tables import metrics_table, pulses_table, scores_table, studies_table, study_metrics
+from crashfuse.reporting.result_tables import (
+    metrics_table,
+    pulses_table,
+    scores_table,
+    studies_table,
+    study_metrics,
+    sweep_table,
+)
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.occupant import OccupantModel
-from crashfuse.signals.pulse import GRID_S
+from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate
+from crashfuse.study.estimate import Estimate, Fit
 from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study
-from crashfuse.units import G
+from crashfuse.study.sweep import sweep_speed
+from crashfuse.units import KPH, MPH, G
 
 SCALES = {"displacement_domain": 0.9, "cae": 0.7}  # an order of our own, which tables keep
 SCORES = ["overall", "corridor", "phase", "magnitude", "slope"]
@@ -120,3 +128,22 @@ def test_metrics_of_a_study_begin_with_those_measured(campaign: Campaign) -> Non
     expected = [scale * peak for peak in measured for scale in (1.0, *SCALES.values())]
     np.testing.assert_allclose(peaks["value"], expected, rtol=1e-3)
     assert set(peaks["unit"]) == {"g"}
+
+
+def test_a_sweep_has_a_row_for_each_number(campaign: Campaign) -> None:
+    """Predicted ones, then measured ones as the approach ``test``; a missing number stays empty."""
+    fits = [Fit.of(campaign, name) for name in ("cae", "displacement_domain")]
+    sweeps = sweep_speed(fits, campaign.test("T2").condition, np.array([15.0, 20.0, 30.0]) * MPH)
+    table = sweep_table(sweeps, campaign)
+    assert list(table.columns) == ["speed_mph", "approach", "metric", "value", "lower", "upper", "unit", "basis"]
+    assert set(table.basis) == {"filtered as supplied"}
+    assert len(table) == 18 * (2 * 3 + 4)
+    (row,) = table[(table.approach == "displacement_domain") & (table.metric == "peak") & (table.speed_mph == 20)].index
+    peak = sweeps[1].over_speed("peak")[1]
+    assert table.loc[row, ["value", "lower", "upper"]].tolist() == [peak.value, peak.lower, peak.upper]
+    tests = table[(table.approach == "test") & (table.metric == "delta_v")]
+    np.testing.assert_allclose(tests.speed_mph, [15, 25, 26, 35])
+    np.testing.assert_allclose(tests.value, 1.1 * tests.speed_mph * MPH / KPH, rtol=0.01)
+    slow_test = replace(campaign.tests[0], pulse=Pulse(GRID_S, np.full(GRID_S.size, -1.0)))
+    slow = sweep_table((), replace(campaign, tests=(slow_test,)))
+    assert slow[slow.metric == "t0"].value.isna().all()

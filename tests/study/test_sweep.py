@@ -19,7 +19,6 @@ from crashfuse.study.sweep import (
     Sweep,
     missing_over_speed,
     sweep_speed,
-    sweep_table,
     uncovered_speeds,
     usual_speeds,
     weights_sentence,
@@ -90,23 +89,6 @@ def test_a_sweep_tells_how_far_it_is_and_can_be_cancelled(campaign: Campaign, fi
     with pytest.raises(Cancelled, match="Sweep over speed"):
         sweep_speed(fits[:1], campaign.tests[0].condition, SPEEDS_MPS, Watch(stop, cancel))
     assert seen == [0, 1]
-
-
-def test_the_table_has_a_row_for_each_number(campaign: Campaign, sweeps: tuple[Sweep, ...]) -> None:
-    """Predicted ones, then measured ones as the approach ``test``; a missing number stays empty."""
-    table = sweep_table(sweeps, campaign)
-    assert list(table.columns) == ["speed_mph", "approach", "metric", "value", "lower", "upper", "unit", "basis"]
-    assert set(table.basis) == {"filtered as supplied"}
-    assert len(table) == 18 * (2 * 3 + 4)
-    (row,) = table[(table.approach == "displacement_domain") & (table.metric == "peak") & (table.speed_mph == 20)].index
-    peak = sweeps[1].over_speed("peak")[1]
-    assert table.loc[row, ["value", "lower", "upper"]].tolist() == [peak.value, peak.lower, peak.upper]
-    tests = table[(table.approach == "test") & (table.metric == "delta_v")]
-    np.testing.assert_allclose(tests.speed_mph, [15, 25, 26, 35])
-    np.testing.assert_allclose(tests.value, 1.1 * tests.speed_mph * MPH / KPH, rtol=0.01)
-    slow_test = replace(campaign.tests[0], pulse=Pulse(GRID_S, np.full(GRID_S.size, -1.0)))
-    slow = sweep_table((), replace(campaign, tests=(slow_test,)))
-    assert slow[slow.metric == "t0"].value.isna().all()
 
 
 def test_measured_metrics_are_those_of_the_tests_pulse(campaign: Campaign) -> None:
