@@ -31,17 +31,17 @@ def nearest_tests(campaign: Campaign, condition: Condition, n: int = 3) -> tuple
     return tuple(Neighbour(campaign.tests[i].id, conditions[i]) for i in order)
 
 
-def nearest_runs(campaign: Campaign, condition: Condition, n: int = 1) -> tuple[Neighbour, ...]:
-    """The CAE runs nearest to a condition, as :func:`nearest_tests`."""
-    order = _order(campaign, campaign.cae.vectors, condition)[:n]
-    return tuple(Neighbour(campaign.cae.ids[i], campaign.cae.conditions[i]) for i in order)
+def nearest_run(campaign: Campaign, condition: Condition) -> Neighbour:
+    """The CAE run nearest to a condition, measured as for :func:`nearest_tests`."""
+    nearest = _order(campaign, campaign.cae.vectors, condition)[0]
+    return Neighbour(campaign.cae.ids[nearest], campaign.cae.conditions[nearest])
 
 
 def nearest_sentences(campaign: Campaign, condition: Condition) -> tuple[str, str]:
     """Sentences on the nearest tests and the nearest CAE run, and their differences."""
     tests = joined([test.differences(condition) for test in nearest_tests(campaign, condition)], ", ")
-    runs = joined([run.differences(condition) for run in nearest_runs(campaign, condition)], ", ")
-    return Sentence("Nearest tests by speed and weights: {}.", tests), Sentence("Nearest CAE run: {}.", runs)
+    run = nearest_run(campaign, condition).differences(condition)
+    return Sentence("Nearest tests by speed and weights: {}.", tests), Sentence("Nearest CAE run: {}.", run)
 
 
 def _order(campaign: Campaign, vectors: np.ndarray, condition: Condition) -> Sequence[int]:

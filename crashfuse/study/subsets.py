@@ -34,10 +34,6 @@ class Subset:
     choice: Choice
     chosen: tuple[str, ...]
 
-    def training_campaign(self, campaign: Campaign) -> Campaign:
-        """The campaign with these tests only."""
-        return campaign.without(self.held_out(campaign))
-
     def held_out(self, campaign: Campaign) -> tuple[str, ...]:
         """Ids of all other tests."""
         return tuple(test_id for test_id in campaign.test_ids if test_id not in self.chosen)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from crashfuse.campaign import Campaign
-from crashfuse.study.nearest import nearest_runs, nearest_sentences, nearest_tests
+from crashfuse.study.nearest import nearest_run, nearest_sentences, nearest_tests
 from crashfuse.units import LB, MPH
 
 
@@ -18,7 +18,7 @@ def test_the_nearest_test_comes_first_with_its_differences(campaign: Campaign) -
 def test_a_paired_run_is_the_nearest_run(campaign: Campaign) -> None:
     """Nothing lies nearer than the very condition."""
     condition = campaign.test("T2").condition
-    (run,) = nearest_runs(campaign, condition)
+    run = nearest_run(campaign, condition)
     assert campaign.cae.ids.index(run.id) == campaign.cae.paired_run(condition)
     assert (
         nearest_sentences(campaign, condition)[1] == f"Nearest CAE run: {run.id} (+0.0 mph, front +0 lb, rear +0 lb)."
