@@ -1,9 +1,9 @@
 """Arguments of the command line."""
 
 import argparse
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from crashfuse.cli import (
     certification,
@@ -18,8 +18,8 @@ from crashfuse.cli import (
     ratings,
     studies,
 )
-from crashfuse.cli.numbers import in_si, number, whole
-from crashfuse.units import KPH, LB, MPH
+from crashfuse.cli.conditions import AXES, add_axes
+from crashfuse.cli.numbers import number, whole
 from crashfuse.version import __version__
 from crashfuse.wording import SYSTEMS
 
@@ -27,12 +27,6 @@ T = TypeVar("T")
 
 _DEVICES = ("auto", "cpu", "cuda")
 _DEVICE_HELP = "where networks are trained (default: auto, CUDA if any)"
-_AXES = {
-    "speed_mps": {"--speed-mph": MPH, "--speed-kph": KPH},
-    "front_weight_kg": {"--front-weight-lb": LB, "--front-weight-kg": 1.0},
-    "rear_weight_kg": {"--rear-weight-lb": LB, "--rear-weight-kg": 1.0},
-}
-"""Options for speed and weights by the name of what they are in SI, in either unit with its factor."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -112,7 +106,7 @@ def parser() -> argparse.ArgumentParser:
     certify.add_argument(
         "--matrix", type=Path, metavar="FILE.csv", help="conditions, as in tests.csv (default: CAMPAIGN/matrix.csv)"
     )
-    _add_axes(certify, _AXES, nargs="+", help="of a grid, not a file")
+    add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
     certify.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
     _add_settings(certify)
@@ -140,7 +134,7 @@ def parser() -> argparse.ArgumentParser:
     _add_workers(curve)
 
     predict = command("predict", models.predict, "predict the pulse at a condition that was never tested")
-    _add_axes(predict, _AXES, required=True)
+    add_axes(predict, AXES, required=True)
     _add_prediction_options(predict)
     outgoing.add_options(predict, "isomme")
 
@@ -149,14 +143,14 @@ def parser() -> argparse.ArgumentParser:
     _add_model_options(train)
 
     sweep = command("sweep", models.sweep, "predict the pulse metrics over impact speed, at fixed weights")
-    speed, *weights = _AXES
-    _add_axes(sweep, [speed], nargs=2, metavar=("LOW", "HIGH"), help="default: where there are runs")
-    _add_axes(sweep, weights, required=True)
+    speed, *weights = AXES
+    add_axes(sweep, [speed], nargs=2, metavar=("LOW", "HIGH"), help="default: where there are runs")
+    add_axes(sweep, weights, required=True)
     _add_prediction_options(sweep)
     outgoing.add_options(sweep)
 
     next_test = command("next-test", models.rank_tests, "rank tests to run next by how much each would narrow the band")
-    _add_axes(next_test, _AXES, nargs=2, metavar=("LOW", "HIGH"), help="range (default: the tests')")
+    add_axes(next_test, AXES, nargs=2, metavar=("LOW", "HIGH"), help="range (default: the tests')")
     next_test.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="the kind of vehicle (default: the usual)")
     next_test.add_argument(
         "--candidates", type=Path, metavar="FILE.csv", help="a table like tests.csv (default: a grid)"
@@ -171,20 +165,6 @@ def parser() -> argparse.ArgumentParser:
     listing.set_defaults(run=history.studies)
     ratings.add_options(commands.add_parser("rate", help="rate pulses against each other by ISO/TS 18571"))
     return root
-
-
-def _add_axes(
-    parser: argparse.ArgumentParser,
-    axes: Iterable[str],
-    *,
-    required: bool = False,
-    **options: Any,  # noqa: ANN401 - those of argparse
-) -> None:
-    """Options for speed and weights; a value is converted to SI as it is read."""
-    for name in axes:
-        group = parser.add_mutually_exclusive_group(required=required)
-        for flag, factor in _AXES[name].items():
-            group.add_argument(flag, dest=name, type=in_si(factor), **{"metavar": flag[2].upper(), **options})
 
 
 def _add_units(parser: argparse.ArgumentParser) -> None:

@@ -3,7 +3,8 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from crashfuse.cli.models import factor, settings
+from crashfuse.cli.conditions import factor
+from crashfuse.cli.models import settings
 from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
 from crashfuse.errors import DataError, Problem, UsageError
 

@@ -3,12 +3,20 @@
 import argparse
 from pathlib import Path
 
-from crashfuse.cli.numbers import filter_class, number
+from crashfuse.cli.conditions import AXES
+from crashfuse.cli.numbers import filter_class, in_si, number
 from crashfuse.readers.axes import TRAVELS
 from crashfuse.readers.formats import BROKEN_FORMATS, FORMATS
+from crashfuse.units import LB, MS
 
 UNITS = {"mps2": "m/s²", "mmps2": "mm/s²", "mmpms2": "mm/ms²"}
-_WEIGHTS = {"mass": "of the whole vehicle", "front-weight": "on the front axle", "rear-weight": "on the rear axle"}
+_AXES = {**AXES, "mass_kg": {"--mass-lb": LB, "--mass-kg": 1.0}}
+_CONDITION = {
+    "speed_mps": "impact speed",
+    "mass_kg": "weight of the whole vehicle",
+    "front_weight_kg": "weight on the front axle",
+    "rear_weight_kg": "weight on the rear axle",
+}
 
 
 def import_(arguments: argparse.Namespace) -> None:
@@ -16,21 +24,14 @@ def import_(arguments: argparse.Namespace) -> None:
     from crashfuse.campaign_folder.history import changes
     from crashfuse.importing import Choices, ColumnChoice, import_source
     from crashfuse.readers.record import PartialCondition
-    from crashfuse.units import KPH, LB, MPH, MS
 
-    condition = PartialCondition(
-        speed_mps=_in_si(arguments, "speed", {"mph": MPH, "kph": KPH}),
-        mass_kg=_in_si(arguments, "mass", {"lb": LB, "kg": 1.0}),
-        front_weight_kg=_in_si(arguments, "front_weight", {"lb": LB, "kg": 1.0}),
-        rear_weight_kg=_in_si(arguments, "rear_weight", {"lb": LB, "kg": 1.0}),
-    )
     choices = Choices(
         channels=tuple(arguments.channel),
         unit=UNITS.get(arguments.unit, arguments.unit),
         deceleration_sign=arguments.deceleration_sign,
         time_zero_s=None if arguments.time_zero_ms is None else arguments.time_zero_ms * MS,
         channel_filter_class=arguments.channel_filter_class,
-        condition=condition,
+        condition=PartialCondition(**{name: getattr(arguments, name) for name in _CONDITION}),
         front_share=arguments.front_share,
     )
     added = import_source(
@@ -72,20 +73,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--travel", choices=TRAVELS, help="direction of travel in the source's axes (default: found)")
     parser.add_argument("--time-zero-ms", type=number, metavar="T", help="first contact, in the source's own time")
     parser.add_argument("--channel-filter-class", type=filter_class, metavar="CFC", help='60, 180 or so, or "none"')
-    speed = parser.add_mutually_exclusive_group()
-    for unit in ("mph", "kph"):
-        speed.add_argument(f"--speed-{unit}", type=number, metavar="V", help=f"impact speed in {unit}")
-    for name, what in _WEIGHTS.items():
-        group = parser.add_mutually_exclusive_group()
-        for unit in ("lb", "kg"):
-            group.add_argument(f"--{name}-{unit}", type=number, metavar="W", help=f"weight {what} in {unit}")
+    for name, what in _CONDITION.items():
+        group, metavar = parser.add_mutually_exclusive_group(), "V" if name == "speed_mps" else "W"
+        for flag, factor in _AXES[name].items():
+            told = f"{what} in {flag.rpartition('-')[2]}"
+            group.add_argument(flag, dest=name, type=in_si(factor), metavar=metavar, help=told)
     parser.add_argument("--front-share", type=number, metavar="S", help="share of the mass on the front axle, 0 to 1")
     parser.set_defaults(run=import_)
-
-
-def _in_si(arguments: argparse.Namespace, name: str, units: dict[str, float]) -> float | None:
-    for unit, factor in units.items():
-        value: float | None = getattr(arguments, f"{name}_{unit}")
-        if value is not None:
-            return value * factor
-    return None

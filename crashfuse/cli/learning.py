@@ -1,9 +1,9 @@
 """The command that predicts tests from fewer of the others."""
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
+from crashfuse.cli.models import settings
 from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
 
 
@@ -21,14 +21,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
 
     require_output(arguments.out, arguments.campaign, "learning curve")
     cost = None if arguments.cost_per_test is None else Cost.of(arguments.cost_per_test)
-    given = {
-        "approaches": arguments.approach and tuple(dict.fromkeys(arguments.approach)),
-        "windows_ms": arguments.windows_ms and tuple(arguments.windows_ms),
-        "seed": arguments.seed,
-        "device": arguments.device,
-    }
-    config = replace(curves.CURVE_CONFIG, **{name: value for name, value in given.items() if value is not None})
-    config.check()
+    config = settings(arguments, curves.CURVE_CONFIG)
     own = Path(arguments.campaign, "criteria.toml")
     criteria = read_criteria(arguments.criteria or own) if arguments.criteria or own.is_file() else None
     campaign = load_campaign(arguments.campaign)

@@ -1,17 +1,16 @@
 """Commands that fit approaches to all tests of a campaign: train, predict, sweep, next-test."""
 
 import argparse
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from crashfuse.cli.conditions import AXES, condition_of, factor, require_positive
 from crashfuse.cli.outgoing import pulse_export
 from crashfuse.cli.output import display_of, replacing, require_output, say_written, writing
 from crashfuse.errors import UsageError
 
 if TYPE_CHECKING:
     from crashfuse.campaign import Campaign
-    from crashfuse.condition import Condition
     from crashfuse.study.config import StudyConfig
     from crashfuse.study.estimate import Fit
 
@@ -44,11 +43,11 @@ def predict(arguments: argparse.Namespace) -> None:
     from crashfuse.study.nearest import nearest_sentences
     from crashfuse.study.recommendation import recommend_for
 
-    _require_positive(arguments)
+    require_positive(arguments)
     export, display = pulse_export(arguments), display_of(arguments)
     require_output(arguments.out, arguments.campaign, "prediction")
     campaign = load_campaign(arguments.campaign)
-    condition = _condition(arguments, campaign, arguments.speed_mps)
+    condition = condition_of(arguments, campaign, arguments.speed_mps)
     fits = _fits(arguments, campaign)
     estimates = estimates_at(fits, condition)
     with replacing(arguments.out, "prediction"):
@@ -73,7 +72,7 @@ def sweep(arguments: argparse.Namespace) -> None:
     from crashfuse.study.sweep import speeds_between, sweep_speed, usual_speeds, weights_sentence
     from crashfuse.wording import speed
 
-    _require_positive(arguments)
+    require_positive(arguments)
     export, display = pulse_export(arguments), display_of(arguments)
     require_output(arguments.out, arguments.campaign, "sweep")
     campaign = load_campaign(arguments.campaign)
@@ -83,7 +82,7 @@ def sweep(arguments: argparse.Namespace) -> None:
         if not low < high:
             raise UsageError("A sweep takes a speed and a higher one.")
         speeds = speeds_between(low, high)
-    condition = _condition(arguments, campaign, speeds[0])
+    condition = condition_of(arguments, campaign, speeds[0])
     fits = _fits(arguments, campaign)
     with replacing(arguments.out, "sweep"), writing(arguments.out, last="sweep.csv") as folder:
         with watching() as watch:
@@ -109,7 +108,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     require_output(arguments.out, arguments.campaign, "ranking of next tests")
     campaign = load_campaign(arguments.campaign)
     over = ConditionRange.of(campaign.tests)
-    for name in ("speed_mps", "front_weight_kg", "rear_weight_kg"):
+    for name in AXES:
         if (limits := getattr(arguments, name)) is not None:
             ends = [replace(end, **{name: x}) for end, x in zip((over.low, over.high), limits, strict=True)]
             over = ConditionRange(*ends)
@@ -125,20 +124,6 @@ def rank_tests(arguments: argparse.Namespace) -> None:
     print(f"The band of the displacement domain over {low} to {high}:")
     print(next_tests_table(ranking.ranked[:BEST], display.units).to_string(index=False))
     say_written(arguments.out, "ranking of next tests")
-
-
-def _require_positive(arguments: argparse.Namespace) -> None:
-    asked = arguments.speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg
-    numbers = [number for each in asked if each is not None for number in (each if isinstance(each, list) else [each])]
-    if not all(0 < number < float("inf") for number in numbers):
-        raise UsageError("Speed and weights must be numbers above 0.")
-
-
-def _condition(arguments: argparse.Namespace, campaign: "Campaign", speed_mps: float) -> "Condition":
-    from crashfuse.condition import Condition
-
-    factors = tuple(factor(text, campaign.factors) for text in arguments.factor or ())
-    return Condition(speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg, factors)
 
 
 def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
@@ -165,22 +150,15 @@ def _fits(arguments: argparse.Namespace, campaign: "Campaign") -> list["Fit"]:
     return fits
 
 
-def settings(arguments: argparse.Namespace) -> "StudyConfig":
-    """The settings that the options ask for, checked."""
+def settings(arguments: argparse.Namespace, usual: "StudyConfig | None" = None) -> "StudyConfig":
+    """The settings that the options ask for, else the usual ones, checked."""
     from crashfuse.study.config import StudyConfig
 
     given = {name: getattr(arguments, name, None) for name in ("preset", "seed", "device")}
-    if getattr(arguments, "approach", None):
-        given["approaches"] = tuple(dict.fromkeys(arguments.approach))
-    config = StudyConfig(**{name: value for name, value in given.items() if value is not None})
+    if approaches := getattr(arguments, "approach", None):
+        given["approaches"] = tuple(dict.fromkeys(approaches))
+    if windows := getattr(arguments, "windows_ms", None):
+        given["windows_ms"] = tuple(windows)
+    config = replace(usual or StudyConfig(), **{name: value for name, value in given.items() if value is not None})
     config.check()
     return config
-
-
-def factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:
-    """Name and value of a factor that tests have; raises if none has it."""
-    name, _, value = text.partition("=")
-    if value not in known.get(name, ()):
-        choices = "; ".join(f"{name}={value}" for name, values in known.items() for value in values) or "none"
-        raise UsageError(f"No test has the factor {text!r}; the tests have: {choices}.")
-    return name, value

@@ -1,0 +1,59 @@
+"""Conditions on the command line: speed and weights in either unit, converted as they are read, and factors."""
+
+import argparse
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from crashfuse.cli.numbers import in_si
+from crashfuse.errors import UsageError
+from crashfuse.units import KPH, LB, MPH
+
+if TYPE_CHECKING:
+    from crashfuse.campaign import Campaign
+    from crashfuse.condition import Condition
+
+AXES = {
+    "speed_mps": {"--speed-mph": MPH, "--speed-kph": KPH},
+    "front_weight_kg": {"--front-weight-lb": LB, "--front-weight-kg": 1.0},
+    "rear_weight_kg": {"--rear-weight-lb": LB, "--rear-weight-kg": 1.0},
+}
+"""Options by the name of what they are in SI, in either unit with its factor."""
+
+
+def add_axes(
+    parser: argparse.ArgumentParser,
+    axes: Iterable[str],
+    *,
+    required: bool = False,
+    **options: Any,  # noqa: ANN401 - those of argparse
+) -> None:
+    """Add the options for speed and weights to a parser."""
+    for name in axes:
+        group = parser.add_mutually_exclusive_group(required=required)
+        for flag, factor in AXES[name].items():
+            group.add_argument(flag, dest=name, type=in_si(factor), **{"metavar": flag[2].upper(), **options})
+
+
+def require_positive(arguments: argparse.Namespace) -> None:
+    """Refuse a speed or weight, or an end of a range, that is not above 0."""
+    asked = [given for name in AXES if (given := getattr(arguments, name)) is not None]
+    numbers = [number for each in asked for number in (each if isinstance(each, list) else [each])]
+    if not all(0 < number < float("inf") for number in numbers):
+        raise UsageError("Speed and weights must be numbers above 0.")
+
+
+def condition_of(arguments: argparse.Namespace, campaign: "Campaign", speed_mps: float) -> "Condition":
+    """The condition with the weights and factors that are asked for, at this speed."""
+    from crashfuse.condition import Condition
+
+    factors = tuple(factor(text, campaign.factors) for text in arguments.factor or ())
+    return Condition(speed_mps, arguments.front_weight_kg, arguments.rear_weight_kg, factors)
+
+
+def factor(text: str, known: Mapping[str, Sequence[str]]) -> tuple[str, str]:
+    """Name and value of a factor that tests have; raises if none has it."""
+    name, _, value = text.partition("=")
+    if value not in known.get(name, ()):
+        choices = "; ".join(f"{name}={value}" for name, values in known.items() for value in values) or "none"
+        raise UsageError(f"No test has the factor {text!r}; the tests have: {choices}.")
+    return name, value
