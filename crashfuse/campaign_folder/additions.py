@@ -22,11 +22,12 @@ from crashfuse.campaign_folder.ids import folded
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
-from crashfuse.campaign_folder.writer import check_ids, pulse_csv, quality_columns, table_row, toml_text
+from crashfuse.campaign_folder.writer import check_ids, pulse_csv, quality_columns, table_row
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.atomic import new_folder, write_atomically
 from crashfuse.files.csv_output import csv_text
+from crashfuse.files.toml_text import toml_text
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import Pulse
 

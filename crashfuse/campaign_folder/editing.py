@@ -17,9 +17,9 @@ from crashfuse.campaign_folder.history import changing, taking_turns
 from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
 from crashfuse.campaign_folder.upload import FILES
-from crashfuse.campaign_folder.writer import toml_text
 from crashfuse.errors import DataError, Problem, UsageError, printable
 from crashfuse.files.atomic import new_folder, write_atomically
+from crashfuse.files.toml_text import toml_text
 
 _LIST = re.compile(r"^unused[ \t]*=[ \t]*\[[^\]]*\][ \t]*(#[^\n]*)?\r?(\n|\Z)", re.M)
 _ENDINGS = ("csv", "parquet")

@@ -11,9 +11,10 @@ import pyarrow as pa
 
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.folder import read_folder
-from crashfuse.campaign_folder.writer import condition_rows, toml_text
+from crashfuse.campaign_folder.writer import condition_rows
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.csv_output import csv_bytes
+from crashfuse.files.toml_text import toml_text
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES
 
 _IN_MEMORY = {

@@ -1,6 +1,5 @@
 """Settings of a campaign: ``campaign.toml``."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,10 +8,10 @@ from typing import Any
 from crashfuse.campaign_folder.occupant_settings import occupant_settings
 from crashfuse.campaign_folder.quality_columns import QualitySettings, quality_settings
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.files.csv_text import text_from
+from crashfuse.files.toml_text import read_toml
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 
-_LARGEST = 4 << 20  # characters: some thousands of imported pulses, a paragraph on each
+_MOST_MIB = 4  # some thousands of imported pulses, a paragraph on each
 _LONGEST_NAME, _LONGEST_NOTICE = 200, 2000
 
 
@@ -40,17 +39,9 @@ def read_settings(folder: Path, problems: list[Problem], warnings: list[str]) ->
     if not path.exists():
         return unnamed
     try:
-        with text_from(path, path.name) as stream:
-            text = stream.read(_LARGEST + 1)
-        if len(text) > _LARGEST:
-            raise DataError(Problem(path.name, "a file of at most 4 MiB", "more", "leave out what is no setting"))
-        values = tomllib.loads(text)
+        values = read_toml(path, _MOST_MIB, "leave out what is no setting")
     except DataError as error:
         problems.extend(error.problems)
-        return unnamed
-    except (ValueError, RecursionError) as error:
-        found = "brackets too deep" if isinstance(error, RecursionError) else str(error)
-        problems.append(Problem(path.name, "a TOML file in UTF-8", found, "correct the file"))
         return unnamed
     cfc, already = (_filter_class(values, key, problems) for key in ("channel_filter_class", "filtered_with"))
     if cfc is not None and already is not None:

@@ -1,6 +1,5 @@
 """Writing a whole campaign folder, and the text of its files."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,12 +15,12 @@ from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem
 from crashfuse.files.atomic import new_folder
 from crashfuse.files.csv_output import csv_text
+from crashfuse.files.toml_text import toml_text
 from crashfuse.run_quality import QUANTITIES, RunQuality
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.units import MASS, SPEED
 
 _RUNS_A_BATCH = 2000
-_LINE = 100
 
 
 def write_campaign(campaign: Campaign, folder: str | Path) -> None:
@@ -118,14 +117,3 @@ def check_ids(ids: Sequence[str], where: str) -> None:
     problems = [Problem(where, *trouble, "id") for run_id in ids if (trouble := id_trouble(run_id)) is not None]
     if problems:
         raise DataError(problems[:20])
-
-
-def toml_text(value: str | float | Sequence[str]) -> str:
-    """A value as TOML: JSON strings are valid TOML except for one character."""
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, int | float):
-        return repr(value)
-    items = [toml_text(item) for item in value]
-    line = f"[{', '.join(items)}]"
-    return line if len(line) < _LINE else "[\n" + "".join(f"    {item},\n" for item in items) + "]"

@@ -1,19 +1,16 @@
 """Reading and checking of acceptance criteria: ``criteria.toml``, or mappings with the same keys."""
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from crashfuse.campaign_folder.writer import toml_text
 from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria, Criterion
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.files.csv_text import text_from
+from crashfuse.files.toml_text import read_toml, toml_text
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
 
 _WINDOW_MS = 60.0
-_LARGEST_FILE = 1 << 20  # characters
 _MOST_CRITERIA = 100
 _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
 
@@ -28,15 +25,7 @@ def read_criteria(path: Path) -> Criteria:
     """
     if not path.is_file():
         raise DataError(Problem(path.name, "this file", "no such file", "declare the acceptance criteria in it"))
-    try:
-        with text_from(path, path.name) as stream:
-            text = stream.read(_LARGEST_FILE + 1)
-        if len(text) > _LARGEST_FILE:
-            raise DataError(Problem(path.name, "a file of at most 1 MiB", "more", "keep the criteria alone"))
-        values = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        found = "brackets too deep" if isinstance(error, RecursionError) else str(error)
-        raise DataError(Problem(path.name, "a TOML file in UTF-8", found, "correct the file")) from error
+    values = read_toml(path, 1, "keep the criteria alone")
     confidence, items = values.pop("confidence", CONFIDENCE), values.pop("criterion", [])
     problems = []
     if values:

@@ -1,0 +1,36 @@
+"""TOML text: bounded reading of files that nobody should trust, and values as they are written."""
+
+import json
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from crashfuse.errors import DataError, Problem
+from crashfuse.files.csv_text import text_from
+
+_LINE = 100
+
+
+def read_toml(path: Path, most_mib: int, advice: str) -> dict[str, Any]:
+    """Read a file; a DataError says what is wrong with it, with this advice if it is larger than that."""
+    try:
+        with text_from(path, path.name) as stream:
+            text = stream.read((most_mib << 20) + 1)
+        if len(text) > most_mib << 20:
+            raise DataError(Problem(path.name, f"a file of at most {most_mib} MiB", "more", advice))
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        found = "brackets too deep" if isinstance(error, RecursionError) else str(error)
+        raise DataError(Problem(path.name, "a TOML file in UTF-8", found, "correct the file")) from error
+
+
+def toml_text(value: str | float | Sequence[str]) -> str:
+    """A value as TOML: JSON strings are valid TOML except for one character."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, int | float):
+        return repr(value)
+    items = [toml_text(item) for item in value]
+    line = f"[{', '.join(items)}]"
+    return line if len(line) < _LINE else "[\n" + "".join(f"    {item},\n" for item in items) + "]"
