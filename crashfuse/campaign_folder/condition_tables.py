@@ -120,7 +120,7 @@ def read_candidates(path: Path) -> tuple[Condition, ...]:
     """Read candidate test conditions from a table like ``tests.csv``; raise a DataError with every problem."""
     problems: list[Problem] = []
     table = read_conditions(path, standstill_allowed=False, problems=problems)
-    if table is None or problems:
+    if table is None:
         raise DataError(shortened(problems))
     if (count := len(table.conditions)) > _MOST_CANDIDATES:
         expected, advice = f"at most {_MOST_CANDIDATES} candidates", "leave out those that are like others"

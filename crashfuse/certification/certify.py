@@ -1,7 +1,6 @@
 """Certification of a campaign: a verdict for every condition and criterion, and the record of left-out tests."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from crashfuse.approaches.fused.about import AboutFused
@@ -12,7 +11,7 @@ from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.certification.forecasts import Asked, Forecasts
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
+from crashfuse.certification.track_record import NOT_NEAR, LeftOut, TrackRecord, Trial
 from crashfuse.certification.verdict import Verdict, judge
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
@@ -107,18 +106,17 @@ def certify_matrix(
         for test in campaign.tests:
             check_window(test, window)
     [approach] = config.approaches
-    left_out = _left_out(campaign)
     trials, cells = _asked(campaign, matrix, approach)
     known = Forecasts(campaign, criteria.windows_ms, config, cache or Cache(), watch)
     with workers_at(scheduler, workers) as place:
         start = time.perf_counter()
         steps = {_LEARN: LATE_S * len(trials), _JUDGE: LATE_S * len(cells)}
-        watch.expect(shared_steps({config.approaches[0]}, config) | steps)
+        watch.expect(shared_steps({approach}, config) | steps)
         forecasts = known.all(trials, place, _LEARN, learn_for=cells)
         learned = time.perf_counter()
         forecasts |= known.all(cells, place, _JUDGE)
         seconds = {"learn": learned - start, "judge": time.perf_counter() - learned}
-    record = _record(campaign, criteria, left_out, approach, forecasts)
+    record = _record(campaign, criteria, approach, forecasts)
     domain = Domain.of(campaign)
     verdicts = [
         judge(forecasts[cell], cell.condition, criteria, domain.too_few_tests or domain.exceeded_by(cell.condition))
@@ -164,16 +162,10 @@ def _left_out(campaign: Campaign) -> list[tuple[str, LeftOut, tuple[str, ...]]]:
     ]
 
 
-def _record(
-    campaign: Campaign,
-    criteria: Criteria,
-    left_out: Sequence[tuple[str, LeftOut, tuple[str, ...]]],
-    approach: str,
-    forecasts: dict[Asked, Forecast],
-) -> TrackRecord:
+def _record(campaign: Campaign, criteria: Criteria, approach: str, forecasts: dict[Asked, Forecast]) -> TrackRecord:
     """Compare the verdicts on left-out tests, each from the others alone, with what was measured."""
     trials = []
-    for test_id, way, held_out in left_out:
+    for test_id, way, held_out in _left_out(campaign):
         test, domain = campaign.test(test_id), Domain.of(campaign.without(held_out))
         own, cae = (forecasts[Asked(held_out, name, test.condition)] for name in (approach, BASELINE))
         for verdict in judge(own, test.condition, criteria, domain.exceeded_by(test.condition)):
@@ -192,6 +184,5 @@ def _supported(verdict: Verdict, record: TrackRecord, confidence: float) -> Verd
     if verdict.decided and (shortfall := support.shortfall(confidence)) is not None:
         return replace(verdict, word="open", reason=joined([verdict.reason, shortfall]))
     if verdict.decided and not support.near:
-        far = "No left-out test came near this limit: the record says nothing about it."
-        return replace(verdict, reason=joined([verdict.reason, far]))
+        return replace(verdict, reason=joined([verdict.reason, NOT_NEAR]))
     return verdict

@@ -51,7 +51,7 @@ class Matrix:
         """
         problems: list[Problem] = []
         table = read_conditions(path, standstill_allowed=False, problems=problems)
-        if table is None or problems:
+        if table is None:
             raise DataError(shortened(problems))
         if len(table.ids) > _MOST:
             expected, advice = f"at most {_MOST:,} conditions", "split the table"

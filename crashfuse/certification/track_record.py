@@ -1,6 +1,5 @@
 """The track record: the verdicts that left-out tests got from the others alone, compared with what was measured."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -16,19 +15,20 @@ LeftOut = Literal["test", "speed group"]
 
 _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 _LEVEL = 0.95
+NOT_NEAR = "No left-out test came near this limit: the record says nothing about it."
 
 
-def share_bounds(count: int, n: int, level: float = _LEVEL) -> tuple[float, float]:
-    """Exact two-sided bounds of a share of which ``count`` in ``n`` were seen (Clopper & Pearson 1934)."""
-    tail = (1 - level) / 2
+def share_bounds(count: int, n: int) -> tuple[float, float]:
+    """Exact two-sided 95 % bounds of a share of which ``count`` in ``n`` were seen (Clopper & Pearson 1934)."""
+    tail = (1 - _LEVEL) / 2
     lower = float(betaincinv(count, n - count + 1, tail)) if count else 0.0
     upper = float(betaincinv(count + 1, n - count, 1 - tail)) if count < n else 1.0
     return lower, upper
 
 
-def largest_share(count: int, n: int, level: float = _LEVEL) -> float:
-    """Exact one-sided upper bound of such a share."""
-    return float(betaincinv(count + 1, n - count, level)) if count < n else 1.0
+def largest_share(count: int, n: int) -> float:
+    """Exact one-sided 95 % upper bound of such a share."""
+    return float(betaincinv(count + 1, n - count, _LEVEL)) if count < n else 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,9 +159,9 @@ class TrackRecord:
         """The counted trials of a criterion."""
         return tuple(trial for trial in self.counted if trial.verdict.criterion == criterion)
 
-    def counts(self, trials: Sequence[Trial] | None = None) -> dict[str, tuple[int, int]]:
-        """Number of verdicts by word, and of those that a test contradicted."""
-        some = self.counted if trials is None else trials
+    def counts(self, criterion: Criterion | None = None) -> dict[str, tuple[int, int]]:
+        """Number of verdicts by word, and of those that a test contradicted; of one criterion or of all."""
+        some = self.counted if criterion is None else self.of(criterion)
         return {
             word: (sum(t.verdict.word == word for t in some), sum(t.wrong for t in some if t.verdict.word == word))
             for word in WORDS

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.track_record import TrackRecord, largest_share
+from crashfuse.certification.track_record import NOT_NEAR, TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.wording import Sentence, joined, speed, weight
@@ -79,7 +79,7 @@ def support_sentence(record: TrackRecord, criterion: Criterion, confidence: floa
     if (shortfall := support.shortfall(confidence)) is not None:
         return shortfall
     if not support.near:
-        return "No left-out test came near this limit: the record says nothing about it."
+        return NOT_NEAR
     return f"It supports the confidence: {support.wrong} of {_count(support.decided, 'left-out verdict')} wrong."
 
 

@@ -14,6 +14,13 @@ from crashfuse.condition import Condition
 from crashfuse.units import LB, MPH
 from crashfuse.wording import MPH_LB, UnitSystem, said
 
+_NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability")
+_TRIAL_COLUMNS = (
+    *("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met"),
+    *("value", "lower", "upper", "basis"),
+)
+_JUDGED = ("met", "not met", "decided")
+
 
 def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion."""
@@ -44,9 +51,6 @@ def probability_text(probability: float) -> str:
     return ">0.99" if probability > 0.995 else "<0.01" if probability < 0.005 else f"{probability:.2f}"
 
 
-_NUMBERS = ("window_ms", "at_least", "at_most", "value", "lower", "upper", "probability")
-
-
 def _bases(campaign: Campaign) -> dict[str, str]:
     """What each metric, and the rating, rests on."""
     return {**campaign.metric_bases, RATING: campaign.rating_basis}
@@ -72,9 +76,6 @@ def _condition(condition_id: str, condition: Condition, factors: Sequence[str]) 
     }
 
 
-_TRIAL_COLUMNS = ("held_out", "left_out", "criterion", "probability", "verdict", "measured", "met")
-
-
 def track_record_table(certification: Certification) -> pd.DataFrame:
     """All verdicts on left-out tests, one row a test, what was left out with it, and criterion."""
     basis = _bases(certification.campaign)
@@ -86,7 +87,7 @@ def track_record_table(certification: Certification) -> pd.DataFrame:
         for t in certification.record.trials
         for v in [t.verdict]
     ]  # fmt: skip
-    table = pd.DataFrame(rows, columns=[*_TRIAL_COLUMNS, "value", "lower", "upper", "basis"])
+    table = pd.DataFrame(rows, columns=list(_TRIAL_COLUMNS))
     return table.astype(dict.fromkeys(("probability", "measured", "value", "lower", "upper"), float))
 
 
@@ -111,17 +112,13 @@ def counts_table(certification: Certification, units: UnitSystem = MPH_LB) -> pd
 
 def record_counts(record: TrackRecord, criterion: Criterion | None = None) -> dict[str, dict[str, object]]:
     """Left-out verdicts of each kind, wrong ones and the exact 95 % upper bound of their share; *decided* is both."""
-    trials = record.counted if criterion is None else record.of(criterion)
-    counts = record.counts(trials)
+    counts = record.counts(criterion)
     (met, wrongly_met), (missed, wrongly_missed) = counts["met"], counts["not met"]
     pairs: dict[str, tuple[int, int]] = {**counts, "decided": (met + missed, wrongly_met + wrongly_missed)}
     return {
         word: {"n": n, **({"wrong": wrong, "wrong_at_most": bound(wrong, n)} if word in _JUDGED else {})}
         for word, (n, wrong) in pairs.items()
     }
-
-
-_JUDGED = ("met", "not met", "decided")
 
 
 def bound(wrong: int, n: int) -> float | None:

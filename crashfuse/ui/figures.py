@@ -49,7 +49,7 @@ def choose(
 
 
 def show_figure(figure: go.Figure, alt: str, key: str | None = None) -> None:
-    """Show a figure with the tools that are useful on a curve, and below it what saves it under its alternative text."""
+    """Show a figure with the tools that are useful on a curve; below it is saved, under its alternative text."""
     name = file_name(alt)
     sent = SentFigure(darkened(figure) if _is_dark() else figure)
     st.plotly_chart(sent, alt=alt, key=key, theme=None, config=_tools(name))
