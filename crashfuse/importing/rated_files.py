@@ -7,7 +7,7 @@ after the import.
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
@@ -28,14 +28,14 @@ from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import ACCELERATION_UNITS, Record
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import Pulse
-from crashfuse.signals.rating import filter_class_text, rate_windows, rating_basis
+from crashfuse.signals.rating import WEIGHTS, filter_class_text, rate_windows, rating_basis
 from crashfuse.signals.rating_explanation import RatingExplanation, explain_rating
 from crashfuse.units import ACCELERATION, TIME
 
 WINDOWS_MS = (20.0, 40.0, 60.0)
 COLUMNS = (
     *("reference", "comparison", "channel", "window_ms"),
-    *("overall", "corridor", "phase", "magnitude", "slope", "grade", "basis", "note"),
+    *("overall", *WEIGHTS, "grade", "basis", "note"),
 )
 """Of a table of ratings; a note says why there is no rating, and is empty if there is one."""
 
@@ -153,11 +153,10 @@ def rate_pairs(
         one, other = (row[name].strip() for name in ("reference", "comparison"))
         if not (one and other):
             raise DataError(Problem(path.name, "two files", "an empty cell", "name both files of the pair", row=number))
-        own = RatingChoices(
-            _listed(row.get("reference_channel", "")) or choices.channels,
-            _listed(row.get("comparison_channel", "")) or choices.comparison_channels,
-            choices.channel_filter_class,
-            choices.unit,
+        own = replace(
+            choices,
+            channels=_listed(row.get("reference_channel", "")) or choices.channels,
+            comparison_channels=_listed(row.get("comparison_channel", "")) or choices.comparison_channels,
         )
         try:
             rated = ratings_table(_of_pair(path.parent / one, path.parent / other, windows_ms, own, read))

@@ -14,7 +14,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.palette import GRADE_COLOURS
 from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.signals.pulse import GRID_S, Pulse
-from crashfuse.signals.rating import Rating, graded, rate_windows
+from crashfuse.signals.rating import WEIGHTS, Rating, graded, rate_windows
 from crashfuse.study.config import WINDOWS_MS
 from crashfuse.study.next_test import NextTest, next_tests_table
 from crashfuse.study.repeatability import Repeatability
@@ -24,8 +24,6 @@ from crashfuse.wording import UnitSystem
 
 WAYS = {"test": "Each test left out alone", "speed group": "With all tests at about its speed"}
 """What is left out with a test, as a reader chooses it."""
-
-_PARTS = ("corridor", "phase", "magnitude", "slope")
 
 
 def window_label(window_ms: float) -> str:
@@ -77,7 +75,7 @@ def ratings(
         {
             "Approach": LABELS[name],
             **{window_label(w): graded(rating.overall) for w, rating in by_window.items()},
-            **{part.capitalize(): f"{getattr(by_window[window_ms], part):.3f}" for part in _PARTS},
+            **{part.capitalize(): f"{getattr(by_window[window_ms], part):.3f}" for part in WEIGHTS},
             "Single draws": "–".join(f"{end:.3f}" for end in draws.get(name, ())) or "–",
         }
         for name, by_window in by_approach.items()
