@@ -43,8 +43,6 @@ class Trial:
         In the criterion's unit.
     cae_probability : float or None
         That the raw CAE model gives, with the error that it had in the other tests as its band; None for ratings.
-    near : bool
-        Whether the measured value lies within one width of the 95 % interval of the limit.
     """
 
     held_out: str
