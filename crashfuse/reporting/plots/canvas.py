@@ -27,9 +27,8 @@ _NAMES_PX = 915  # in a window of 1440 px
 _TICK_NAME = 24  # characters
 _EDGE_OPACITY = 0.6  # of a band that is outlined
 
-UNWANTED_TOOLS = ["sendChartToCloud", "lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
-"""Tools that Plotly puts beside a figure: one would upload its pulses to somebody's cloud, the others do nothing of use
-on a curve."""
+# tools that Plotly puts beside a figure: one would upload its pulses to somebody's cloud, the others are of no use
+_UNWANTED_TOOLS = ["sendChartToCloud", "lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
 
 BAND = "band"
 """In a trace's ``meta``: its outline runs forth along a lower edge and back along an upper one, with a gap between them
@@ -64,7 +63,7 @@ def new_figure(height: int) -> go.Figure:
             "plot_bgcolor": PAPER,
             # with room for ticks, their title and a row of names: found too small, Plotly draws everything once more
             "margin": {"l": 64, "r": 44, "t": 44, "b": 56},
-            "modebar": {"orientation": "v", "remove": UNWANTED_TOOLS},
+            "modebar": {"orientation": "v", "remove": _UNWANTED_TOOLS},
             "hovermode": "x unified",
             "hoverlabel": {"namelength": -1, "bgcolor": "rgba(255, 255, 255, 0.92)"},
             "legend": {
@@ -80,6 +79,22 @@ def new_figure(height: int) -> go.Figure:
             "yaxis": {**axis, "automargin": "left"},  # the names above leave half a line for the uppermost tick
         }
     )
+
+
+def make_clickable(
+    figure: go.Figure, columns: list[str], rows: list[str], values: list[str], size: int, **hover: object
+) -> None:
+    """Put marks that are not seen on the cells of a heat map, row by row: marks can be clicked, cells can't."""
+    figure.add_scatter(
+        x=columns * len(rows), y=[row for row in rows for _ in columns], customdata=values, mode="markers",
+        marker={"size": size, "opacity": 0}, showlegend=False, **hover,
+    )  # fmt: skip
+
+
+def fix_cells(figure: go.Figure) -> None:
+    """Let a heat map stay where it is, and the mark of a cell be the nearest anywhere in it."""
+    tools = [*_UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]
+    figure.update_layout(hovermode="closest", hoverdistance=-1, dragmode=False, modebar={"remove": tools})
 
 
 def height_under_names(count: int) -> int:

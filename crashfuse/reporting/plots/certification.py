@@ -11,7 +11,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.reporting.certification_tables import probability_text
-from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure, tick_name
+from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, INK, MEASURED_COLOUR, VERDICT_COLOURS
 
@@ -61,16 +61,9 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
             textfont={"color": MEASURED_COLOUR, "size": 12},
             hoverinfo="skip",
         )
-        figure.add_scatter(  # heat-map cells can't be clicked, marks can
-            x=names * len(rows),
-            y=[label for label in labels for _ in names],
-            customdata=[cell_name(i, v) for i, row in zip(ids, rows, strict=True) for v in row],
-            hovertext=[text for row in hover for text in row],
-            hovertemplate="%{hovertext}<extra></extra>",
-            mode="markers",
-            marker={"size": 20, "opacity": 0},
-            showlegend=False,
-        )
+        cells = [cell_name(i, verdict) for i, row in zip(ids, rows, strict=True) for verdict in row]
+        told = [text for row in hover for text in row]
+        make_clickable(figure, names, labels, cells, 20, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")
     else:
         figure.update_traces(hovertext=hover, hovertemplate="%{hovertext}<extra></extra>")
     words = [verdict.word for row in rows for verdict in row]
@@ -79,17 +72,14 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
             x=[None], y=[None], mode="markers", name=f"{word} ({words.count(word)})", hoverinfo="skip",
             marker={"color": VERDICT_COLOURS[word], "symbol": "square", "size": 13, "line": {"width": 1}},
         )  # fmt: skip
+    fix_cells(figure)
     figure.update_layout(
-        hovermode="closest",
-        hoverdistance=-1,  # anywhere in a cell, its own mark is the nearest
         hoverlabel={"align": "left"},
-        dragmode=False,
         margin={
             "l": max(map(len, short), default=0) * _LETTER_PX + 6,
             "t": max(name.count("<br>") + 1 for name in names) * _LINE_PX + 12,
             "b": 44,
         },
-        modebar={"remove": [*UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]},
         legend={"y": 0, "yanchor": "bottom"},
     )
     plain = {"type": "category", "title": None, "ticks": "", "showline": False, "zeroline": False, "showgrid": False}

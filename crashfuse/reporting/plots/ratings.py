@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.plots.canvas import UNWANTED_TOOLS, new_figure, tick_name
+from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, new_figure, tick_name
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import GRADES, grade
@@ -49,22 +49,10 @@ def rating_heatmap(
         ygap=2,
         showscale=False,
     )
-    figure.add_scatter(  # heat-map cells can't be clicked, marks can; those of the mean belong to no test
-        x=names * len(rows),
-        y=[row for row in rows for _ in names],
-        customdata=[test for test in (*tests, "") for _ in names],
-        mode="markers",
-        marker={"size": 26, "opacity": 0},
-        hovertemplate="%{y}<extra></extra>",
-        showlegend=False,
-    )
-    figure.update_layout(
-        hovermode="closest",
-        hoverdistance=-1,  # anywhere in a cell, its own mark is the nearest
-        dragmode=False,
-        margin={"t": _NAMES_PX, "b": _BELOW_PX},
-        modebar={"remove": [*UNWANTED_TOOLS, "zoom2d", "pan2d", "resetScale2d"]},
-    )
+    clicked = [test for test in (*tests, "") for _ in names]  # the mean belongs to no test
+    make_clickable(figure, names, rows, clicked, size=26, hovertemplate="%{y}<extra></extra>")
+    fix_cells(figure)
+    figure.update_layout(margin={"t": _NAMES_PX, "b": _BELOW_PX})
     figure.update_xaxes(
         side="top", title=None, range=[-0.5, len(names) - 0.5], tickfont={"size": 12}, ticks="", showline=False,
         showgrid=False, showspikes=False,
