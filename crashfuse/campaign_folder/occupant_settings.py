@@ -3,6 +3,7 @@
 from typing import Any
 
 from crashfuse.errors import Problem, printable
+from crashfuse.files.toml_text import shown
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 
 _WHERE, _TABLE = "campaign.toml", "[occupant]"
@@ -33,9 +34,7 @@ def occupant_settings(values: dict[str, Any], problems: list[Problem]) -> Occupa
             own[name] = float(value)
         else:
             expected = f"a number from {low} to {high}"
-            told = isinstance(value, str | float | bool) or (isinstance(value, int) and abs(value) < 1 << 64)
-            found = printable(repr(value), 60) if told else "another value"
-            problems.append(Problem(_WHERE, expected, found, "correct the value", f"occupant.{name}"))
+            problems.append(Problem(_WHERE, expected, shown(value), "correct the value", f"occupant.{name}"))
     return OccupantModel(**own)
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 
 from crashfuse.campaign_folder.columns import MOST_PROBLEMS, count_rest
 from crashfuse.errors import Problem, printable
+from crashfuse.files.toml_text import shown
 from crashfuse.run_quality import NAMED_LIMITS, QUANTITIES, QualityLimits, RunQuality
 
 _WHERE, _TABLE = "campaign.toml", "[cae_quality]"
@@ -38,7 +39,7 @@ def quality_settings(values: dict[str, Any], problems: list[Problem]) -> Quality
     given = values.pop("cae_quality", {})
     if not isinstance(given, dict):
         expected = f"a table {_TABLE} with {_KNOWN}"
-        problems.append(Problem(_WHERE, expected, _shown(given), "correct it", "cae_quality"))
+        problems.append(Problem(_WHERE, expected, shown(given), "correct it", "cae_quality"))
         return QualitySettings()
     before = len(problems)
     own = _own_limits(given, problems)
@@ -51,11 +52,11 @@ def quality_settings(values: dict[str, Any], problems: list[Problem]) -> Quality
         limits = NAMED_LIMITS.get(name) if isinstance(name, str) else None
         if limits is None:
             expected = f"one of {', '.join(NAMED_LIMITS)}"
-            problems.append(Problem(_WHERE, expected, _shown(name), "correct it", "cae_quality.limits"))
+            problems.append(Problem(_WHERE, expected, shown(name), "correct it", "cae_quality.limits"))
     leave_out = given.get("leave_out_failing", False)
     if not isinstance(leave_out, bool):
         column = "cae_quality.leave_out_failing"
-        problems.append(Problem(_WHERE, "true or false", _shown(leave_out), "correct it", column))
+        problems.append(Problem(_WHERE, "true or false", shown(leave_out), "correct it", column))
     elif leave_out and limits is None and len(problems) == before:
         problems.append(Problem(_WHERE, f"limits in {_TABLE}", "none", "say by which limits runs fail", "cae_quality"))
     if unknown := [key for key in given if key not in (*QUANTITIES, "limits", "leave_out_failing")]:
@@ -110,17 +111,8 @@ def _own_limits(given: dict[str, Any], problems: list[Problem]) -> QualityLimits
             own[name] = float(limit)
         elif name in given:
             expected, advice = "a share between 0 and 1 (0.05 for 5 %)", "correct the limit"
-            problems.append(Problem(_WHERE, expected, _shown(limit), advice, f"cae_quality.{name}"))
+            problems.append(Problem(_WHERE, expected, shown(limit), advice, f"cae_quality.{name}"))
     return QualityLimits(_OWN.name, *(own.get(name) for name in QUANTITIES))
-
-
-def _shown(value: object) -> str:
-    plain = isinstance(value, str | float | bool)
-    return printable(repr(value), 60) if plain or _small(value) else f"a value of type {type(value).__name__}"
-
-
-def _small(value: object) -> bool:
-    return isinstance(value, int) and abs(value) < 1 << 64
 
 
 def failing(quality: Sequence[RunQuality], settings: QualitySettings) -> list[int]:

@@ -8,7 +8,7 @@ from typing import Any
 from crashfuse.campaign_folder.occupant_settings import occupant_settings
 from crashfuse.campaign_folder.quality_columns import QualitySettings, quality_settings
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.files.toml_text import read_toml
+from crashfuse.files.toml_text import read_toml, shown
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 
 _MOST_MIB = 4  # some thousands of imported pulses, a paragraph on each
@@ -83,7 +83,7 @@ def _ids(values: dict[str, Any], key: str, problems: list[Problem]) -> tuple[str
     ids = values.pop(key, [])
     if not isinstance(ids, list) or not all(isinstance(each, str) for each in ids):
         problems.append(
-            Problem("campaign.toml", 'a list of ids such as ["T09"]', _shown(ids), "correct the value", key)
+            Problem("campaign.toml", 'a list of ids such as ["T09"]', shown(ids), "correct the value", key)
         )
         return ()
     return tuple(dict.fromkeys(ids))
@@ -93,7 +93,7 @@ def _text(values: dict[str, Any], key: str, default: str, most: int, problems: l
     """Pop a line of text from the settings."""
     text = values.pop(key, default)
     if not isinstance(text, str) or len(text) > most:
-        found = "a longer one" if isinstance(text, str) else _shown(text)
+        found = "a longer one" if isinstance(text, str) else shown(text)
         expected = f"text of at most {most} characters"
         problems.append(Problem("campaign.toml", expected, found, "correct the value", key))
         return default
@@ -107,12 +107,6 @@ def _filter_class(values: dict[str, Any], key: str, problems: list[Problem]) -> 
         return None
     if isinstance(cfc, bool) or not isinstance(cfc, int | float) or not 1 <= cfc <= 1000:
         expected = 'a channel filter class such as 60 or 180, or "none"'
-        problems.append(Problem("campaign.toml", expected, _shown(cfc), "correct the value", key))
+        problems.append(Problem("campaign.toml", expected, shown(cfc), "correct the value", key))
         return None
     return float(cfc)
-
-
-def _shown(value: object) -> str:
-    """A value as text for messages, safe for numbers of any size and tables of any depth."""
-    plain = isinstance(value, str | float | bool)
-    return printable(repr(value), 60) if plain else f"a value of type {type(value).__name__}"

@@ -1,13 +1,14 @@
 """Reading and checking of acceptance criteria: ``criteria.toml``, or mappings with the same keys."""
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
 from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria, Criterion
 from crashfuse.errors import DataError, Problem, printable
-from crashfuse.files.toml_text import read_toml, toml_text
+from crashfuse.files.toml_text import read_toml, shown, toml_text
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
 
 _WINDOW_MS = 60.0
@@ -136,10 +137,10 @@ def _advice_on(key: str) -> str:
 
 
 def _is_number(value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _shown(value: object) -> str:
     if isinstance(value, str):
         return value
-    return "nothing" if value is None else printable(repr(value), 60)
+    return "nothing" if value is None else shown(value)

@@ -1,4 +1,4 @@
-"""TOML text: bounded reading of files that nobody should trust, and values as they are written."""
+"""TOML text: bounded reading of files that nobody should trust, and values as they are written and told."""
 
 import json
 import tomllib
@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from crashfuse.errors import DataError, Problem
+from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.csv_text import text_from
 
 _LINE = 100
+_LONGEST_INT = 64  # bits; Python refuses to write the longest that a file can hold
 
 
 def read_toml(path: Path, most_mib: int, advice: str) -> dict[str, Any]:
@@ -34,3 +35,9 @@ def toml_text(value: str | float | Sequence[str]) -> str:
     items = [toml_text(item) for item in value]
     line = f"[{', '.join(items)}]"
     return line if len(line) < _LINE else "[\n" + "".join(f"    {item},\n" for item in items) + "]"
+
+
+def shown(value: object) -> str:
+    """A value that was read, as text for messages, safe for numbers of any size and tables of any depth."""
+    plain = isinstance(value, str | float) or (isinstance(value, int) and value.bit_length() <= _LONGEST_INT)
+    return printable(repr(value), 60) if plain else f"a value of type {type(value).__name__}"

@@ -344,6 +344,10 @@ BAD_FOLDERS: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda f: (f / "campaign.toml").write_text("name = [1]"),
         "campaign.toml, column name: expected text of at most 200 characters, found a value of type list;",
     ),
+    "a filter class that is none": (
+        lambda f: (f / "campaign.toml").write_text("channel_filter_class = 5000"),
+        'such as 60 or 180, or "none", found 5000; correct the value.',
+    ),
     "an endless record": (
         lambda f: (f / "tests" / "T1.csv").write_text("time_ms,acceleration_g\n" + "0,0\n" * 2_000_001),
         "tests/T1.csv, column time, row 2: expected at most 2000000 samples a record, found",
