@@ -24,7 +24,7 @@ from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
 from crashfuse.campaign_folder.writer import check_ids, pulse_csv, quality_columns, table_row
 from crashfuse.condition import Condition
-from crashfuse.errors import DataError, Problem, printable
+from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.atomic import new_folder, write_atomically
 from crashfuse.files.csv_output import csv_text
 from crashfuse.files.toml_text import toml_text
@@ -148,13 +148,7 @@ def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> Added:
 
 def _known(table: Path, role: Role) -> ConditionTable | None:
     """The rows of the condition table; None if there is no table yet."""
-    if not table.is_file():
-        return None
-    problems: list[Problem] = []
-    known = read_conditions(table, standstill_allowed=role == "cae", problems=problems)
-    if known is None:
-        raise DataError(problems)
-    return known
+    return read_conditions(table, role) if table.is_file() else None
 
 
 def _already_there(
@@ -214,7 +208,8 @@ def _check_readable(files: Mapping[str, str], role: Role) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         for name, text in files.items():
             (Path(scratch) / name).write_bytes(text.encode(errors="surrogateescape"))
-        read_conditions(Path(scratch) / f"{role}.csv", standstill_allowed=role == "cae", problems=problems)
+        with collecting(problems):
+            read_conditions(Path(scratch) / f"{role}.csv", role)
         read_settings(Path(scratch), problems, [])
     _refuse(problems)
 

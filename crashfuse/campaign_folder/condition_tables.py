@@ -62,22 +62,28 @@ class ConditionTable:
         )
 
 
-def read_conditions(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
+def read_conditions(path: Path, role: Role = "tests") -> ConditionTable:
     """Read a condition table, converting units by the endings of the column names.
 
-    Problems are appended to ``problems``; None if there are any. A speed of 0 may be allowed: a CAE run may start at
-    rest, a test may not.
+    A CAE run may start at rest, a test may not.
+
+    Raises
+    ------
+    DataError
+        With every problem of the table.
     """
-    before = len(problems)
-    table = read_what_can_be(path, standstill_allowed=standstill_allowed, problems=problems)
-    return None if len(problems) > before else table
+    problems: list[Problem] = []
+    table = read_what_can_be(path, role, problems)
+    if table is None or problems:
+        raise DataError(shortened(problems))
+    return table
 
 
-def read_what_can_be(path: Path, *, standstill_allowed: bool, problems: list[Problem]) -> ConditionTable | None:
+def read_what_can_be(path: Path, role: Role, problems: list[Problem]) -> ConditionTable | None:
     """Read a condition table that may have problems, so that pulses can be checked against what is sound in it.
 
     As :func:`read_conditions`, but with every row that has an id of its own; NaN stands for a speed or weight that is
-    not there. None if there are no such rows.
+    not there. None if there are no such rows. Problems are appended to ``problems``.
     """
     frame = _read_text(path, problems)
     if frame is None:
@@ -99,7 +105,7 @@ def read_what_can_be(path: Path, *, standstill_allowed: bool, problems: list[Pro
     rows_of = frame.index.to_numpy()
     for name, (column, factor) in columns.items():
         numbers = not_a_number(frame[column], column, path.name, rows_of, problems, _LARGEST[name] / factor)
-        smallest = 0.0 if standstill_allowed and name == "speed" else _SMALLEST[name] / factor
+        smallest = 0.0 if role == "cae" and name == "speed" else _SMALLEST[name] / factor
         _check_low(numbers, smallest, frame[column], path.name, problems)
         values[name] = factor * numbers
     quality = read_quality(frame, path.name, problems)
@@ -118,14 +124,11 @@ def read_what_can_be(path: Path, *, standstill_allowed: bool, problems: list[Pro
 
 def read_candidates(path: Path) -> tuple[Condition, ...]:
     """Read candidate test conditions from a table like ``tests.csv``; raise a DataError with every problem."""
-    problems: list[Problem] = []
-    table = read_conditions(path, standstill_allowed=False, problems=problems)
-    if table is None:
-        raise DataError(shortened(problems))
-    if (count := len(table.conditions)) > _MOST_CANDIDATES:
+    conditions = read_conditions(path).conditions
+    if (count := len(conditions)) > _MOST_CANDIDATES:
         expected, advice = f"at most {_MOST_CANDIDATES} candidates", "leave out those that are like others"
         raise DataError(Problem(path.name, expected, f"{count}", advice))
-    return table.conditions
+    return conditions
 
 
 def _read_text(path: Path, problems: list[Problem]) -> pd.DataFrame | None:

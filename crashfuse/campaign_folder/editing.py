@@ -110,7 +110,7 @@ def _tests(folder: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
     settings = read_settings(folder, problems, [])
     if problems:
         raise DataError(problems)
-    table = read_what_can_be(folder / "tests.csv", standstill_allowed=False, problems=problems)
+    table = read_what_can_be(folder / "tests.csv", "tests", problems)
     if table is None:
         raise DataError(problems)
     return table.ids, settings.unused

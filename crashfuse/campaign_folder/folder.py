@@ -38,7 +38,7 @@ def read_folder(folder: str | Path) -> Campaign:
     ends_s: dict[str, float] = {}
     unused: tuple[tuple[str, Condition], ...] = ()
     for role in ("tests", "cae"):
-        table = read_what_can_be(folder / f"{role}.csv", standstill_allowed=role == "cae", problems=problems)
+        table = read_what_can_be(folder / f"{role}.csv", role, problems)
         reader = PulseFiles(folder, role, settings.channel_filter_class)
         if table is None:
             reader.check()

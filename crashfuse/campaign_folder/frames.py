@@ -2,6 +2,8 @@
 
 import re
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -46,17 +48,13 @@ def campaign_of_frames(
             raise DataError(Problem(argument, "a DataFrame", found, advice))
         if twice := [str(column) for column in table.columns[table.columns.duplicated()]]:
             raise DataError(Problem(argument, "each column once", f"{twice[0]} twice", "rename or remove one"))
-    with tempfile.TemporaryDirectory(prefix="crashfuse-") as scratch:
-        folder = Path(scratch)
+    with in_memory() as folder:
         settings = f"name = {toml_text(name)}\n" + (f"notice = {toml_text(notice)}\n" if notice else "")
         (folder / "campaign.toml").write_text(settings, encoding="utf-8")
         for role, table, pulses in (("tests", tests, test_pulses), ("cae", cae, cae_pulses)):
             (folder / f"{role}.csv").write_bytes(csv_bytes(table, float_format=None))
             _write(pulses, folder / f"{role}_pulses.parquet")
-        try:
-            read = read_folder(folder)
-        except DataError as error:
-            raise DataError([in_memory(problem) for problem in error.problems]) from None
+        read = read_folder(folder)
     return replace(read, warnings=tuple(map(_said, read.warnings)))
 
 
@@ -65,9 +63,8 @@ def _write(pulses: pd.DataFrame, path: Path) -> None:
     try:
         pulses.to_parquet(path, index=False)
     except (pa.ArrowException, TypeError, ValueError) as error:  # texts and numbers in one column, say
-        where, found = _said(path.stem), " ".join(str(error).split())
-        advice = "give each column one type"
-        raise DataError(Problem(where, "columns that are numbers or text", found, advice)) from None
+        expected, found = "columns that are numbers or text", " ".join(str(error).split())
+        raise DataError(Problem(path.name, expected, found, "give each column one type")) from None
 
 
 def conditions_frame(campaign: Campaign, role: str) -> pd.DataFrame:
@@ -89,8 +86,17 @@ def pulses_frame(campaign: Campaign, role: str) -> pd.DataFrame:
     )
 
 
-def in_memory(problem: Problem) -> Problem:
-    """A problem of a table in memory: its file is that of the argument, its rows count from 0 as in the table."""
+@contextmanager
+def in_memory() -> Iterator[Path]:
+    """A folder for tables in memory: a problem of its files is told of the arguments, with rows that count from 0."""
+    with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
+        try:
+            yield Path(folder)
+        except DataError as error:
+            raise DataError([_of_argument(problem) for problem in error.problems]) from None
+
+
+def _of_argument(problem: Problem) -> Problem:
     told = {name: _said(getattr(problem, name)) for name in ("where", "expected", "found", "advice")}
     return replace(problem, row=None if problem.row is None else problem.row - 2, **told)
 

@@ -82,9 +82,7 @@ def _ids(values: dict[str, Any], key: str, problems: list[Problem]) -> tuple[str
     """Pop a list of ids from the settings."""
     ids = values.pop(key, [])
     if not isinstance(ids, list) or not all(isinstance(each, str) for each in ids):
-        problems.append(
-            Problem("campaign.toml", 'a list of ids such as ["T09"]', shown(ids), "correct the value", key)
-        )
+        problems.append(Problem("campaign.toml", 'a list of ids such as ["T09"]', shown(ids), "correct the value", key))
         return ()
     return tuple(dict.fromkeys(ids))
 

@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from crashfuse.campaign_folder.condition_tables import read_what_can_be
+from crashfuse.campaign_folder.condition_tables import Role, read_what_can_be
 from crashfuse.campaign_folder.folder import read_folder
 from crashfuse.campaign_folder.ids import folded
 from crashfuse.errors import DataError, Problem, collecting, printable
@@ -27,7 +27,8 @@ from crashfuse.files.archive import (
     zip_members,
 )
 
-_TABLES, _ROLES = ("tests.csv", "cae.csv"), ("tests", "cae")
+_TABLES = ("tests.csv", "cae.csv")
+_ROLES: tuple[Role, ...] = ("tests", "cae")
 _PULSES = (".csv", ".parquet")
 _ASKED = ("criteria.toml", "matrix.csv", "notes.csv")  # of a certification, and by readers
 FILES = (*_TABLES, "campaign.toml", *_ASKED)
@@ -182,7 +183,7 @@ def _place(folder: Path, at_the_top: Sequence[PurePosixPath], problems: list[Pro
     ids: dict[str, set[str]] = {}
     unread: list[str] = []
     for role in _ROLES if strays else ():
-        table = read_what_can_be(folder / f"{role}.csv", standstill_allowed=role == "cae", problems=[])
+        table = read_what_can_be(folder / f"{role}.csv", role, [])
         has_pulses = any((folder / f"{role}_pulses{ending}").is_file() for ending in _PULSES)
         ids[role] = set() if table is None or has_pulses else set(table.ids)
         if table is None and not has_pulses:

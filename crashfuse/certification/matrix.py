@@ -1,6 +1,5 @@
 """The matrix of conditions that verdicts are wanted for: from a table, or as a grid."""
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -49,13 +48,11 @@ class Matrix:
         DataError
             With every problem of the table, a condition that stands there twice included.
         """
-        problems: list[Problem] = []
-        table = read_conditions(path, standstill_allowed=False, problems=problems)
-        if table is None:
-            raise DataError(shortened(problems))
+        table = read_conditions(path)
         if len(table.ids) > _MOST:
             expected, advice = f"at most {_MOST:,} conditions", "split the table"
             raise DataError(Problem(path.name, expected, f"{len(table.ids):,}", advice))
+        problems: list[Problem] = []
         unknown = [name for name, _ in table.conditions[0].factors if name not in factors]
         if unknown:
             known = f"no further columns than those of tests.csv ({', '.join(factors) or 'none'})"
@@ -76,13 +73,10 @@ class Matrix:
     @classmethod
     def of(cls, frame: pd.DataFrame, factors: Mapping[str, Sequence[str]]) -> Self:
         """Create from a table with the columns of ``matrix.csv``; raises as :meth:`read`, rows count from 0."""
-        with tempfile.TemporaryDirectory(prefix="crashfuse-") as folder:
-            path = Path(folder, "matrix.csv")
+        with in_memory() as folder:
+            path = folder / "matrix.csv"
             path.write_bytes(csv_bytes(frame, float_format=None))
-            try:
-                return cls.read(path, factors)
-            except DataError as error:
-                raise DataError([in_memory(problem) for problem in error.problems]) from None
+            return cls.read(path, factors)
 
     @classmethod
     def grid(

@@ -36,9 +36,7 @@ def test_a_foreign_table_becomes_a_test_of_a_new_campaign(tmp_path: Path, capsys
     assert "Added: 1 test (" in said
     assert "V7: 31.1 mph (50.0 km/h)" in said
     assert "[[imported]]" in (out / "campaign.toml").read_text()
-    table = read_conditions(out / "tests.csv", standstill_allowed=False, problems=[])
-    assert table is not None
-    (condition,) = table.conditions
+    (condition,) = read_conditions(out / "tests.csv").conditions
     np.testing.assert_allclose(condition.vector, [50 * KPH, 900.0, 600.0], rtol=1e-6)
     assert (out / "tests" / "V7.csv").exists() or (out / "tests" / "V7.parquet").exists()
     assert GRID_S[-1] < 0.15

@@ -112,8 +112,7 @@ def _factors_of_target(role: Role) -> dict[str, list[str]]:
 
 @st.cache_resource(max_entries=4, show_spinner=False)
 def _factors_in(table: Path, changed_ns: int) -> dict[str, list[str]]:  # noqa: ARG001  (part of the key)
-    read = read_conditions(table, standstill_allowed=True, problems=[])
-    pairs = [] if read is None else [pair for condition in read.conditions for pair in condition.factors]
+    pairs = [pair for condition in read_conditions(table, "cae").conditions for pair in condition.factors]
     return {
         name: sorted({value for own, value in pairs if own == name and value}) for name in dict.fromkeys(dict(pairs))
     }
