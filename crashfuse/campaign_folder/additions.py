@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from crashfuse.campaign_folder.columns import listed
-from crashfuse.campaign_folder.condition_tables import ConditionTable, Role, read_conditions
+from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, Role, read_conditions
 from crashfuse.campaign_folder.copies import check_tests_differ
 from crashfuse.campaign_folder.history import changing, taking_turns
 from crashfuse.campaign_folder.ids import folded
@@ -36,7 +36,7 @@ WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE
 """One and many of each role, in words."""
 _SAME = 1e-5  # relative: a table may keep float32
 _NAMED = 5  # ids
-_MARKS = ("tests.csv", "cae.csv", "campaign.toml")  # any of these marks a campaign folder
+_MARKS = (*TABLES, "campaign.toml")  # any of these marks a campaign folder
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -32,6 +32,13 @@ T = TypeVar("T")
 Role = Literal["tests", "cae"]
 """Either of the two condition tables of a campaign, with its pulses."""
 
+TABLES = ("tests.csv", "cae.csv")
+
+
+def has_table(folder: Path) -> bool:
+    """Whether there is a condition table in a folder, which makes it a campaign's."""
+    return any((folder / name).is_file() for name in TABLES)
+
 
 @dataclass(frozen=True, slots=True)
 class ConditionTable:

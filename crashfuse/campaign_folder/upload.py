@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from crashfuse.campaign_folder.condition_tables import Role, read_what_can_be
+from crashfuse.campaign_folder.condition_tables import TABLES, Role, read_what_can_be
 from crashfuse.campaign_folder.folder import read_folder
 from crashfuse.campaign_folder.ids import folded
 from crashfuse.errors import DataError, Problem, collecting, printable
@@ -27,11 +27,10 @@ from crashfuse.files.archive import (
     zip_members,
 )
 
-_TABLES = ("tests.csv", "cae.csv")
 _ROLES: tuple[Role, ...] = ("tests", "cae")
 _PULSES = (".csv", ".parquet")
 _ASKED = ("criteria.toml", "matrix.csv", "notes.csv")  # of a certification, and by readers
-FILES = (*_TABLES, "campaign.toml", *_ASKED)
+FILES = (*TABLES, "campaign.toml", *_ASKED)
 """The files of a campaign folder beside its pulses."""
 
 _AT_THE_TOP = {*FILES, *(f"{role}_pulses{ending}" for role in _ROLES for ending in _PULSES)}
@@ -122,7 +121,7 @@ def members_of_zip(name: str, content: bytes, limits: Limits) -> list[Member]:
 
 def _root(members: Sequence[Member], name: str) -> PurePosixPath:
     """The folder that holds the campaign: the outermost one with a condition table."""
-    homes = [member.path.parent for member in members if member.path.name in _TABLES]
+    homes = [member.path.parent for member in members if member.path.name in TABLES]
     if not homes:
         refuse([trouble for member in members if (trouble := _strange(member))], name)
         where = printable(members[0].where) if len(members) == 1 else name

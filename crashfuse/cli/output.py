@@ -29,13 +29,14 @@ def require_output(out: Path, campaign: Path, kind: str | None = None) -> None:
     Refuses one that is, or lies in, a campaign, holds results of another kind, is not writable, or that another command
     is writing to.
     """
+    from crashfuse.campaign_folder.condition_tables import has_table
     from crashfuse.reporting.results import RESULT_FILES
 
     if out.resolve().is_relative_to(campaign.resolve()):
         raise UsageError(
             f"Results do not belong in the campaign folder {campaign}; name a folder outside it for --out."
         )
-    if any((out / table).exists() for table in ("tests.csv", "cae.csv")):
+    if has_table(out):
         raise UsageError(f"{out} is a campaign folder; name another for --out.")
     for other, (*_, mark) in RESULT_FILES.items():
         if kind not in (None, other) and (out / mark).exists():

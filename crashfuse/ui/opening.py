@@ -7,6 +7,7 @@ from pathlib import Path
 
 import streamlit as st
 
+from crashfuse.campaign_folder.condition_tables import has_table
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.formats import all_formats
 from crashfuse.ui import campaigns, frame, recent
@@ -95,7 +96,7 @@ def _campaign_or_source(path: Path) -> str | Source:
     try:
         name = campaigns.open_folder(path)
     except DataError:
-        if path.is_dir() and any((path / table).is_file() for table in ("tests.csv", "cae.csv")):
+        if has_table(path):
             raise
         with suppress(DataError, OSError):
             return source_at(path)

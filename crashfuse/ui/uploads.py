@@ -10,6 +10,7 @@ from typing import Protocol, TypeVar
 
 import streamlit as st
 
+from crashfuse.campaign_folder.condition_tables import TABLES
 from crashfuse.campaign_folder.sample_folder import is_sample
 from crashfuse.campaign_folder.upload import lay_out
 from crashfuse.errors import DataError, Problem
@@ -68,7 +69,7 @@ def _are_foreign(uploads: Sequence[tuple[str, bytes]]) -> bool:
             names += [member.path for member in members_of(name, content)]
         else:
             names.append(PurePath(name))
-    return not {"tests.csv", "cae.csv"} & {path.name for path in names} and bool(formats_of(names))
+    return {path.name for path in names}.isdisjoint(TABLES) and bool(formats_of(names))
 
 
 def _keep(lay_out_in: Callable[[Path], T]) -> T:

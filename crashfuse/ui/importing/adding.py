@@ -8,7 +8,7 @@ from pathlib import Path
 import streamlit as st
 
 from crashfuse.campaign_folder.additions import WHAT, counted
-from crashfuse.campaign_folder.condition_tables import Role, read_conditions
+from crashfuse.campaign_folder.condition_tables import Role, has_table, read_conditions
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem
 from crashfuse.importing import Choices, Reading, Settled, add_settled
@@ -184,7 +184,7 @@ def _target() -> Path:
             trouble = "one of crashfuse's own"
         elif folder.exists() and not folder.is_dir():
             trouble = "a file"
-        elif folder.is_dir() and not any((folder / name).is_file() for name in ("tests.csv", "cae.csv")):
+        elif folder.is_dir() and not has_table(folder):
             trouble = "a folder of other things" if any(folder.iterdir()) else None
     except OSError as error:
         raise DataError(Problem(str(folder), expected, str(error), "name another folder")) from error
