@@ -206,6 +206,28 @@ def test_a_workbook_is_a_table(visit: Visit, tmp_path: Path) -> None:
     assert added(tmp_path / "x") == ["T7"]
 
 
+@pytest.mark.slow
+def test_every_sheet_of_the_table_of_conditions_is_read_as_chosen(visit: Visit, tmp_path: Path) -> None:
+    """Another sheet with other columns does not take the choice back."""
+    book = Workbook()
+    listed, remarks = book.active, book.create_sheet("Other lab")
+    assert listed is not None
+    for cells in (["Test", "front [kg]", "rear [kg]", "Typ"], ["M1", 950, 750, "A"]):
+        listed.append(cells)
+    for cells in (["Test", "v [km/h]"], ["M9", 56]):
+        remarks.append(cells)
+    stream = io.BytesIO()
+    book.save(stream)
+    session = drop(visit(), m_zip=zipped(isomme("M1")), conditions_xlsx=stream.getvalue())
+    field(session, "Table of conditions").set_value("conditions.xlsx")
+    session = session.run()
+    kept = session.app.multiselect[0]
+    assert kept.value == ["Typ"]
+    kept.set_value([])
+    into(session.run(), tmp_path / "m").press("Add as test")
+    assert "Typ" not in (tmp_path / "m" / "tests.csv").read_text()
+
+
 # --- overruling ----------------------------------------------------------------------------------------------------
 
 

@@ -1,8 +1,6 @@
 """Fields of an import: detected values are shown in grey, values filled in take precedence."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from pathlib import Path
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -45,36 +43,14 @@ _SIGNS = {"Deceleration negative": "negative", "Deceleration positive": "positiv
 
 def reading_of(source: Source) -> Reading:
     """Ask how to read a source: direction of travel, what columns of tables mean, which table has the conditions."""
-    columns_say = source.fmt == TABLES
-    travel = _travel(source) if FORMATS[source.fmt].axes and not columns_say else None
-    return replace(_reading_of(source), travel=travel)
-
-
-def _reading_of(source: Source) -> Reading:
-    forms = forms_of(source)
     if source.fmt == TABLES:
-        columns = tuple(choice for form in forms[:_MOST_FORMS] for choice in _columns(form, source.key))
-        if len(forms) > _MOST_FORMS:
-            st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read as their headers say.")
-        together = False
-        role_of = {choice.column: choice.role for choice in columns}
-        pulses = [[role_of.get(use.column, use.role) for use in form.proposed.uses] for form in forms]
-        if any(roles.count("acceleration") > 1 for roles in pulses):
-            chosen = st.radio(
-                "Accelerations in one table are",
-                ["each", "averaged"],
-                # one crash taken for several tests would be predicted from itself
-                index=0 if any(form.proposed.kind == "conditions" for form in forms) else 1,
-                format_func={"each": "Each a record of its own", "averaged": "Sensors of one record"}.__getitem__,
-                key=f"{source.key} together",
-                persist_state="session",
-            )
-            together = chosen == "averaged"
-        return Reading(source.path, source.fmt, columns, together)
+        return _reading_of_tables(source)
+    travel = _travel(source) if FORMATS[source.fmt].axes else None
     tables = {path.name: path for path in tables_of(source.path)} if source.path.is_dir() else {}
-    known = {name.partition(": ")[0] for form in forms if form.proposed.kind == "conditions" for name in form.names}
     if not tables:
-        return Reading(source.path, source.fmt)
+        return Reading(source.path, source.fmt, travel=travel)
+    forms = forms_of(source)
+    known = {file for form in forms if form.proposed.kind == "conditions" for file in _files(form)}
     names = list(tables)
     name = st.selectbox(
         "Table of conditions, by id",
@@ -84,12 +60,36 @@ def _reading_of(source: Source) -> Reading:
         key=f"{source.key} conditions",
         persist_state="session",
     )
-    columns = ()
-    for form in forms:
-        if name is not None and name in {own.partition(": ")[0] for own in form.names}:
-            columns = _columns(form, source.key)
-    conditions: Path | None = tables.get(name) if name else None
-    return Reading(source.path, source.fmt, columns, conditions=conditions)
+    if name is None:
+        return Reading(source.path, source.fmt, travel=travel)
+    columns = tuple(choice for form in forms if name in _files(form) for choice in _columns(form, source.key))
+    return Reading(source.path, source.fmt, columns, conditions=tables[name], travel=travel)
+
+
+def _reading_of_tables(source: Source) -> Reading:
+    forms = forms_of(source)
+    columns = tuple(choice for form in forms[:_MOST_FORMS] for choice in _columns(form, source.key))
+    if len(forms) > _MOST_FORMS:
+        st.caption(f"{len(forms) - _MOST_FORMS} more kinds of tables are read as their headers say.")
+    role_of = {choice.column: choice.role for choice in columns}
+    pulses = [[role_of.get(use.column, use.role) for use in form.proposed.uses] for form in forms]
+    chosen = "each"
+    if any(roles.count("acceleration") > 1 for roles in pulses):
+        chosen = st.radio(
+            "Accelerations in one table are",
+            ["each", "averaged"],
+            # one crash taken for several tests would be predicted from itself
+            index=0 if any(form.proposed.kind == "conditions" for form in forms) else 1,
+            format_func={"each": "Each a record of its own", "averaged": "Sensors of one record"}.__getitem__,
+            key=f"{source.key} together",
+            persist_state="session",
+        )
+    return Reading(source.path, source.fmt, columns, together=chosen == "averaged")
+
+
+def _files(form: TableForm) -> set[str]:
+    """The files with such a table; each has one, or several in sheets."""
+    return {name.partition(": ")[0] for name in form.names}
 
 
 def _travel(source: Source) -> Travel | None:
