@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from crashfuse.errors import DataError, Problem, UsageError, printable
+from crashfuse.errors import DataError, Problem, UsageError, printable, shortened
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_output import csv_text
 from crashfuse.files.csv_text import read_rows
@@ -92,7 +92,7 @@ def read_notes(folder: str | Path) -> tuple[Note, ...]:
             found = printable(", ".join((test, start, end, text)), 80)
             problems.append(Problem(FILE, expected.rstrip("."), found, _ADVICE, row=number))
     if problems:
-        raise DataError(*problems)
+        raise DataError(shortened(problems))
     return tuple(notes)
 
 

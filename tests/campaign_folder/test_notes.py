@@ -78,6 +78,7 @@ def test_what_is_no_note_is_one_sentence(given: tuple[object, ...], said: str) -
         (b"test,text\nT1,x\n", "none named start_ms"),
         (b"test,start_ms,end_ms,text\nT1,soon,,x\n", "row 2: expected times in ms, or nothing"),
         (b"test,start_ms,end_ms,text\nT1,,,\n", "row 2: expected A note needs a text"),
+        (b"test,start_ms,end_ms,text\nT1,soon,,x\nT1,,,\n", r"row 2: [^\n]+\nnotes\.csv, row 3: "),
         (b"test,start_ms,end_ms,text\n" + b"T1,,,x\n" * (MOST + 1), "at most 500 notes, found 501"),
         (b"\xff\xfe\x00", "text in UTF-8"),
         (b"", "a table with a header"),
