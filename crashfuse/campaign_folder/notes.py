@@ -4,7 +4,6 @@ Readers write them; they are shown, drawn and reported as text, and nothing is c
 campaign's fingerprint.
 """
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,11 +108,6 @@ def write_notes(folder: str | Path, notes: Sequence[Note]) -> None:
         return
     rows = [(note.test, _cell(note.start_ms), _cell(note.end_ms), note.text) for note in notes]
     write_atomically(Path(folder, FILE), csv_text([COLUMNS, *rows]).encode())
-
-
-def may_keep_notes(folder: Path) -> bool:
-    """True if notes can be written to a folder."""
-    return os.access(folder, os.W_OK | os.X_OK)
 
 
 def _time(cell: str) -> float | None:

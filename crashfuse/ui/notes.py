@@ -5,11 +5,11 @@ from pathlib import Path
 
 import streamlit as st
 
-from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, may_keep_notes, read_notes, write_notes
+from crashfuse.campaign_folder.notes import FILE, LATEST_MS, LONGEST_TEXT, Note, read_notes, write_notes
 from crashfuse.errors import DataError, UsageError
+from crashfuse.ui.editing import can_be_edited
 from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
-from crashfuse.ui.uploads import is_ours
 
 _KEPT = "notes"  # session key: notes by folder, where they cannot be kept in the folder
 _REFUSED = "note refused"  # session key: why the last one was not added
@@ -63,7 +63,7 @@ def _add(view: View, notes: Sequence[Note]) -> None:
 
 def _store(view: View, notes: Sequence[Note]) -> None:
     """Keep the notes in the folder, else in the session."""
-    if _in_the_folder(view.folder):
+    if can_be_edited(view.folder):
         try:
             write_notes(view.folder, notes)
         except OSError as error:
@@ -72,11 +72,7 @@ def _store(view: View, notes: Sequence[Note]) -> None:
     st.session_state[_KEPT] = {**st.session_state.get(_KEPT, {}), view.folder: tuple(notes)}
 
 
-def _in_the_folder(folder: Path) -> bool:
-    return not is_ours(folder) and may_keep_notes(folder)
-
-
 def _where(folder: Path) -> str:
-    if _in_the_folder(folder):
+    if can_be_edited(folder):
         return f"They are kept in {FILE} of the campaign folder, for everyone who opens it."
     return "This campaign's folder is not written to: they last until this tab is closed."
