@@ -1,7 +1,7 @@
 """Common style of all figures: axes, units, lines and bands, independent of their content."""
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -88,6 +88,15 @@ def make_clickable(
     figure.add_scatter(
         x=columns * len(rows), y=[row for row in rows for _ in columns], customdata=values, mode="markers",
         marker={"size": size, "opacity": 0}, showlegend=False, **hover,
+    )  # fmt: skip
+
+
+def name_tests(figure: go.Figure, ticks: Sequence[str]) -> None:
+    """Let the x axis of points have held-out tests at 0, 1, 2 …, by the texts of their ticks."""
+    figure.update_layout(hovermode="closest")
+    figure.update_xaxes(
+        title="Held-out test", tickvals=list(range(len(ticks))), ticktext=ticks, range=[-0.6, len(ticks) - 0.4],
+        zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.plots.canvas import new_figure, tick_name
+from crashfuse.reporting.plots.canvas import name_tests, new_figure, tick_name
 from crashfuse.reporting.plots.palette import AXIS, COLOURS
 from crashfuse.study.comparison import StudyComparison
 from crashfuse.wording import signed
@@ -36,10 +36,6 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
         )
     figure.add_hline(y=0, line={"color": AXIS, "width": 1})
     figure.add_vline(x=len(tests) - 0.5, line={"color": AXIS, "width": 1, "dash": "dot"})
-    figure.update_layout(hovermode="closest")
-    figure.update_xaxes(
-        title="Held-out test", tickvals=list(range(len(tests) + 1)), ticktext=[*map(tick_name, tests), "<b>Mean</b>"],
-        range=[-0.6, len(tests) + 0.6], zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,
-    )  # fmt: skip
+    name_tests(figure, [*map(tick_name, tests), "<b>Mean</b>"])
     figure.update_yaxes(title="Rating, second minus first")
     return figure

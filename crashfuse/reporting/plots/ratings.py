@@ -6,7 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, new_figure, tick_name
+from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, name_tests, new_figure, tick_name
 from crashfuse.reporting.plots.palette import AXIS, COLOURS, GRADE_COLOURS, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.signals.rating import GRADES, grade
@@ -102,11 +102,7 @@ def rating_spread(
         )
     for limit, _ in GRADES:
         figure.add_hline(y=limit, line={"color": AXIS, "width": 1, "dash": "dot"})
-    figure.update_layout(hovermode="closest")
-    figure.update_xaxes(
-        title="Held-out test", tickvals=list(range(len(tests))), ticktext=[*map(tick_name, tests)],
-        range=[-0.6, len(tests) - 0.4], zeroline=False, showspikes=False, showgrid=False, unifiedhovertitle=None,
-    )  # fmt: skip
+    name_tests(figure, [*map(tick_name, tests)])
     figure.update_yaxes(title="Overall rating (dotted: limits of the grades)", range=[0, 1.01])
     return figure
 
