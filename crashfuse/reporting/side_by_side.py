@@ -1,30 +1,32 @@
 """Predictions at several conditions beside each other: their metrics, and how they differ from the first."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
 from crashfuse.campaign import Campaign
-from crashfuse.condition import Condition
 from crashfuse.reporting.fit_explanations import missing_by_table
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.signals.metrics import METRIC_LABELS, Metric
+from crashfuse.signals.metrics import MAIN_METRICS, Metric
 from crashfuse.study.estimate import Estimate
 from crashfuse.wording import Sentence, signed
 
 
-def side_by_side(
-    columns: Sequence[tuple[str, Sequence[Metric]]],
-    campaign: Campaign,
-    display: Display = DEFAULT,
-    names: Collection[str] = METRIC_LABELS,
-) -> pd.DataFrame:
-    """Metrics as a table for readers: each column after the first is followed by its differences from the first.
+def by_one(approach: str, answers: Sequence[Sequence[Estimate]]) -> list[Estimate]:
+    """What one approach estimates at each of several conditions."""
+    return [next(each for each in estimates if each.approach == approach) for estimates in answers]
 
-    ``names`` are those of the metrics that it holds.
+
+def side_by_side(estimates: Sequence[Estimate], campaign: Campaign, display: Display = DEFAULT) -> pd.DataFrame:
+    """Main metrics as a table for readers: each column after the first is followed by its differences from the first.
+
+    The estimates are by one approach, and the columns are named after their conditions.
     """
-    headings = {name: display.heading(label) for name, label in campaign.metric_headings.items() if name in names}
-    own = [(who, {metric.name: display.metric(metric) for metric in metrics}) for who, metrics in columns]
+    headings = {name: display.heading(campaign.metric_headings[name]) for name in MAIN_METRICS}
+    own = [
+        (who, {metric.name: display.metric(metric) for metric in metrics})
+        for who, metrics in _columns(estimates, display)
+    ]
     (first, base), *others = own
     table = {"Pulse metric": list(headings.values()), first: [base[name].text for name in headings]}
     for who, metrics in others:
@@ -33,16 +35,15 @@ def side_by_side(
     return pd.DataFrame(table)
 
 
-def cautions(
-    columns: Sequence[tuple[str, Sequence[Metric]]], conditions: Sequence[Condition], campaign: Campaign
-) -> list[str]:
+def cautions(estimates: Sequence[Estimate], campaign: Campaign, display: Display = DEFAULT) -> list[str]:
     """What has to be known of the columns after the first: where a condition is an extrapolation, what is missing."""
+    columns = _columns(estimates, display)[1:]
     outside = [
         Sentence("{}: {}", name, note)
-        for (name, _), condition in zip(columns[1:], conditions[1:], strict=True)
-        for note in campaign.cae.extrapolation(condition)
+        for (name, _), estimate in zip(columns, estimates[1:], strict=True)
+        for note in campaign.cae.extrapolation(estimate.prediction.condition)
     ]
-    return [*outside, *missing_by_table(columns[1:])[0]]
+    return [*outside, *missing_by_table(columns)[0]]
 
 
 def conditions_table(answers: Sequence[Sequence[Estimate]]) -> pd.DataFrame:
@@ -57,6 +58,11 @@ def conditions_table(answers: Sequence[Sequence[Estimate]]) -> pd.DataFrame:
     ]  # fmt: skip
     names = ["condition", "approach", "metric", "value", "lower", "upper", "unit", "difference"]
     return pd.DataFrame(rows, columns=names)
+
+
+def _columns(estimates: Sequence[Estimate], display: Display) -> list[tuple[str, Sequence[Metric]]]:
+    names = display.apart([each.prediction.condition for each in estimates])
+    return [(name, each.metrics) for name, each in zip(names, estimates, strict=True)]
 
 
 def _values(estimates: Sequence[Estimate]) -> Mapping[tuple[str, str], float | None]:

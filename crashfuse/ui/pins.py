@@ -22,21 +22,16 @@ def pinned() -> dict[str, Condition]:
     return dict(list(found.items())[:_MOST])
 
 
-def pin(condition: Condition) -> None:
-    """Pin a condition; call it from a callback."""
-    st.session_state["pins"] = list(dict.fromkeys([*pinned(), condition.text]))
-
-
 def show_pins(view: View, condition: Condition, remember: Callable[[], None]) -> None:
     """Offer to pin the condition shown, and to unpin others; ``remember`` is called when it is pinned."""
     texts = pinned()
 
-    def pin_this() -> None:
-        pin(condition)
+    def pin() -> None:
+        st.session_state["pins"] = list(dict.fromkeys([*pinned(), condition.text]))
         remember()
 
     st.button(
-        "Pin this prediction", icon=":material/keep:", on_click=pin_this,
+        "Pin this prediction", icon=":material/keep:", on_click=pin,
         disabled=condition.text in texts or len(texts) >= _MOST,
         help="Keeps it in the figures, a table of differences, the link, the report, and the list on History; up to "
         f"{_MOST}.",

@@ -5,45 +5,49 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
+from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.side_by_side import cautions, conditions_table, side_by_side
-from crashfuse.signals.metrics import MAIN_METRICS, Metric
+from crashfuse.signals.metrics import Metric
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Fit
+from crashfuse.study.estimate import Estimate, Fit
 from crashfuse.units import MPH, G
 
 
-def metrics(campaign: Campaign, **changed: float | None) -> list[Metric]:
-    """Of a test, some of them changed."""
+def estimate(campaign: Campaign, speed_mph: float, **changed: float | None) -> Estimate:
+    """At the condition of a test but for its speed, with that test's metrics, some of them changed."""
+    condition = replace(campaign.tests[0].condition, speed_mps=speed_mph * MPH)
     own = campaign.metrics_of(campaign.tests[0])
-    return [Metric(m.name, changed.get(m.name, m.value), None, None, m.unit) for m in own]
+    metrics = tuple(Metric(m.name, changed.get(m.name, m.value), None, None, m.unit) for m in own)
+    found = Estimate("cae", Prediction(condition, campaign.tests[0].pulse.accel_mps2), {}, 0.0)
+    vars(found)["metrics"] = metrics
+    return found
 
 
 def test_each_column_is_followed_by_its_differences_from_the_first(campaign: Campaign) -> None:
     """Rounded as the values are; unknown where one of both is."""
-    base = metrics(campaign, peak=20.0, max_crush=500.0, t0=None)
-    other = metrics(campaign, peak=23.25, max_crush=499.99, t0=70.0)
-    table = side_by_side([("now", base), ("faster", other)], campaign, names=MAIN_METRICS).set_index("Pulse metric")
-    assert list(table) == ["now", "faster", "Difference, faster"]
-    assert table.loc["Peak deceleration (g)", "Difference, faster"] == "+3.2"
-    assert table.loc["Maximum dynamic crush (mm)", "Difference, faster"] == "+0.0"
-    assert table.loc["Time of zero velocity (TTZV) (ms)", "Difference, faster"] == "–"
-    in_si = side_by_side([("now", base), ("faster", other)], campaign, Display(unit="m/s²"))
+    base = estimate(campaign, 20, peak=20.0, max_crush=500.0, t0=None)
+    other = estimate(campaign, 21, peak=23.25, max_crush=499.99, t0=70.0)
+    table = side_by_side([base, other], campaign).set_index("Pulse metric")
+    assert list(table) == ["20.0 mph", "21.0 mph", "Difference, 21.0 mph"]
+    assert table.loc["Peak deceleration (g)", "Difference, 21.0 mph"] == "+3.2"
+    assert table.loc["Maximum dynamic crush (mm)", "Difference, 21.0 mph"] == "+0.0"
+    assert table.loc["Time of zero velocity (TTZV) (ms)", "Difference, 21.0 mph"] == "–"
+    in_si = side_by_side([base, other], campaign, Display(unit="m/s²"))
     peak = in_si.set_index("Pulse metric").loc["Peak deceleration (m/s²)"]
-    assert float(peak["Difference, faster"]) == pytest.approx(3.25 * G, abs=0.05)
+    assert float(peak["Difference, 21.0 mph"]) == pytest.approx(3.25 * G, abs=0.05)
 
 
 def test_a_column_beside_says_where_it_is_an_extrapolation_and_what_it_lacks(campaign: Campaign) -> None:
     """Of the first column the page and the report speak themselves."""
-    here = campaign.tests[0].condition
-    columns = [("now", metrics(campaign, t0=None)), ("faster", metrics(campaign, max_crush=None))]
-    far = replace(here, speed_mps=60 * MPH)  # beyond all CAE runs
-    outside, *missing = cautions(columns, [far, far], campaign)
-    assert outside.startswith("faster: Extrapolation: speed 60 mph lies outside")
-    assert all(sentence.startswith("faster: ") for sentence in missing)
+    far = estimate(campaign, 61, t0=None)  # beyond all CAE runs
+    outside, *missing = cautions([far, estimate(campaign, 60, max_crush=None)], campaign)
+    assert outside.startswith("60.0 mph: Extrapolation: speed 60 mph lies outside")
+    assert all(sentence.startswith("60.0 mph: ") for sentence in missing)
     assert "Maximum dynamic crush" in missing[0]
-    assert cautions(columns, [far, here], campaign) == missing
+    inside = cautions([far, estimate(campaign, 20, max_crush=None)], campaign)
+    assert inside == [sentence.replace("60.0 mph", "20.0 mph") for sentence in missing]
 
 
 def test_a_file_holds_every_approach_at_every_condition(campaign: Campaign) -> None:

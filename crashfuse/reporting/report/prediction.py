@@ -11,7 +11,7 @@ from crashfuse.reporting.predicted import PredictedPulse
 from crashfuse.reporting.provenance import next_test_command, prediction_command, sweep_command
 from crashfuse.reporting.report.page import render
 from crashfuse.reporting.report.sections import details
-from crashfuse.reporting.side_by_side import cautions, side_by_side
+from crashfuse.reporting.side_by_side import by_one, cautions, side_by_side
 from crashfuse.signals.metrics import MAIN_METRICS, METRIC_LABELS
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Estimate
@@ -67,19 +67,15 @@ def _beside(
     campaign: Campaign, answers: Sequence[Sequence[Estimate]], approach: str, display: Display
 ) -> dict[str, object]:
     """One approach's predictions at several conditions: pulses, main metrics and their differences from the first."""
-    chosen = [next(each for each in estimates if each.approach == approach) for estimates in answers]
-    conditions = [each.prediction.condition for each in chosen]
-    names = [display.condition(condition) for condition in conditions]
-    columns = list(zip(display.apart(conditions), (each.metrics for each in chosen), strict=True))
+    chosen = by_one(approach, answers)
+    predictions = {display.condition(each.prediction.condition): each.prediction for each in chosen}
+    first = chosen[0].prediction.condition
     return {
         "approach": LABELS[approach],
-        "motion": motion(
-            None, {name: each.prediction for name, each in zip(names, chosen, strict=True)}, conditions[0].speed_mps,
-            display, filled=names[0],
-        ),
-        "metrics": side_by_side(columns, campaign, display, MAIN_METRICS),
-        "cautions": cautions(columns, conditions, campaign),
-    }  # fmt: skip
+        "motion": motion(None, predictions, first.speed_mps, display, filled=display.condition(first)),
+        "metrics": side_by_side(chosen, campaign, display),
+        "cautions": cautions(chosen, campaign, display),
+    }
 
 
 def sweep_report(sweep: SpeedSweep, config: StudyConfig, display: Display = DEFAULT) -> str:

@@ -3,8 +3,7 @@
 import streamlit as st
 
 from crashfuse.approaches.registry import LABELS
-from crashfuse.reporting.side_by_side import cautions, side_by_side
-from crashfuse.signals.metrics import MAIN_METRICS
+from crashfuse.reporting.side_by_side import by_one, cautions, side_by_side
 from crashfuse.study.nearest import nearest_sentences
 from crashfuse.ui import explanations
 from crashfuse.ui.beside import leading
@@ -30,11 +29,9 @@ def _show_pinned(answer: Answer) -> None:
     if not answer.pinned:
         return
     approach = leading(answer.predictions, answer.recommended)
-    at = [next(each for each in own if each.approach == approach) for own in (answer.estimates, *answer.pinned)]
-    display, conditions = answer.view.display, [each.prediction.condition for each in at]
-    columns = list(zip(display.apart(conditions), (each.metrics for each in at), strict=True))
+    at, display = by_one(approach, [answer.estimates, *answer.pinned]), answer.view.display
     st.subheader(f"Beside the pinned predictions: {LABELS[approach]}")
-    show_table(side_by_side(columns, answer.campaign, display, MAIN_METRICS), "pinned")
-    for sentence in cautions(columns, conditions, answer.campaign):
+    show_table(side_by_side(at, answer.campaign, display), "pinned")
+    for sentence in cautions(at, answer.campaign, display):
         st.caption(plain(sentence))
-    st.caption(f"Differences are from the first column, {display.briefly(conditions[0])}.")
+    st.caption(f"Differences are from the first column, {display.briefly(answer.condition)}.")
