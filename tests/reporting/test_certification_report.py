@@ -26,7 +26,7 @@ CRITERIA = Criteria(
     (
         Criterion("crush", "max_crush", at_most=430.0),
         Criterion("OLC", "olc", at_most=20.0),
-        Criterion("rating", "rating", at_least=0.1, window_ms=60.0),
+        Criterion("rating", "rating", at_least=0.02, window_ms=60.0),
     ),
     0.8,
 )
