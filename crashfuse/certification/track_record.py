@@ -170,6 +170,20 @@ class TrackRecord:
         """Number of verdicts *met* and *not met*, and of the wrong ones."""
         return sum(trial.verdict.decided for trial in self.counted), sum(trial.wrong for trial in self.counted)
 
+    def waived(self, criteria: Sequence[Criterion]) -> tuple[int, int, int]:
+        """How often a test was left out, how often it need not have been run, and how often it then missed a criterion.
+
+        By its verdicts a test need not be run if every criterion is met. A limit on what the test's record is too short
+        to show is not known to be met.
+        """
+        tests: dict[tuple[str, LeftOut], list[Trial]] = {}
+        for trial in self.counted:
+            tests.setdefault((trial.held_out, trial.left_out), []).append(trial)
+        saved = [
+            own for own in tests.values() if len(own) == len(criteria) and all(t.verdict.word == "met" for t in own)
+        ]
+        return len(tests), len(saved), sum(any(trial.wrong for trial in own) for own in saved)
+
     def support(self, criterion: Criterion) -> Support:
         """What the record says of a criterion."""
         own = self.of(criterion)

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.domain import Domain
 from crashfuse.reporting.certification_sentences import exceptions, summary
-from crashfuse.reporting.certification_tables import counts_table, matrix_table, record_counts, verdict_counts
+from crashfuse.reporting.certification_tables import bound, counts_table, matrix_table, record_counts, verdict_counts
 from crashfuse.reporting.provenance import certify_command, provenance
 from crashfuse.units import LB, MPH
 
@@ -14,7 +14,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
     """Versions, settings, criteria and matrix as used, counts of verdicts and of wrong ones with bounds, as JSON."""
     campaign, record, config = certification.campaign, certification.record, certification.config
     criteria, counts = certification.criteria, counts_table(certification).set_index("criterion")
-    brier = record.brier
+    brier, (left_out, saved, wrong) = record.brier, record.waived(criteria.items)
     return {
         **provenance(campaign, campaign.test_ids, config),
         "command": certify_command(config),
@@ -30,6 +30,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "verdicts": verdict_counts(certification),
         "track_record": {
             **record_counts(record),
+            "waived": {"left_out": left_out, "n": saved, "wrong": wrong, "wrong_at_most": bound(wrong, saved)},
             "brier": None if brier is None else brier[0],
             "brier_raw_cae": None if brier is None else brier[1],
             "reliability": [{**asdict(own), "holds": own.holds} for own in record.reliability],

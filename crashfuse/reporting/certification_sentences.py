@@ -35,8 +35,9 @@ def to_test(certification: Certification) -> Iterator[str]:
     """Which conditions need no test, which would miss a criterion, which need a test, and which lie outside."""
     rows = {word: _by_condition(certification, word) for word in WORDS}
     settled = [i for i in rows["met"] if not any(i in rows[word] for word in WORDS if word != "met")]
-    if settled and len(settled) < len(certification.matrix.ids):
+    if settled:
         yield f"Need not be run, as every criterion is met: {_listed(settled)}."
+        yield from waived_sentence(certification.record, certification.criteria.items)
     needed: dict[Word, str] = {"not met": "A test would miss", "open": "To be tested, or redesigned"}
     for word, told in needed.items():
         if rows[word]:
@@ -63,13 +64,32 @@ def record_sentence(record: TrackRecord) -> str:
     )
 
 
+def waived_sentence(record: TrackRecord, criteria: Sequence[Criterion]) -> Iterator[str]:
+    """How often a left-out test need not have been run, and missed a criterion all the same, with the exact bound."""
+    left_out, saved, wrong = record.waived(criteria)
+    if not left_out:
+        return
+    times = f"Tests were left out {_count(left_out, 'time')}, alone or with their speed group"
+    if saved:
+        yield (
+            f"{times}: {_count(saved, 'time')} one need not have been run, as every criterion was met; "
+            f"{_count(wrong, 'time')} it missed one all the same "
+            f"(at most {100 * largest_share(wrong, saved):.1f} %, exact 95 % bound)."
+        )
+    else:
+        yield (
+            f"{times}, and never had every criterion met: how often a test that need not be run would miss one, this "
+            "record cannot say."
+        )
+
+
 def brier_sentence(record: TrackRecord) -> Iterator[str]:
     """The Brier score of the left-out probabilities beside that of the raw CAE, if there is one."""
     if record.brier is not None:
-        ours, cae = record.brier
+        ours, cae = (f"{score:.4f}" if score >= 5e-5 else "below 0.0001" for score in record.brier)
         yield (
-            f"Brier score of the probabilities (0 is perfect): {ours:.4f}; {cae:.4f} for the raw CAE with its "
-            "own error as band."
+            f"Brier score of the probabilities of metrics, ratings aside (0 is perfect): {ours}; {cae} for the raw CAE "
+            "with its own error as band."
         )
 
 

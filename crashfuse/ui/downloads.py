@@ -10,8 +10,8 @@ from crashfuse.reporting.figure_files import figure_files, figures_of, missing_f
 
 
 def download_table(name: str, table: Callable[[], pd.DataFrame]) -> None:
-    """Button that downloads a table as a CSV file of this name."""
-    download_bytes(name, lambda: csv_bytes(table(), float_format=None), mime="text/csv")
+    """Button that downloads a table as a CSV file of this name: the file that the command line writes."""
+    download_bytes(name, lambda: csv_bytes(table()), mime="text/csv")
 
 
 def download_report(write: Callable[[], str], name: str = "report.html") -> None:

@@ -88,6 +88,27 @@ def test_verdicts_are_counted_by_word_with_the_wrong_ones() -> None:
     assert [own.held_out for own in record.of(PEAK)] == ["E"]
 
 
+def test_a_left_out_test_need_not_have_been_run_if_every_criterion_was_met() -> None:
+    """A, B and B's group are; B misses one all the same. C is open, D lacks a metric, A's group is A alone."""
+    record = TrackRecord(
+        (
+            trial("met", 450.0, held_out="A"),
+            trial("met", 20.0, held_out="A", criterion=PEAK),
+            trial("met", 450.0, held_out="A", left_out="speed group"),
+            trial("met", 20.0, held_out="A", left_out="speed group", criterion=PEAK),
+            trial("met", 450.0, held_out="B"),
+            trial("met", 31.0, held_out="B", criterion=PEAK),
+            trial("met", 450.0, 0.9, held_out="B", left_out="speed group"),
+            trial("met", 31.0, 0.9, held_out="B", left_out="speed group", criterion=PEAK),
+            trial("met", 450.0, held_out="C"),
+            trial("open", 31.0, held_out="C", criterion=PEAK),
+            trial("met", 450.0, held_out="D"),
+        )
+    )
+    assert record.waived((CRUSH, PEAK)) == (5, 3, 2)
+    assert TrackRecord(()).waived((CRUSH,)) == (0, 0, 0)
+
+
 def test_the_brier_score_is_the_mean_squared_error_of_probabilities() -> None:
     """Beside that of the raw CAE, over those trials inside the domain that have both."""
     record = TrackRecord(

@@ -14,7 +14,14 @@ from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.execution.cache import Cache
-from crashfuse.reporting.certification_sentences import domain_sentences, exceptions, record_sentence, summary
+from crashfuse.reporting.certification_sentences import (
+    brier_sentence,
+    domain_sentences,
+    exceptions,
+    record_sentence,
+    summary,
+    waived_sentence,
+)
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report import certification_report
 from crashfuse.study.config import StudyConfig
@@ -135,6 +142,37 @@ def test_the_record_is_told_with_its_exact_bound(certification: Certification) -
     assert "8 verdicts met or not met, 1 wrong (at most 47.1 %, exact 95 % bound)" in record_sentence(record)
     assert pytest.approx(0.05, abs=5e-4) == 0.529**8 + 8 * 0.471 * 0.529**7
     assert record_sentence(TrackRecord(())) == "There is no record: with a single test, none can be left out."
+
+
+def test_what_need_not_be_run_is_told_with_its_record_of_whole_tests(certification: Certification) -> None:
+    """Not of verdicts: a test need not be run if all its criteria are met. Where none was, nothing is known."""
+    items, trials = certification.criteria.items, certification.record.trials
+    fast = max(certification.campaign.tests, key=lambda test: test.condition.speed_mps).id
+    one = [trial for trial in trials if (trial.held_out, trial.left_out) == (fast, "test")]
+    assert len(one) == len(items)
+    for word, said in (
+        ("met", "Tests were left out 1 time, alone or with their speed group: 1 time one need not have been run, as "),
+        ("open", "Tests were left out 1 time, alone or with their speed group, and never had every criterion met: "),
+    ):
+        record = TrackRecord(tuple(replace(trial, verdict=replace(trial.verdict, word=word)) for trial in one))
+        [sentence] = waived_sentence(record, items)
+        assert sentence.startswith(said)
+        assert ("missed one all the same (at most " in sentence) is (word == "met")
+    waived = tuple(replace(own, word="met") for own in certification.verdicts[0])
+    told = summary(replace(certification, verdicts=(waived, *certification.verdicts[1:])))
+    at = told.index(f"Need not be run, as every criterion is met: {certification.matrix.ids[0]}.")
+    assert told[at + 1] == next(waived_sentence(certification.record, items))
+    assert list(waived_sentence(TrackRecord(()), items)) == []
+
+
+def test_a_brier_score_is_never_zero_beside_a_wrong_verdict_on_a_rating(certification: Certification) -> None:
+    """It is that of metrics, and says so; what rounds to zero is below a bound."""
+    [first, *_] = [trial for trial in certification.record.trials if trial.cae_probability is not None]
+    sure = replace(first, verdict=replace(first.verdict, probability=1.0 if first.met else 0.0, word="open"))
+    [sentence] = brier_sentence(TrackRecord((sure,)))
+    assert sentence.startswith(
+        "Brier score of the probabilities of metrics, ratings aside (0 is perfect): below 0.0001; "
+    )
 
 
 def test_the_summary_says_where_to_test(certification: Certification) -> None:

@@ -18,6 +18,7 @@ from crashfuse.reporting.certification_sentences import (
     record_sentence,
     summary,
     support_sentence,
+    waived_sentence,
 )
 from crashfuse.reporting.certification_tables import counts_table, record_counts
 from crashfuse.reporting.plots.display import DEFAULT, Display
@@ -60,7 +61,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         counts=counts_table(certification, display.units).rename(columns={"criterion": "Criterion", "limit": "Limit"}),
         matrix_figures=list(_matrix_figures(certification, display)),
         verdict_rows=_shortened(_verdicts(certification, display), "certification.csv"),
-        record=record_sentence(record),
+        record=[record_sentence(record), *waived_sentence(record, criteria.items)],
         record_figures=list(_record_figures(certification, display)),
         record_counts=_record_counts(record, criteria.items),
         brier=list(brier_sentence(record)),

@@ -3,6 +3,7 @@
 import streamlit as st
 
 from crashfuse.certification.criteria_file import criteria_text
+from crashfuse.files.csv_output import csv_bytes
 from crashfuse.reporting.certification_tables import matrix_table
 from crashfuse.reporting.report import certification_report
 from crashfuse.ui.certify.judgement import Judgement
@@ -16,5 +17,5 @@ def show(judgement: Judgement) -> None:
         download_table("certification.csv", lambda: verdicts.table)
         download_table("track_record.csv", lambda: verdicts.track_record)
         download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode())
-        download_table("matrix.csv", lambda: matrix_table(certification.matrix))
+        download_bytes("matrix.csv", lambda: csv_bytes(matrix_table(certification.matrix), float_format=None))
         download_report(lambda: certification_report(certification, judgement.display))

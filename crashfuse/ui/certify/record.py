@@ -10,6 +10,7 @@ from crashfuse.reporting.certification_sentences import (
     exceptions,
     record_sentence,
     support_sentence,
+    waived_sentence,
 )
 from crashfuse.reporting.certification_tables import record_counts
 from crashfuse.reporting.plots.display import Display
@@ -29,7 +30,8 @@ def show(judgement: Judgement) -> None:
         "Every test was left out, alone and with all others at about its speed, got its verdicts from the remaining "
         "tests, and is compared with what was measured."
     )
-    st.markdown("\n".join(f"- {plain(s)}" for s in (record_sentence(record), *brier_sentence(record))))
+    waived = waived_sentence(record, certification.criteria.items)
+    st.markdown("\n".join(f"- {plain(s)}" for s in (record_sentence(record), *waived, *brier_sentence(record))))
     if not record.trials:
         return
     show_table(_counts(certification, display), "counts")
