@@ -11,7 +11,8 @@ from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.archive import refuse
 from crashfuse.importing.choices import Choices
-from crashfuse.importing.condition import is_missing_value, missing_values
+from crashfuse.importing.condition import Lacking, missing_values, told_of_several
+from crashfuse.importing.detection import delta_v, speed_text
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Reading, each_record
@@ -20,6 +21,7 @@ from crashfuse.readers.axes import Travel
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
 
+_ONE_SPEED = 1.05  # ratio of the changes of velocity of repeats; rebounds differ
 _COLUMNS = re.compile(r"--(column|id|conditions)\b")  # options that say what the columns of a table are
 
 
@@ -83,7 +85,7 @@ def import_source(
     alone = source.is_file() and not is_archive(source.name) and conditions is None
     if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once
-        problems = [problem for problem in problems if not is_missing_value(problem)]
+        problems = [problem for problem in problems if not isinstance(problem, Lacking)]
         problems += missing_values(source.name, record_id or source.stem, choices.known)
     refuse(problems, source.name)
     added = add_settled(out, settled, role=role)
@@ -101,20 +103,39 @@ def settle_each(
 ) -> tuple[Settled, ...]:
     """Settle every record that can be settled; append the problems of the others to ``problems``.
 
+    What the conditions of several records lack is told once, and not at all if ``records`` raises at its end because
+    the ids of a table of conditions are others.
+
     ``choices``, ``role`` and ``raw`` are as in :func:`settle`. ``tolerant`` turns an invalid choice into a problem of
     the record instead of raising, because choices that fit one record may not fit another.
     """
     settled: list[Settled] = []
+    refused: list[Problem] = []
+    ids: list[str] = []
     for record in records:
+        ids.append(record.id)
         try:
             settled.append(settle(record, choices, role=role, raw=raw))
         except DataError as error:
-            problems += [_named(record, problem) for problem in error.problems]
+            refused += [_named(record, problem) for problem in error.problems]
         except UsageError as error:
             if not tolerant:
                 raise
-            problems.append(Problem(record.source, f"choices that fit {record.id}", str(error), "choose otherwise"))
-    return tuple(settled)
+            refused.append(Problem(record.source, f"choices that fit {record.id}", str(error), "choose otherwise"))
+    problems += told_of_several(refused) if len(ids) > 1 else refused
+    return _of_one_speed(settled) if choices.condition.speed_mps is not None else tuple(settled)
+
+
+def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
+    """Records that were all given one speed, told with care if it can hardly be that of each."""
+    changes = [abs(delta_v(one.pulse.time_s, one.pulse.accel_mps2)) for one in settled]
+    if not changes or max(changes) <= _ONE_SPEED * min(changes):
+        return tuple(settled)
+    told = (
+        f"Careful: one speed was given for all {len(settled)} records, but their changes of velocity go from "
+        f"{speed_text(min(changes))} to {speed_text(max(changes))}; a table of conditions gives each its own."
+    )
+    return tuple(replace(one, steps=(*one.steps, told)) for one in settled)
 
 
 def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") -> Added:

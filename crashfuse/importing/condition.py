@@ -1,16 +1,19 @@
 """The condition of a record, completed with values from the user."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from crashfuse.campaign_folder.columns import listed
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.readers.record import PartialCondition, Record
 
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
 _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
+_SPEED, _WEIGHTS = "the impact speed", "the weights on both axles"
+_GIVE_EACH = "add a row for each to a table of conditions (--conditions TABLE)"
 _GIVE_SPEED = "give the speed (--speed-kph V, or --speed-mph V)"
 _GIVE_WEIGHTS = (
     "give both axle weights, or the mass and the front axle's share of it "
@@ -20,6 +23,14 @@ _GIVE_SHARE = (
     "give the front axle's share of the mass, or both axle weights "
     "(--front-share S, or --front-weight-kg F --rear-weight-kg R)"
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Lacking(Problem):
+    """What a record's condition lacks."""
+
+    quantity: str = ""
+    record_id: str = ""
 
 
 def complete_condition(
@@ -77,21 +88,37 @@ def _sound(record: Record, known: PartialCondition, standstill: bool, also_missi
     return Condition(float(speed), float(front), float(rear), known.factors)
 
 
-def missing_values(source: str, record_id: str, known: PartialCondition, no_speed: str = "") -> list[Problem]:
+def missing_values(source: str, record_id: str, known: PartialCondition, no_speed: str = "") -> list[Lacking]:
     """What a condition lacks: the speed, and the weights on both axles."""
+
+    def lacking(quantity: str, found: str, advice: str) -> Lacking:
+        expected = f"{quantity} of {record_id}"
+        return Lacking(source, expected, found, advice, quantity=quantity, record_id=record_id)
+
     missing = []
     if known.speed_mps is None:
-        missing.append(Problem(source, f"the impact speed of {record_id}", no_speed or "none", _GIVE_SPEED))
+        missing.append(lacking(_SPEED, no_speed or "none", _GIVE_SPEED))
     if known.front_weight_kg is None or known.rear_weight_kg is None:
         mass = known.mass_kg
         found, advice = ("none", _GIVE_WEIGHTS) if mass is None else (f"a mass of {mass:.5g} kg alone", _GIVE_SHARE)
-        missing.append(Problem(source, f"the weights on both axles of {record_id}", found, advice))
+        missing.append(lacking(_WEIGHTS, found, advice))
     return missing
 
 
-def is_missing_value(problem: Problem) -> bool:
-    """Whether a problem is one of :func:`missing_values`."""
-    return problem.advice in (_GIVE_SPEED, _GIVE_WEIGHTS, _GIVE_SHARE)
+def told_of_several(problems: Sequence[Problem]) -> list[Problem]:
+    """The problems of several records, with what their conditions lack told once.
+
+    Options of the command give all records one condition; a table of conditions gives each its own.
+    """
+    alike: dict[tuple[str, str], list[Lacking]] = {}
+    for problem in problems:
+        if isinstance(problem, Lacking):
+            alike.setdefault((problem.quantity, problem.found), []).append(problem)
+    told: list[Problem] = []
+    for (quantity, found), own in alike.items():
+        where = own[0].where if len({one.where for one in own}) == 1 else f"{own[0].where} to {own[-1].where}"
+        told.append(Problem(where, f"{quantity} of {listed([one.record_id for one in own])}", found, _GIVE_EACH))
+    return [*told, *(problem for problem in problems if not isinstance(problem, Lacking))]
 
 
 def _weights_trouble(record: Record, front: float, rear: float) -> Problem | None:

@@ -42,7 +42,8 @@ def unit_and_sign(
     if label is None:
         if len(fitting) != 1 or not moving:
             expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
-            advice = "give its unit (--unit), or convert it to one of these"
+            check = f"check the impact speed of {speed_text(speed_mps)}, or give" if moving else "give"
+            advice = f"{check} its unit (--unit), or convert it to one of these"
             raise DataError(Problem(record.source, expected, "a unit that neither file nor speed tells", advice))
         label = fitting[0]
         steps.append(f"Unit {label}: the file names none, this one gives the change of velocity that the speed asks.")

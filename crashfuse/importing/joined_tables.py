@@ -111,21 +111,29 @@ class TableSet:
         if self.conditions and not self.conditions.keys() & set(map(str.casefold, ids)):
             found = f"those of {listed([run_id for run_id, *_ in self.conditions.values()])}"
             raise DataError(Problem("conditions", f"conditions for {listed(ids)}", found, "make the ids the same"))
-        unclear = []
-        for table, records in self.of_table.items():
-            own = [record.id for record in records]
-            known = table in self.with_ids or set(map(str.casefold, own)) <= self.conditions.keys()
-            if len(own) > 1 and not known:
-                best_first = sorted(records, key=lambda record: likelihood(record.channels[0].name))
-                name = quoted(best_first[0].channels[0].name)
-                one = f"average them (--id ID) or choose among them (--channel {name})"
-                one = "leave out the others (--column COLUMN=ignored)" if table in self.parted else one
-                crashes = "give a table of their conditions (--conditions TABLE)"
-                advice = f"if they are sensors of one crash, {one}; if they are crashes, {crashes}"
-                expected = "one acceleration of the vehicle, or conditions for each"
-                unclear.append(Problem(table[1], expected, listed([record.id for record in best_first]), advice))
+        unclear = [
+            _unclear(name, records, without, parted=(path, name) in self.parted)
+            for (path, name), records in self.of_table.items()
+            if len(records) > 1 and (path, name) not in self.with_ids
+            if (without := [record.id for record in records if record.id.casefold() not in self.conditions])
+        ]
         if unclear:
             raise OneCrashOrSeveral(unclear)
+
+
+def _unclear(table: str, records: Sequence[Record], without: Sequence[str], *, parted: bool) -> Problem:
+    """What several accelerations are, of which those in ``without`` have no conditions."""
+    if len(without) < len(records):  # crashes, as the conditions of the others say
+        found = f"those of {listed(record.id for record in records if record.id not in without)}"
+        advice = "add a row for each to the table of conditions, or leave its column out (--column COLUMN=ignored)"
+        return Problem(table, f"conditions for {listed(without)}", found, advice)
+    best_first = sorted(records, key=lambda record: likelihood(record.channels[0].name))
+    one = f"average them (--id ID) or choose among them (--channel {quoted(best_first[0].channels[0].name)})"
+    one = "leave out the others (--column COLUMN=ignored)" if parted else one
+    crashes = "give a table of their conditions (--conditions TABLE)"
+    advice = f"if they are sensors of one crash, {one}; if they are crashes, {crashes}"
+    expected = "one acceleration of the vehicle, or conditions for each"
+    return Problem(table, expected, listed(record.id for record in best_first), advice)
 
 
 def read_tables(

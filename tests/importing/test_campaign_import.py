@@ -161,6 +161,51 @@ def test_a_real_test_as_a_table_is_what_it_is_in_its_own_format(tmp_path: Path, 
     assert mean[0].displacement_m.max() == pytest.approx(mean[1].displacement_m.max(), abs=5e-4)
 
 
+def crash(folder: Path, name: str, speed_mps: float, scatter: float) -> None:
+    """A table with the pulse of one crash at a speed, without its condition."""
+    pulse_g = half_sine_g(clock()) * speed_mps / SPEED_MPS
+    write(folder, {name: german(clock(), pulse_g + scatter_g(clock(), scatter))})
+
+
+def test_what_many_records_lack_is_asked_for_once_with_the_table_that_gives_each_its_own(tmp_path: Path) -> None:
+    """An option would give all the same speed. One row that is missing is asked for, too; a record alone by option."""
+    for name in ("A.csv", "B.csv"):
+        crash(tmp_path / "in", name, SPEED_MPS, 1.0)
+
+    def asked(conditions: Path | None = None) -> list[str]:
+        with pytest.raises(DataError) as caught:
+            import_source(tmp_path / "in", tmp_path / "out", conditions=conditions)
+        return [str(problem) for problem in caught.value.problems]
+
+    speed, weights, *_ = asked()
+    assert speed == (
+        "A.csv to B.csv: expected the impact speed of A, B, found none; "
+        "add a row for each to a table of conditions (--conditions TABLE)."
+    )
+    assert "the weights on both axles of A, B, found none; add a row" in weights
+    table = tmp_path / "conditions.csv"
+    table.write_text(f"id;v [km/h];VA [kg];HA [kg]\nA;{SPEED_MPS / KPH};950;750\n")
+    assert asked(table)[0].startswith(
+        "B.csv: expected the impact speed of B, found none; add a row for each to a table"
+    )
+    table.write_text(f"id;v [km/h];VA [kg];HA [kg]\nA-1;{SPEED_MPS / KPH};950;750\n")
+    assert asked(table) == ["conditions: expected conditions for A, B, found those of A-1; make the ids the same."]
+    with pytest.raises(DataError, match="give the speed"):
+        import_source(tmp_path / "in" / "A.csv", tmp_path / "out")
+
+
+def test_one_speed_for_records_of_several_is_told_with_care(tmp_path: Path) -> None:
+    """Changes of velocity that differ by 10 % are of two speeds; by 2 %, of repeats whose rebounds differ."""
+    for name, slower, scatter in (("A.csv", 0.0, 1.5), ("B.csv", 1.0, -1.5)):
+        crash(tmp_path / "in", name, (1 - 0.1 * slower) * SPEED_MPS, scatter)
+        crash(tmp_path / "alike", name, (1 - 0.02 * slower) * SPEED_MPS, scatter)
+    told = [one.steps[-1] for one in import_source(tmp_path / "in", tmp_path / "a", GIVEN)]
+    assert len(told) == 2
+    assert all("one speed was given for all 2 records" in step for step in told)
+    alike = import_source(tmp_path / "alike", tmp_path / "b", GIVEN)
+    assert not any("one speed" in step for one in alike for step in one.steps)
+
+
 def test_the_good_are_told_from_the_bad(tmp_path: Path) -> None:
     """One test without its speed, one table that is none: the rest can be added."""
     for number, speed in ((5, "56.0"), (6, "")):
