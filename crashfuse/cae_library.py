@@ -12,7 +12,7 @@ from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence, speed, weight
 
-_SAME_CONDITION = 1e-4  # relative: rounding in a table, far below weighing accuracy
+_SAME_CONDITION = 2e-3  # relative: as tables are rounded, to 1 kg and 0.1 km/h; speeds of tests are off by more
 _AXES = (("speed", speed), ("front weight", weight), ("rear weight", weight))
 
 
@@ -58,11 +58,12 @@ class CaeLibrary:
         return digest.hexdigest()
 
     def paired_run(self, condition: Condition) -> int | None:
-        """Index of the run at exactly this condition (to a relative 1e-4), or None."""
-        target = condition.vector
-        gap = np.abs(self.vectors - target)
-        same = np.flatnonzero((gap <= _SAME_CONDITION * np.abs(target)).all(axis=1))
-        return int(same[0]) if same.size else None
+        """Index of the run at this condition (to a relative 2e-3), the nearest of several; None if there is none."""
+        target = np.abs(condition.vector)
+        gap = np.abs(self.vectors - condition.vector)
+        away = np.divide(gap, target, out=np.where(gap > 0, np.inf, 0.0), where=target > 0).max(axis=1)
+        nearest = int(away.argmin())
+        return nearest if away[nearest] <= _SAME_CONDITION else None
 
     @cached_property
     def range(self) -> tuple[FloatArray, FloatArray]:

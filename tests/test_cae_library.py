@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.units import LB, MPH
+from crashfuse.units import KPH, LB, MPH
 
 
 def test_a_run_at_a_tests_condition_is_its_pair(campaign: Campaign) -> None:
@@ -17,6 +17,21 @@ def test_a_condition_without_a_run_has_no_pair(campaign: Campaign) -> None:
     """Half a mile per hour is another condition."""
     condition = replace(campaign.tests[0].condition, speed_mps=15.5 * MPH)
     assert campaign.cae.paired_run(condition) is None
+
+
+def test_a_pair_survives_rounding_and_is_the_nearest_of_several(campaign: Campaign) -> None:
+    """A table in whole kg and tenths of km/h gives the same run; 0.4 % apart is another condition."""
+    test = campaign.tests[0].condition
+    rounded = Condition(
+        round(test.speed_mps / KPH, 1) * KPH, float(round(test.front_weight_kg)), float(round(test.rear_weight_kg))
+    )
+    assert rounded != test
+    assert campaign.cae.paired_run(rounded) == campaign.cae.paired_run(test)
+    assert campaign.cae.paired_run(replace(test, front_weight_kg=1.004 * test.front_weight_kg)) is None
+    beside = replace(test, front_weight_kg=1.0018 * test.front_weight_kg)
+    twins = replace(campaign.cae, conditions=(beside, *campaign.cae.conditions[1:]))
+    assert twins.paired_run(test) == campaign.cae.paired_run(test)
+    assert twins.paired_run(beside) == 0
 
 
 def test_a_standstill_has_no_pair_among_moving_runs(campaign: Campaign) -> None:
@@ -36,7 +51,7 @@ def test_a_paired_run_puts_its_condition_in_range(campaign: Campaign) -> None:
     heavy = Condition(25 * MPH, 2400 * LB, 1500 * LB)
     assert campaign.cae.extrapolation(heavy)
     cae = replace(campaign.cae, conditions=(*campaign.cae.conditions[:-1], heavy))
-    for factor in (1 - 0.99e-4, 1.0, 1 + 0.99e-4):
+    for factor in (1 - 1.99e-3, 1.0, 1 + 1.99e-3):
         condition = replace(heavy, front_weight_kg=factor * heavy.front_weight_kg)
         assert cae.paired_run(condition) is not None
         assert cae.extrapolation(condition) == ()

@@ -10,7 +10,7 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.condition_tables import ConditionTable, read_what_can_be
 from crashfuse.campaign_folder.copies import check_runs_differ, check_tests_differ
-from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units
+from crashfuse.campaign_folder.plausibility import check_band, check_ends, check_physics, check_units, unlike_weights
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.quality_columns import failing
 from crashfuse.campaign_folder.settings import read_settings
@@ -61,6 +61,7 @@ def read_folder(folder: str | Path) -> Campaign:
     if problems:
         raise DataError(shortened(problems))
     check_units(tables, pulses, warnings)
+    warnings += _shortened(unlike_weights(tables))
     _check_factors(tables["tests"], warnings)
     runs = tables["cae"]
     cae = CaeLibrary(runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, gone)

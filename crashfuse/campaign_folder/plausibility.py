@@ -8,7 +8,7 @@ from crashfuse.campaign_folder.condition_tables import ConditionTable
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.errors import Problem
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
-from crashfuse.units import KPH, MPH, MS, G
+from crashfuse.units import KPH, LB, MPH, MS, G
 
 STOPS: Mapping[str, tuple[float, float]] = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}
 """Limits of ΔV/v0. Tests: from "not yet stopped at 100 ms" to more rebound than any car has; one CAE run may be odd."""
@@ -21,6 +21,7 @@ _BAND_HZ, _HIGH_SHARE = 250, 0.01
 _MOST_SPECTRA = 500  # pulses examined
 _NEAR = 5  # CAE runs
 _EXCHANGED = (MPH / KPH) ** 0.5  # halfway between the right unit of speed and the wrong one
+_BESIDE = 0.05  # of a weight: so far beyond the CAE runs' it is still like theirs
 _AT_ONCE = 2000  # pulses per batch
 
 
@@ -68,6 +69,24 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
             )
 
 
+def unlike_weights(tables: Mapping[str, ConditionTable]) -> list[str]:
+    """Warnings of tests whose weights lie among the CAE runs' only in the other unit, or with the axles exchanged."""
+    runs = _weights(tables["cae"])
+    low, high = runs.min(axis=0) * (1 - _BESIDE), runs.max(axis=0) * (1 + _BESIDE)
+    tests, warnings = tables["tests"], []
+    for test_id, own in zip(tests.ids, _weights(tests), strict=True):
+        might_be = {
+            "": own,
+            "check their unit (kilograms under a name that ends in _lb?)": own / LB,
+            "check their unit (pounds under a name that ends in _kg?)": own * LB,
+            "check which axle is which": own[::-1],
+        }
+        fitting = [advice for advice, kg in might_be.items() if ((low <= kg) & (kg <= high)).all()]
+        if fitting and fitting[0]:
+            warnings.append(f"tests.csv, {test_id}: its weights are unlike those of all CAE runs; {fitting[0]}.")
+    return warnings
+
+
 def check_ends(role: str, table: ConditionTable, accel: FloatArray, reader: PulseFiles) -> None:
     """Reject a record that ends while the vehicle is still moving: the rest of its pulse would be invented."""
     for row, run_id in enumerate(table.ids):
@@ -112,6 +131,11 @@ def _likely_cause(ratio: float, low: float, high: float) -> str:
 
 def _speeds(table: ConditionTable) -> FloatArray:
     return np.array([condition.speed_mps for condition in table.conditions])
+
+
+def _weights(table: ConditionTable) -> FloatArray:
+    """Weights on front and rear axle in kg, shape (n, 2)."""
+    return np.array([condition.vector[1:] for condition in table.conditions])
 
 
 def _changes(accel: FloatArray) -> FloatArray:

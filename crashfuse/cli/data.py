@@ -33,14 +33,17 @@ def sample(arguments: argparse.Namespace) -> None:
 def check(arguments: argparse.Namespace) -> None:
     """Print what a campaign contains."""
     from crashfuse.campaign_folder.load import load_campaign
+    from crashfuse.study.nearest import nearest_runs
 
     campaign = load_campaign(arguments.campaign)
-    print(f"{campaign.name}: {len(campaign.tests)} tests, {len(campaign.cae)} CAE runs.")
+    tests = f"{n} tests" if (n := len(campaign.tests)) > 1 else "1 test"
+    print(f"{campaign.name}: {tests}, {len(campaign.cae)} CAE runs.")
     if campaign.notice:
         print(campaign.notice)
     for test in campaign.tests:
         pair = campaign.cae.paired_run(test.condition)
-        source = "no paired run" if pair is None else f"paired with {campaign.cae.ids[pair]}"
+        near = nearest_runs(campaign, test.condition)[0].differences(test.condition)
+        source = f"no paired run, the nearest is {near}" if pair is None else f"paired with {campaign.cae.ids[pair]}"
         print(f"  {test.id}: {test.condition}; {source}")
         for note in campaign.cae.extrapolation(test.condition):
             print(f"    {note}")
@@ -50,5 +53,6 @@ def check(arguments: argparse.Namespace) -> None:
     for sentence in verdict.sentences:
         print(sentence)
     print(f"Fingerprint {campaign.fingerprint}")
-    used = verdict.failing and not verdict.left_out
-    print("Nothing is wrong with the files; see the CAE runs that fail." if used else "Nothing is wrong.")
+    failing = bool(verdict.failing) and not verdict.left_out
+    see = ["the notes"] * bool(campaign.remarks) + ["the CAE runs that fail"] * failing
+    print(f"Nothing is wrong with the files; see {' and '.join(see)}." if see else "Nothing is wrong.")

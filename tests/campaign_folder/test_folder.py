@@ -599,6 +599,38 @@ def test_a_speed_in_the_other_unit_is_warned_of_where_its_change_of_velocity_is_
     assert advice in warning
 
 
+@pytest.mark.parametrize(
+    ("change", "advice"),
+    [
+        (
+            lambda t: t.assign(front_weight_lb=t.front_weight_lb * LB, rear_weight_lb=t.rear_weight_lb * LB),
+            "(kilograms",
+        ),
+        (
+            lambda t: t.rename(columns={"front_weight_lb": "front_weight_kg", "rear_weight_lb": "rear_weight_kg"}),
+            "(pounds",
+        ),
+        (
+            lambda t: t.rename(columns={"front_weight_lb": "rear_weight_lb", "rear_weight_lb": "front_weight_lb"}),
+            "which a",
+        ),
+        (lambda t: t.assign(front_weight_lb=1.3 * t.front_weight_lb), ""),
+    ],
+)
+def test_weights_that_are_like_the_runs_only_in_the_other_unit_or_exchanged_are_warned_of(
+    campaign_folder: Path, change: Callable[[pd.DataFrame], pd.DataFrame], advice: str
+) -> None:
+    """A vehicle that is heavier than all runs is an extrapolation, no mistake."""
+    assert load_campaign(campaign_folder).warnings == ()
+    _edit("tests.csv", change)(campaign_folder)
+    warnings = load_campaign(campaign_folder).warnings
+    assert len(warnings) == (4 if advice else 0)
+    assert all(
+        f"its weights are unlike those of all CAE runs; check {'their unit ' * (advice[0] == '(')}{advice}" in said
+        for said in warnings
+    )
+
+
 def test_names_from_the_settings_are_one_harmless_line(campaign_folder: Path) -> None:
     """What a terminal would obey is shown, not done."""
     (campaign_folder / "campaign.toml").write_text('name = "\\u001b[31mred\\u202e"\nnotice = "two\\nlines"\n')
