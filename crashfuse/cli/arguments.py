@@ -169,8 +169,8 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_units(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--units", type=_one_of(*SYSTEMS), default="mph-lb", metavar="|".join(SYSTEMS),
-        help="units of speeds and weights in the report (default: %(default)s); tables keep theirs",
+        "--units", type=_one_of(*SYSTEMS), metavar="|".join(SYSTEMS),
+        help="units of speeds and weights in the report (default: the campaign's); tables keep theirs",
     )  # fmt: skip
 
 

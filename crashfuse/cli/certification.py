@@ -35,7 +35,7 @@ def certify(arguments: argparse.Namespace) -> None:
             campaign, criteria, matrix, approach=config.approaches[0], config=config,
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
         )  # fmt: skip
-    certification, display = judged.certification, display_of(arguments)
+    certification, display = judged.certification, display_of(arguments, campaign)
     with replacing(arguments.out, "certification"), writing(arguments.out, "certification.json") as folder:
         write_certification(certification, folder, display)
     print(counts_table(certification, display.units).to_string(index=False))

@@ -33,7 +33,7 @@ def learning_curve(arguments: argparse.Namespace) -> None:
     if criteria is not None:
         curve = with_decided(curve, criteria)
     with replacing(arguments.out, "learning curve"), writing(arguments.out, "learning_curve.json") as folder:
-        write_learning_curve(curve, folder, cost, display_of(arguments))
+        write_learning_curve(curve, folder, cost, display_of(arguments, campaign))
     if not (table := gains_table(curve, cost)).empty:
         print(table.to_string(index=False))
     print(*sentences(curve, cost), sep="\n")

@@ -44,9 +44,10 @@ def predict(arguments: argparse.Namespace) -> None:
     from crashfuse.study.recommendation import recommend_for
 
     require_positive(arguments)
-    export, display = pulse_export(arguments), display_of(arguments)
+    export = pulse_export(arguments)
     require_output(arguments.out, arguments.campaign, "prediction")
     campaign = load_campaign(arguments.campaign)
+    display = display_of(arguments, campaign)
     condition = condition_of(arguments, campaign, arguments.speed_mps)
     fits = _fits(arguments, campaign)
     estimates = estimates_at(fits, condition)
@@ -73,9 +74,10 @@ def sweep(arguments: argparse.Namespace) -> None:
     from crashfuse.wording import speed
 
     require_positive(arguments)
-    export, display = pulse_export(arguments), display_of(arguments)
+    export = pulse_export(arguments)
     require_output(arguments.out, arguments.campaign, "sweep")
     campaign = load_campaign(arguments.campaign)
+    display = display_of(arguments, campaign)
     speeds = usual_speeds(campaign)
     if arguments.speed_mps is not None:
         low, high = arguments.speed_mps
@@ -116,7 +118,7 @@ def rank_tests(arguments: argparse.Namespace) -> None:
         factors = tuple(factor(text, campaign.factors) for text in arguments.factor)
         over = ConditionRange(replace(over.low, factors=factors), replace(over.high, factors=factors))
     candidates = read_candidates(arguments.candidates) if arguments.candidates else None
-    config, display = settings(arguments), display_of(arguments)
+    config, display = settings(arguments), display_of(arguments, campaign)
     with watching() as watch:
         ranking = next_test(campaign, over.low, over.high, candidates=candidates, config=config, watch=watch)
     write_next_tests(ranking, config, arguments.out, display)

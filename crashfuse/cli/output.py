@@ -18,6 +18,7 @@ from crashfuse.files.claim import sole_writer
 from crashfuse.wording import SYSTEMS
 
 if TYPE_CHECKING:
+    from crashfuse.campaign import Campaign
     from crashfuse.reporting.plots.display import Display
 
 _claimed: dict[Path, ExitStack] = {}
@@ -105,8 +106,8 @@ def say_written(out: Path, kind: str) -> None:
     print(f"Written to {out}: {', '.join(name for name in RESULT_FILES[kind] if (out / name).exists())}")
 
 
-def display_of(arguments: argparse.Namespace) -> "Display":
-    """How a command shows its results: in the units asked for."""
+def display_of(arguments: argparse.Namespace, campaign: "Campaign") -> "Display":
+    """How a command shows its results: in the units asked for, else the campaign's, as on the pages."""
     from crashfuse.reporting.plots.display import Display
 
-    return Display(system=SYSTEMS[arguments.units])
+    return Display(system=campaign.units if arguments.units is None else SYSTEMS[arguments.units])

@@ -137,7 +137,7 @@ def _finish(run: _Run, arguments: argparse.Namespace) -> "pd.DataFrame":
         begin_study(folder, plan)
     with watching() as watch:
         study = run_plan(plan, watch=watch, workers=arguments.workers, scheduler=arguments.scheduler)
-    display = display_of(arguments)
+    display = display_of(arguments, plan.campaign)
     with replacing(run.out, "study"), writing(run.out) as folder:
         write_study(study, folder, display, run.report)
     keep(PastResult.of_study(study))

@@ -17,7 +17,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
     brier, (left_out, saved, wrong) = record.brier, record.waived(criteria.items)
     return {
         **provenance(campaign, campaign.test_ids, config),
-        "command": certify_command(config),
+        "command": certify_command(config, campaign.units),
         "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
         "criteria": {
             "confidence": criteria.confidence,

@@ -98,8 +98,8 @@ def _axes(units: UnitSystem, *conditions: Condition, only: Sequence[str] = tuple
 
 
 def _units(units: UnitSystem) -> str:
-    """The option for the units of the report, unless they are the usual ones."""
-    return "" if units == MPH_LB else f" --units {next(name for name, own in SYSTEMS.items() if own == units)}"
+    """The option for the units of the report."""
+    return f" --units {next(name for name, own in SYSTEMS.items() if own == units)}"
 
 
 def _factors(condition: Condition) -> str:

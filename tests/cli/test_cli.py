@@ -1,5 +1,6 @@
 """The command line: what it prints, what it writes, how it ends."""
 
+import argparse
 import json
 import os
 import re
@@ -20,12 +21,14 @@ from crashfuse import cli
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder import load as campaign_folder_module
+from crashfuse.cli.output import display_of
 from crashfuse.reporting.results import RESULT_FILES
 from crashfuse.signals.pulse import GRID_S
 from crashfuse.study.plan import StudyPlan
 from crashfuse.testing import small_campaign
 from crashfuse.units import MS
 from crashfuse.version import __version__
+from crashfuse.wording import KPH_KG, MPH_LB
 from tests.conftest import write_campaign
 
 METRICS = [
@@ -441,6 +444,13 @@ def test_rate_says_which_file_is_wrong(tmp_path: Path, capsys: pytest.CaptureFix
     """A missing file is named."""
     assert cli.main(["rate", str(tmp_path / "a.csv"), str(tmp_path / "b.csv")]) == cli.WRONG_DATA
     assert "a.csv: expected a pulse file, found no such file; check the path." in capsys.readouterr().err
+
+
+def test_a_campaign_is_shown_in_its_own_units_unless_others_are_asked_for(campaign: Campaign) -> None:
+    """As on the pages: those of its tests.csv."""
+    metric = replace(campaign, units=KPH_KG)
+    for asked, own, shown in ((None, campaign, MPH_LB), (None, metric, KPH_KG), ("mph-lb", metric, MPH_LB)):
+        assert display_of(argparse.Namespace(units=asked), own).system == shown
 
 
 def test_check_tells_what_a_campaign_holds(campaign_on_disk: Path, capsys: pytest.CaptureFixture[str]) -> None:

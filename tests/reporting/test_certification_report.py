@@ -13,6 +13,7 @@ from crashfuse.certification.certify import Certification, certify_matrix
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
+from crashfuse.certification.verdict import Word
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_sentences import (
     brier_sentence,
@@ -150,18 +151,19 @@ def test_what_need_not_be_run_is_told_with_its_record_of_whole_tests(certificati
     fast = max(certification.campaign.tests, key=lambda test: test.condition.speed_mps).id
     one = [trial for trial in trials if (trial.held_out, trial.left_out) == (fast, "test")]
     assert len(one) == len(items)
-    for word, said in (
-        ("met", "Tests were left out 1 time, alone or with their speed group: 1 time one need not have been run, as "),
-        ("open", "Tests were left out 1 time, alone or with their speed group, and never had every criterion met: "),
-    ):
+    told: dict[Word, str] = {
+        "met": "Tests were left out 1 time, alone or with their speed group: 1 time one need not have been run, as ",
+        "open": "Tests were left out 1 time, alone or with their speed group, and never had every criterion met: ",
+    }
+    for word, said in told.items():
         record = TrackRecord(tuple(replace(trial, verdict=replace(trial.verdict, word=word)) for trial in one))
         [sentence] = waived_sentence(record, items)
         assert sentence.startswith(said)
         assert ("missed one all the same (at most " in sentence) is (word == "met")
     waived = tuple(replace(own, word="met") for own in certification.verdicts[0])
-    told = summary(replace(certification, verdicts=(waived, *certification.verdicts[1:])))
-    at = told.index(f"Need not be run, as every criterion is met: {certification.matrix.ids[0]}.")
-    assert told[at + 1] == next(waived_sentence(certification.record, items))
+    sentences = summary(replace(certification, verdicts=(waived, *certification.verdicts[1:])))
+    at = sentences.index(f"Need not be run, as every criterion is met: {certification.matrix.ids[0]}.")
+    assert sentences[at + 1] == next(waived_sentence(certification.record, items))
     assert list(waived_sentence(TrackRecord(()), items)) == []
 
 
