@@ -69,17 +69,16 @@ def waived_sentence(record: TrackRecord, criteria: Sequence[Criterion]) -> Itera
     left_out, saved, wrong = record.waived(criteria)
     if not left_out:
         return
-    times = f"Tests were left out {_count(left_out, 'time')}, alone or with their speed group"
+    tests = f"Of {_count(left_out, 'left-out test')}, alone or with their speed group,"
     if saved:
         yield (
-            f"{times}: {_count(saved, 'time')} one need not have been run, as every criterion was met; "
-            f"{_count(wrong, 'time')} it missed one all the same "
-            f"(at most {100 * largest_share(wrong, saved):.1f} %, exact 95 % bound)."
+            f"{tests} {saved} need not have been run, as every criterion was met; {wrong} of these missed one all the "
+            f"same (at most {100 * largest_share(wrong, saved):.1f} %, exact 95 % bound)."
         )
     else:
         yield (
-            f"{times}, and never had every criterion met: how often a test that need not be run would miss one, this "
-            "record cannot say."
+            f"{tests} none had every criterion met: how often a test that need not be run would miss one, this record "
+            "cannot say."
         )
 
 

@@ -152,14 +152,14 @@ def test_what_need_not_be_run_is_told_with_its_record_of_whole_tests(certificati
     one = [trial for trial in trials if (trial.held_out, trial.left_out) == (fast, "test")]
     assert len(one) == len(items)
     told: dict[Word, str] = {
-        "met": "Tests were left out 1 time, alone or with their speed group: 1 time one need not have been run, as ",
-        "open": "Tests were left out 1 time, alone or with their speed group, and never had every criterion met: ",
+        "met": "Of 1 left-out test, alone or with their speed group, 1 need not have been run, as ",
+        "open": "Of 1 left-out test, alone or with their speed group, none had every criterion met: ",
     }
     for word, said in told.items():
         record = TrackRecord(tuple(replace(trial, verdict=replace(trial.verdict, word=word)) for trial in one))
         [sentence] = waived_sentence(record, items)
         assert sentence.startswith(said)
-        assert ("missed one all the same (at most " in sentence) is (word == "met")
+        assert ("of these missed one all the same (at most " in sentence) is (word == "met")
     waived = tuple(replace(own, word="met") for own in certification.verdicts[0])
     sentences = summary(replace(certification, verdicts=(waived, *certification.verdicts[1:])))
     at = sentences.index(f"Need not be run, as every criterion is met: {certification.matrix.ids[0]}.")

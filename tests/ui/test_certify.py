@@ -103,7 +103,7 @@ def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) 
     counts = verdict_counts(expected.certification)
     assert {word.lower(): int(n) for word, n in session.numbers.items() if word.lower() in counts} == counts
     decided, wrong = expected.certification.record.decided
-    assert session.numbers["Wrong on left-out tests"] == f"{wrong} of {decided}"
+    assert session.numbers["Wrong left-out verdicts"] == f"{wrong} of {decided}"
     for sentence in to_test(expected.certification):
         assert sentence in session.words
     table, own = shown(session), expected.table
@@ -173,7 +173,7 @@ def test_with_a_single_test_the_page_says_what_cannot_be_said(asking: Path, visi
         (asking / "tests" / f"{test_id}.csv").unlink()
     session = certified(visit("certify", **LINK))
     assert session.numbers["Outside"] == "6"
-    assert session.numbers["Wrong on left-out tests"] == "–"
+    assert session.numbers["Wrong left-out verdicts"] == "–"
     assert session.charts == 1
     assert "One test is too few to check verdicts" in tab(session, "Validated domain").words
     assert session.charts == 1

@@ -41,7 +41,7 @@ def show(judgement: Judgement) -> None:
         )
     decided, wrong = certification.record.decided
     columns[-1].metric(
-        "Wrong on left-out tests", f"{wrong} of {decided}" if decided else "–",
+        "Wrong left-out verdicts", f"{wrong} of {decided}" if decided else "–",
         f"at most {100 * largest_share(wrong, decided):.1f} %" if decided else None, delta_color="off",
         delta_arrow="off", help="Of verdicts met and not met; with the exact one-sided 95 % bound of their share.",
     )  # fmt: skip
