@@ -36,6 +36,13 @@ def test_the_two_commands_install_and_run_what_exists() -> None:
     assert (ROOT / "constraints.txt").is_file()
 
 
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
+def test_the_cpu_build_of_torch_is_the_one_that_the_constraints_ask_for(page: str) -> None:
+    """Another version would be replaced by PyPI's, with CUDA, in the next line."""
+    [version] = re.findall(r"pip install torch==(\S+) --index-url", (ROOT / page).read_text(encoding="utf-8"))
+    assert f"torch=={version}\n" in (ROOT / "constraints.txt").read_text(encoding="utf-8")
+
+
 def test_the_public_workflow_runs_the_same_two_commands() -> None:
     """Whatever the README asks of a newcomer is proven on every platform."""
     workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
