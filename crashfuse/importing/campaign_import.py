@@ -1,6 +1,7 @@
 """Import of foreign files into a campaign: read, settle, add."""
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -123,7 +124,24 @@ def settle_each(
                 raise
             refused.append(Problem(record.source, f"choices that fit {record.id}", str(error), "choose otherwise"))
     problems += told_of_several(refused) if len(ids) > 1 else refused
-    return _of_one_speed(settled) if choices.condition.speed_mps is not None else tuple(settled)
+    alike = _unlike_their_table(settled)
+    return _of_one_speed(alike) if choices.condition.speed_mps is not None else alike
+
+
+def _unlike_their_table(settled: Sequence[Settled]) -> tuple[Settled, ...]:
+    """Records told with care where most others of their table are in another unit or of the other sign."""
+    forms: dict[str, Counter[tuple[str, str]]] = {}
+    for one in settled:
+        forms.setdefault(one.source, Counter())[one.unit, one.deceleration_sign] += 1
+
+    def checked(one: Settled) -> Settled:
+        [(usual, n)] = forms[one.source].most_common(1)
+        if usual == (one.unit, one.deceleration_sign) or 2 * n <= forms[one.source].total():
+            return one
+        told = f"Careful: {n} others of its table are in {usual[0]} with {usual[1]} deceleration, unlike this one."
+        return replace(one, steps=(*one.steps, told))
+
+    return tuple(map(checked, settled))
 
 
 def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:

@@ -13,7 +13,7 @@ from crashfuse.errors import CrashfuseError, DataError, Problem, UsageError
 from crashfuse.importing import Choices, Reading, add_settled, import_source, read_each, settle_each
 from crashfuse.readers.record import PartialCondition
 from crashfuse.signals.pulse import GRID_S
-from crashfuse.units import KPH
+from crashfuse.units import KPH, MS
 from tests.conftest import SHARED, needs_shared
 from tests.importing.crash_files import german, imported, isomme, library, write
 from tests.importing.crashes import GIVEN, SPEED_MPS, STOP_S, clock, half_sine_g, ringing_g, scatter_g
@@ -204,6 +204,21 @@ def test_one_speed_for_records_of_several_is_told_with_care(tmp_path: Path) -> N
     assert all("one speed was given for all 2 records" in step for step in told)
     alike = import_source(tmp_path / "alike", tmp_path / "b", GIVEN)
     assert not any("one speed" in step for one in alike for step in one.steps)
+
+
+@pytest.mark.parametrize("factor", [-1.0, 9.80665])
+def test_a_column_of_another_sign_or_unit_than_its_table_is_told_with_care(tmp_path: Path, factor: float) -> None:
+    """It is read rightly, by its change of velocity; but whoever exported it should know. One of two is no majority."""
+    pulses = [factor * half_sine_g(clock()), *(half_sine_g(clock()) + scatter_g(clock(), size) for size in (2.0, -2.0))]
+    table, conditions, ids = tmp_path / "in.csv", tmp_path / "conditions.csv", ("Test 1", "Test 2", "Test 3")
+    conditions.write_text("id;v [km/h];VA [kg];HA [kg]\n" + "".join(f"{i};56;950;750\n" for i in ids))
+    for n in (3, 2):
+        rows = (";".join(f"{x:.6f}" for x in row) for row in zip(clock() / MS, *pulses[:n], strict=True))
+        table.write_text("\n".join([";".join(["t [ms]", *ids[:n]]), *rows]))
+        odd, *rest = import_source(table, tmp_path / f"out{n}", conditions=conditions)
+        careful = "Careful: 2 others of its table are in g with negative deceleration, unlike this one."
+        assert (careful in odd.steps) is (n == 3)
+        assert not any("Careful" in step for one in rest for step in one.steps)
 
 
 def test_the_good_are_told_from_the_bad(tmp_path: Path) -> None:
