@@ -1,5 +1,6 @@
 """The track record: the verdicts that left-out tests got from the others alone, compared with what was measured."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise

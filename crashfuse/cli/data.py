@@ -33,7 +33,7 @@ def sample(arguments: argparse.Namespace) -> None:
 def check(arguments: argparse.Namespace) -> None:
     """Print what a campaign contains."""
     from crashfuse.campaign_folder.load import load_campaign
-    from crashfuse.study.nearest import nearest_runs
+    from crashfuse.study.nearest import nearest_run
 
     campaign = load_campaign(arguments.campaign)
     tests = f"{n} tests" if (n := len(campaign.tests)) > 1 else "1 test"
@@ -42,7 +42,7 @@ def check(arguments: argparse.Namespace) -> None:
         print(campaign.notice)
     for test in campaign.tests:
         pair = campaign.cae.paired_run(test.condition)
-        near = nearest_runs(campaign, test.condition)[0].differences(test.condition)
+        near = nearest_run(campaign, test.condition).differences(test.condition)
         source = f"no paired run, the nearest is {near}" if pair is None else f"paired with {campaign.cae.ids[pair]}"
         print(f"  {test.id}: {test.condition}; {source}")
         for note in campaign.cae.extrapolation(test.condition):
