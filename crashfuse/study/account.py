@@ -43,6 +43,8 @@ class Account:
         The rating of the same approach if these are left out as well, where it is known.
     inside : float, optional
         Share of a(t) up to the time of zero velocity inside the 95 % band, if there is one.
+    with_group : bool
+        Whether the other tests at about its speed were left out with it.
     """
 
     test: CrashTest
@@ -53,6 +55,7 @@ class Account:
     departure: Departure | None
     without_neighbours: float | None
     inside: float | None
+    with_group: bool
 
     def __repr__(self) -> str:
         return f"<Account of {self.test.id}: {self.outcome}>"
@@ -74,7 +77,8 @@ class Account:
         """How the expectation came out, and what the measurements say about the test itself."""
         test, few = self.test, "it takes three to tell whether a test stands apart."
         outcome = self.outcome[0].lower() + self.outcome[1:]
-        said: list[str] = [Sentence("{}, {}: {}", test.id, speed(test.condition.speed_mps), outcome)]
+        way = ", left out with all at about its speed" if self.with_group and self.neighbours else ""
+        said: list[str] = [Sentence("{}, {}{}: {}", test.id, speed(test.condition.speed_mps), way, outcome)]
         if self.departure is not None:
             said += self.departure.sentences
         elif self.neighbours:
@@ -124,7 +128,8 @@ def account(
     estimate = fold.estimate(approach)
     neighbours = len(campaign.speed_group(test.id)) - 1
     draws = estimate.prediction.draws_mps2
-    if not neighbours or config.leave_out == "speed group":
+    with_group = config.leave_out == "speed group"
+    if not neighbours or with_group:
         without_neighbours = None
     elif without_neighbours is None:
         without_neighbours = _without_neighbours(campaign, config, fold, approach, window_ms, cache)
@@ -140,31 +145,36 @@ def account(
         apart,
         without_neighbours,
         None if draws is None else Coverage.of(test, draws).accel,
+        with_group,
     )
 
 
-def worst_test(study: Study, window_ms: float | None = None, *, cache: Cache | None = None) -> Account:
-    """Account of the test that the approach recommended for the campaign predicted worst.
+def worst_test(
+    study: Study, window_ms: float | None = None, *, approach: str | None = None, cache: Cache | None = None
+) -> Account:
+    """Account of the test that an approach predicted worst.
 
     Parameters
     ----------
     window_ms : float, optional
         The rating is over [0, window_ms); by default the longest window of the study.
+    approach : str, optional
+        By default the one that the study recommends for the campaign.
     cache : Cache, optional
         As for :func:`account`.
     """
     window = max(study.config.windows_ms) if window_ms is None else window_ms
+    chosen = recommend(study).approach if approach is None else approach
     known = _worst.setdefault(study, {})  # requested by files, report, and terminal or page
-    if window not in known:
-        known[window] = _worst_test(study, window, cache)
-    return known[window]
+    if (window, chosen) not in known:
+        known[window, chosen] = _worst_test(study, window, chosen, cache)
+    return known[window, chosen]
 
 
-_worst: WeakKeyDictionary[Study, dict[float, Account]] = WeakKeyDictionary()
+_worst: WeakKeyDictionary[Study, dict[tuple[float, str], Account]] = WeakKeyDictionary()
 
 
-def _worst_test(study: Study, window: float, cache: Cache | None) -> Account:
-    chosen = recommend(study).approach
+def _worst_test(study: Study, window: float, chosen: str, cache: Cache | None) -> Account:
     fold = min(study.folds, key=lambda fold: fold.ratings[chosen][window].overall)
     groups = () if study.speed_groups is None else study.speed_groups.folds
     group = next((each for each in groups if each.held_out == fold.held_out), None)  # none while a study is running

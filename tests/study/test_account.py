@@ -72,6 +72,19 @@ def test_the_worst_test_of_a_study_is_told_with_and_without_its_neighbours(campa
     assert worst_test(study) is found
 
 
+def test_the_worst_test_of_the_speed_groups_is_told_as_it_was_left_out_there(campaign: Campaign) -> None:
+    """T2, left out with T3, is the worst there, by the approach asked for; alone it is T3."""
+    alone = [fold(campaign, test, 0.6 if test == "T3" else 0.97, 0.97) for test in campaign.test_ids]
+    apart = [fold(campaign, test, 0.7 if test == "T2" else 0.8, 0.97) for test in campaign.test_ids]
+    groups = Study(campaign, replace(CONFIG, leave_out="speed group"), tuple(apart))
+    study = Study(campaign, replace(CONFIG, leave_out="both"), tuple(alone), speed_groups=groups)
+    assert worst_test(study, approach="displacement_domain").test.id == "T3"
+    found = worst_test(groups, approach="displacement_domain")
+    assert found.rating == groups.fold("T2").ratings["displacement_domain"][60.0].overall
+    assert found.sentences[0].startswith("T2, 25.0 mph, left out with all at about its speed: ")
+    assert worst_test(groups, approach="cae").rating < found.rating
+
+
 def test_a_prediction_without_the_neighbours_that_was_made_before_is_found(campaign: Campaign) -> None:
     """A study has left T3 out with T2; a comparison of T3 alone rates that prediction."""
     cache, test = Cache(), campaign.test("T3")

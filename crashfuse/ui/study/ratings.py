@@ -4,6 +4,7 @@ import streamlit as st
 
 from crashfuse.reporting import glossary
 from crashfuse.study.account import worst_test
+from crashfuse.study.recommendation import recommend
 from crashfuse.study.study import Study
 from crashfuse.ui import explanations, frame, page_tables
 from crashfuse.ui.figure_tools import file_name
@@ -29,7 +30,7 @@ def show(outcome: Outcome) -> None:
         study, leave_out = study.speed_groups, "speed group"
     _show_tests(outcome, study, leave_out)
     if outcome.whole:
-        worst = worst_test(outcome.study, outcome.window_ms)
+        worst = worst_test(study, outcome.window_ms, approach=recommend(outcome.study).approach)
         explanations.show_account(worst.sentences, missed=worst.disappoints)
     st.markdown("**Mean over the tests, by window**")
     show_table(page_tables.mean_ratings(study), "means")
