@@ -171,7 +171,7 @@ class PulseFiles:
         time, accel = record.time_s, record.accel_mps2
         if not np.isfinite(time).all():
             return None  # already reported cell by cell
-        trouble = time_trouble(record, where) or cover_trouble(time, where)
+        trouble = time_trouble(record, where) or cover_trouble(record, where)
         if trouble is not None:
             self.problems.append(trouble)
         if trouble is not None or not np.isfinite(accel).all():

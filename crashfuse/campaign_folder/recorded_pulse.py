@@ -21,44 +21,52 @@ SHORTEST_S = 60e-3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RecordedPulse:
-    """The samples of a record as stored in a file, and the file's row of each; all of shape (n,)."""
+    """The samples of a record as stored in a file, and the file's row of each; all of shape (n,).
+
+    ``time_column`` is the name of the column of the times.
+    """
 
     time_s: FloatArray
     accel_mps2: FloatArray
     rows: npt.NDArray[np.integer[Any]]
+    time_column: str
 
     def __getitem__(self, part: slice) -> "RecordedPulse":
-        return RecordedPulse(self.time_s[part], self.accel_mps2[part], self.rows[part])
+        return RecordedPulse(self.time_s[part], self.accel_mps2[part], self.rows[part], self.time_column)
 
 
 def joined(parts: Sequence[RecordedPulse]) -> RecordedPulse:
     """Concatenate the parts of a record."""
     if len(parts) == 1:
         return parts[0]
-    columns = ([getattr(part, name) for part in parts] for name in ("time_s", "accel_mps2", "rows"))
-    return RecordedPulse(*map(np.concatenate, columns))
+    return RecordedPulse(
+        np.concatenate([part.time_s for part in parts]),
+        np.concatenate([part.accel_mps2 for part in parts]),
+        np.concatenate([part.rows for part in parts]),
+        parts[0].time_column,
+    )
 
 
 def time_trouble(record: RecordedPulse, where: str) -> Problem | None:
     """The problem that makes the time axis of a record unusable, if any."""
-    time, rows = record.time_s, record.rows
+    time, rows, column = record.time_s, record.rows, record.time_column
     if time.size < 2:
-        return Problem(where, "at least two samples", f"{time.size}", "export the whole record", "time")
+        return Problem(where, "at least two samples", f"{time.size}", "export the whole record", column)
     steps = np.diff(time)
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
         found = f"{time[at + 1] / MS:.6g} ms after {time[at] / MS:.6g} ms"
         advice = "sort the rows by time" if steps[at] else "delete the duplicates, or export time with more digits"
-        return Problem(where, "time that increases from row to row", found, advice, "time", int(rows[at + 1]))
+        return Problem(where, "time that increases from row to row", found, advice, column, int(rows[at + 1]))
     step = np.median(steps)
     off = np.abs(steps - step)
     if off.max() > UNEVEN * step:
         at = int(off.argmax())
         found = f"a step of {steps[at] / MS:.4g} ms among steps of {step / MS:.4g} ms"
-        return Problem(where, "evenly sampled time", found, "resample the record", "time", int(rows[at + 1]))
+        return Problem(where, "evenly sampled time", found, "resample the record", column, int(rows[at + 1]))
     if step > SLOWEST_S:
         found = f"{1 / step:.0f} Hz"
-        return Problem(where, "at least 1000 samples a second", found, "export at a higher rate", "time")
+        return Problem(where, "at least 1000 samples a second", found, "export at a higher rate", column)
     return None
 
 
@@ -67,11 +75,12 @@ def ends_early(time_s: FloatArray) -> bool:
     return bool(time_s[-1] < GRID_S[-1] - (time_s[-1] - time_s[0]) / (time_s.size - 1))
 
 
-def cover_trouble(time_s: FloatArray, where: str) -> Problem | None:
+def cover_trouble(record: RecordedPulse, where: str) -> Problem | None:
     """The problem of a record that misses too much of the study grid, if it does."""
+    time_s = record.time_s
     step = time_s[1] - time_s[0]
     if time_s[0] <= step and time_s[-1] >= SHORTEST_S - step:
         return None
     found = f"{time_s[0] / MS:.4g} to {time_s[-1] / MS:.4g} ms"
     advice = "export the whole record, with time zero at first contact"
-    return Problem(where, "a record from 0 to at least 60 ms (100 ms is best)", found, advice, "time")
+    return Problem(where, "a record from 0 to at least 60 ms (100 ms is best)", found, advice, record.time_column)

@@ -44,7 +44,7 @@ def sample_batches(
             time_s = to_s * not_a_number(frame[time], time, where, rows, problems, _LARGEST_S / to_s)
             largest = _LARGEST_MPS2 / to_mps2
             accel_mps2 = to_mps2 * not_a_number(frame[accel], accel, where, rows, problems, largest)
-            yield ids, RecordedPulse(time_s, accel_mps2, rows)
+            yield ids, RecordedPulse(time_s, accel_mps2, rows, time)
     if empty:
         raise DataError(Problem(where, "a header and rows", "an empty table", "add the samples"))
 
@@ -62,8 +62,8 @@ def check_length(parts: Sequence[RecordedPulse], where: str) -> None:
     """Raise a DataError if a record has more samples than any real one."""
     if (count := sum(part.rows.size for part in parts)) > _MOST_SAMPLES:
         found, advice = f"{count} at least", "cut the record, or export it at a lower rate"
-        row = int(parts[0].rows[0])
-        raise DataError(Problem(where, f"at most {_MOST_SAMPLES} samples a record", found, advice, "time", row))
+        row, column = int(parts[0].rows[0]), parts[0].time_column
+        raise DataError(Problem(where, f"at most {_MOST_SAMPLES} samples a record", found, advice, column, row))
 
 
 def read_pulse(path: Path) -> Pulse:
