@@ -11,7 +11,7 @@ from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.certification.forecasts import Asked, Forecasts
 from crashfuse.certification.matrix import Matrix
-from crashfuse.certification.track_record import NOT_NEAR, LeftOut, TrackRecord, Trial
+from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
 from crashfuse.certification.verdict import Verdict, judge
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
@@ -180,9 +180,11 @@ def _record(campaign: Campaign, criteria: Criteria, approach: str, forecasts: di
 
 def _supported(verdict: Verdict, record: TrackRecord, confidence: float) -> Verdict:
     """The verdict, open if the record does not support the confidence, with what the record says of the limit."""
+    if not verdict.decided:
+        return verdict
     support = record.support(verdict.criterion)
-    if verdict.decided and (shortfall := support.shortfall(confidence)) is not None:
+    if (shortfall := support.shortfall(confidence)) is not None:
         return replace(verdict, word="open", reason=joined([verdict.reason, shortfall]))
-    if verdict.decided and not support.near:
-        return replace(verdict, reason=joined([verdict.reason, NOT_NEAR]))
+    if (reservation := support.reservation(confidence)) is not None:
+        return replace(verdict, reason=joined([verdict.reason, reservation]))
     return verdict

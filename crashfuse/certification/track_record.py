@@ -16,7 +16,6 @@ LeftOut = Literal["test", "speed group"]
 
 _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 _LEVEL = 0.95
-NOT_NEAR = "No left-out test came near this limit: the record says nothing about it."
 
 
 def share_bounds(count: int, n: int) -> tuple[float, float]:
@@ -25,6 +24,15 @@ def share_bounds(count: int, n: int) -> tuple[float, float]:
     lower = float(betaincinv(count, n - count + 1, tail)) if count else 0.0
     upper = float(betaincinv(count + 1, n - count, 1 - tail)) if count < n else 1.0
     return lower, upper
+
+
+def _expected_right(decided: int, wrong: int) -> float:
+    """Expected share of right verdicts (Jeffreys' prior)."""
+    return 1 - (wrong + 0.5) / (decided + 1)
+
+
+def _reaches(supported: float, confidence: float) -> bool:
+    return supported >= confidence - 1e-12
 
 
 def largest_share(count: int, n: int) -> float:
@@ -69,6 +77,11 @@ class Trial:
         return lower is None or upper is None or self.verdict.criterion.margin(self.measured) <= upper - lower
 
 
+def _decided(trials: Sequence[Trial]) -> tuple[int, int]:
+    """Number of verdicts *met* and *not met*, and of the wrong ones."""
+    return sum(trial.verdict.decided for trial in trials), sum(trial.wrong for trial in trials)
+
+
 @dataclass(frozen=True, slots=True)
 class Bin:
     """Left-out verdicts whose probabilities lie in one bin.
@@ -103,22 +116,26 @@ class Support:
     ----------
     decided, wrong : int
         Verdicts *met* and *not met*, and those that a test contradicted.
+    own_decided, own_wrong : int
+        Those among them on the criterion itself.
     near : bool
         Whether a test came near the limit.
     """
 
     decided: int
     wrong: int
+    own_decided: int
+    own_wrong: int
     near: bool
 
     @property
     def confidence(self) -> float:
-        """Highest confidence that the record supports: the expected share of right verdicts (Jeffreys' prior)."""
-        return 1 - (self.wrong + 0.5) / (self.decided + 1)
+        """Highest confidence that the record supports: the expected share of right verdicts."""
+        return _expected_right(self.decided, self.wrong)
 
     def shortfall(self, confidence: float) -> str | None:
         """A sentence on what record would support this confidence; None if this one does."""
-        if self.confidence >= confidence - 1e-12:
+        if _reaches(self.confidence, confidence):
             return None
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
         of = f"{self.wrong} of {self.decided} left-out verdicts wrong" if self.decided else "no left-out verdict"
@@ -126,6 +143,19 @@ class Support:
             f"The campaign's record ({of}) supports a confidence of {self.confidence:.2f}, not {confidence:g}; "
             f"it would take {needed} left-out verdicts with no more than {self.wrong} wrong."
         )
+
+    def reservation(self, confidence: float) -> str | None:
+        """A sentence on why a record that supports this confidence says little about the criterion itself."""
+        if not self.near:
+            return "No left-out test came near this limit: the record says nothing about it."
+        if _reaches(_expected_right(self.own_decided, self.own_wrong), confidence):
+            return None
+        own = "No left-out verdict of its own"
+        if self.own_decided:
+            count = f"{self.own_decided} left-out verdict{'s' * (self.own_decided > 1)}"
+            most = f"at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %"
+            own = f"Only {count} of its own, {self.own_wrong} wrong ({most}): too few to support the confidence"
+        return f"{own}; with those on other criteria, {self.wrong} of {self.decided} are wrong."
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +199,7 @@ class TrackRecord:
     @property
     def decided(self) -> tuple[int, int]:
         """Number of verdicts *met* and *not met*, and of the wrong ones."""
-        return sum(trial.verdict.decided for trial in self.counted), sum(trial.wrong for trial in self.counted)
+        return _decided(self.counted)
 
     def waived(self, criteria: Sequence[Criterion]) -> tuple[int, int, int]:
         """How often a test was left out, how often it need not have been run, and how often it then missed a criterion.
@@ -190,8 +220,7 @@ class TrackRecord:
         own = self.of(criterion)
         names = {trial.verdict.criterion.name for trial in self.counted if trial.near}
         others = [t for t in self.counted if t.verdict.criterion != criterion and t.verdict.criterion.name in names]
-        decided = [trial for trial in (*own, *others) if trial.verdict.decided]
-        return Support(len(decided), sum(trial.wrong for trial in decided), any(trial.near for trial in own))
+        return Support(*_decided((*own, *others)), *_decided(own), any(trial.near for trial in own))
 
     @property
     def brier(self) -> tuple[float, float] | None:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
-from crashfuse.certification.track_record import NOT_NEAR, TrackRecord, largest_share
+from crashfuse.certification.track_record import TrackRecord, largest_share
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.wording import Sentence, joined, speed, weight
@@ -13,6 +13,7 @@ from crashfuse.wording import Sentence, joined, speed, weight
 _NAMED = 20  # conditions in a sentence
 _UNSUPPORTED = "Criteria whose record does not support the confidence"
 _UNTOUCHED = "Criteria whose limit no left-out test came near"
+_FEW = "Criteria whose own record is too short"
 
 
 def summary(certification: Certification) -> tuple[str, ...]:
@@ -20,7 +21,7 @@ def summary(certification: Certification) -> tuple[str, ...]:
     record = certification.record
     said = (matrix_sentence(certification), *to_test(certification), record_sentence(record), *brier_sentence(record))
     against = exceptions(certification)
-    return (*said, *against.get(_UNSUPPORTED, ()), *against.get(_UNTOUCHED, ()))
+    return (*said, *(told for subject in (_UNSUPPORTED, _UNTOUCHED, _FEW) for told in against.get(subject, ())))
 
 
 def matrix_sentence(certification: Certification) -> str:
@@ -97,9 +98,11 @@ def support_sentence(record: TrackRecord, criterion: Criterion, confidence: floa
     support = record.support(criterion)
     if (shortfall := support.shortfall(confidence)) is not None:
         return shortfall
-    if not support.near:
-        return NOT_NEAR
-    return f"It supports the confidence: {support.wrong} of {_count(support.decided, 'left-out verdict')} wrong."
+    if (reservation := support.reservation(confidence)) is not None:
+        return reservation
+    own = f"{support.own_wrong} of {_count(support.own_decided, 'left-out verdict')} of its own wrong"
+    others = f", {support.wrong} of {support.decided} with those on other criteria"
+    return f"It supports the confidence: {own}{others if support.decided > support.own_decided else ''}."
 
 
 def domain_sentences(domain: Domain) -> tuple[str, ...]:
@@ -130,6 +133,7 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     confidence, record = certification.criteria.confidence, certification.record
     supports = {criterion.name: record.support(criterion) for criterion in certification.criteria.items}
     short = {name: s for name, own in supports.items() if (s := own.shortfall(confidence)) is not None}
+    weak = {name: s for name, own in supports.items() if (s := own.reservation(confidence)) is not None}
     outside = dict.fromkeys(joined([i, own.reason], ": ") for i, own in certification.cells if own.word == "outside")
     found = {
         "Warnings about the campaign": certification.campaign.remarks,
@@ -146,11 +150,8 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
         ),
         "Wrong verdicts on left-out tests": tuple(_wrong(record)),
         _UNSUPPORTED: _grouped(short),
-        _UNTOUCHED: tuple(
-            f"{name}: no left-out test came near this limit; the record says nothing about it."
-            for name, own in supports.items()
-            if record.trials and not own.near
-        ),
+        _UNTOUCHED: _grouped({name: s for name, s in weak.items() if record.trials and not supports[name].near}),
+        _FEW: _grouped({name: s for name, s in weak.items() if name not in short and supports[name].near}),
         "No record": () if record.trials else (record_sentence(record),),
     }
     return {subject: sentences for subject, sentences in found.items() if sentences}

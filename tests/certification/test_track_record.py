@@ -142,7 +142,7 @@ def test_a_probability_of_one_lies_in_the_last_bin() -> None:
 @pytest.mark.parametrize(("decided", "wrong", "supports"), [(9, 0, True), (8, 0, False), (29, 1, True), (28, 1, False)])
 def test_a_record_supports_the_confidence_that_it_makes_likely(decided: int, wrong: int, supports: bool) -> None:
     """Jeffreys' mean of the share of right verdicts reaches 0.95 with nine of nine, or 28 of 29."""
-    support = Support(decided, wrong, near=True)
+    support = Support(decided, wrong, decided, wrong, near=True)
     assert support.confidence == pytest.approx(1 - (wrong + 0.5) / (decided + 1))
     said = support.shortfall(0.95)
     assert (said is None) is supports
@@ -157,8 +157,21 @@ def test_a_criterion_counts_on_others_only_if_a_test_came_near_their_limits() ->
     near = [trial("met", 495.0, held_out=f"N{i}") for i in range(5)]
     far = [trial("met", 5.0, held_out=f"F{i}", criterion=PEAK, interval=(4.0, 6.0)) for i in range(7)]
     record = TrackRecord((*near, *far))
-    assert record.support(CRUSH) == Support(5, 0, near=True)
-    assert record.support(PEAK) == Support(12, 0, near=False)
+    assert record.support(CRUSH) == Support(5, 0, 5, 0, near=True)
+    assert record.support(PEAK) == Support(12, 0, 7, 0, near=False)
+
+
+def test_few_verdicts_of_its_own_are_told_with_what_they_can_show() -> None:
+    """Two right ones do not support 0.95, though with fifty on other criteria they do; nine do, alone."""
+    said = Support(52, 0, own_decided=2, own_wrong=0, near=True).reservation(0.95)
+    assert said is not None
+    assert said.startswith(
+        "Only 2 left-out verdicts of its own, 0 wrong (at most 78 %): too few to support the confidence"
+    )
+    assert said.endswith("; with those on other criteria, 0 of 52 are wrong.")
+    none = Support(50, 0, own_decided=0, own_wrong=0, near=True).reservation(0.95)
+    assert none == "No left-out verdict of its own; with those on other criteria, 0 of 50 are wrong."
+    assert Support(50, 0, own_decided=9, own_wrong=0, near=True).reservation(0.95) is None
 
 
 def test_near_means_within_one_width_of_the_interval() -> None:

@@ -150,7 +150,7 @@ def test_a_limit_that_no_test_comes_near_has_no_record(
     path = tmp_path / "criteria.toml"
     path.write_text('[[criterion]]\nmetric = "max_crush"\nat_most = 20000\n', encoding="utf-8")
     assert certify(planned, tmp_path / "out", "--criteria", str(path)) == cli.DONE
-    told = "max_crush: no left-out test came near this limit; the record says nothing about it."
+    told = "max_crush: No left-out test came near this limit: the record says nothing about it."
     assert told in capsys.readouterr().out
 
 

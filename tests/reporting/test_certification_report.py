@@ -120,7 +120,11 @@ def test_exceptions_are_all_named(certification: Certification) -> None:
     [unsupported] = found["Criteria whose record does not support the confidence"]
     assert "left-out verdicts with no more than" in unsupported
     [untouched] = found["Criteria whose limit no left-out test came near"]
-    assert untouched.startswith("rating: no left-out test came near")
+    assert untouched.startswith("rating: No left-out test came near")
+    few = exceptions(certification)["Criteria whose own record is too short"]
+    told = "crush: No left-out verdict of its own; with those on other criteria, 0 of 3 are wrong."
+    assert few == (told,)
+    assert told in summary(certification)
 
 
 def test_open_cells_say_how_far_their_limit_is(certification: Certification, text: str) -> None:
