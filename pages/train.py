@@ -42,14 +42,16 @@ def choose_held_out() -> tuple[str, ...]:
 
 
 def compute(
-    request: Request[T], show_result: Callable[[T], None], show_part: Callable[[T], None] | None = None, *, ready: bool
+    request: Request[T], show_result: Callable[[T], None], show_part: Callable[[T], None] | None = None, *, trouble: str
 ) -> None:
-    """Offer to start a computation, show progress, what is known of the result so far, and finally all."""
-    job = request.find() if ready else None
+    """Offer to start a computation unless there is trouble, show progress, what is known so far, and finally all."""
+    if trouble:
+        st.info(plain(trouble))
+    job = None if trouble else request.find()
     if job is None or not job.active:
         st.button(
             "Start", type="primary", icon=":material/play_arrow:", on_click=request.start,
-            disabled=not ready or (job is not None and job.state == "done"),
+            disabled=bool(trouble) or (job is not None and job.state == "done"),
         )  # fmt: skip
     if job is not None and job.active:
         part = job.part if show_part is not None else None
@@ -113,10 +115,8 @@ if purpose == FIT:
     st.markdown(
         "Fit every approach on all tests, as `crashfuse train` does, to predict conditions that were not tested."
     )
-    config, ready = choose_settings(leaving_out=False)
-    if not ready:
-        st.info("Choose at least one approach.")
-    compute(FitRequest(campaign, config), show_models, ready=ready)
+    config, trouble = choose_settings(leaving_out=False)
+    compute(FitRequest(campaign, config), show_models, trouble=trouble)
 else:
     stop_with_a_single_test(campaign)
     st.markdown(
@@ -124,8 +124,8 @@ else:
         "predicted."
     )
     held_out = choose_held_out()
-    config, ready = choose_settings(leaving_out=True)
-    if not (ready and held_out):
-        st.info("Choose at least one test and one approach.")
+    config, trouble = choose_settings(leaving_out=True)
+    if not held_out:
+        trouble = "Choose at least one test and one approach."
     request = StudyRequest(campaign, held_out, config)
-    compute(request, show_predicted, show_predicted_so_far, ready=ready and bool(held_out))
+    compute(request, show_predicted, show_predicted_so_far, trouble=trouble)

@@ -85,7 +85,7 @@ CHOICES: dict[str, Choice] = {
     "leave_out": Choice(str, "test", ("test", "speed group"), ("train", "compare")),
     "approaches": Choice(tuple, APPROACHES, APPROACHES),
     "preset": Choice(str, "fast", PRESETS),
-    "seed": Choice(int, 0),
+    "seed": Choice(int, 0, range(2**32)),
     "device": Choice(str, "auto", DEVICES),
     # how it is shown
     "window": Choice(float, WINDOWS_MS[-1], WINDOWS_MS, ("data", "train", "compare", "study", "predict", "history")),

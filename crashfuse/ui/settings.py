@@ -5,6 +5,7 @@ import streamlit as st
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.approaches.settings import DEVICES, PRESETS
 from crashfuse.crash_test import SPEED_STEP_MPS
+from crashfuse.errors import UsageError
 from crashfuse.reporting import glossary
 from crashfuse.study.config import StudyConfig
 from crashfuse.ui import address
@@ -13,8 +14,8 @@ from crashfuse.ui.text import chosen_units
 from crashfuse.wording import said, speed
 
 
-def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
-    """Ask for the settings, including what else is left out if tests are; second is whether an approach is chosen."""
+def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, str]:
+    """Ask for the settings, including what else is left out if tests are; second is what is wrong with them, if any."""
     chosen = st.pills(
         "Approaches", APPROACHES, selection_mode="multi", format_func=LABELS.__getitem__,
         key="approaches", persist_state="session",
@@ -30,8 +31,8 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
         persist_state="session",
     )
     with right.expander("Advanced", icon=":material/tune:"):
-        st.number_input(
-            "Seed", min_value=0, max_value=2**31 - 1, step=1, key="seed", persist_state="session",
+        st.number_input(  # without bounds, within which a browser would keep the last one and say nothing to the page
+            "Seed", step=1, key="seed", persist_state="session",
             help="Of all random numbers. The same seed gives the same results.",
         )  # fmt: skip
         if leaving_out:
@@ -51,7 +52,13 @@ def choose_settings(*, leaving_out: bool) -> tuple[StudyConfig, bool]:
         st.warning(
             "The paper's settings take many hours without a GPU. You can cancel at any time.", icon=":material/timer:"
         )
-    return config, bool(chosen)
+    if not chosen:
+        return config, "Choose at least one approach."
+    try:
+        config.check()
+    except UsageError as error:
+        return config, str(error)
+    return config, ""
 
 
 def choose_left_out() -> None:
