@@ -97,8 +97,9 @@ class Distribution:
         return max(self.centre + self.scale * float(stdtrit(self.freedom, within)), 0.0)
 
     def interval(self, level: float = _LEVEL) -> tuple[float | None, float | None]:
-        """Central interval; an end is None if it lies beyond the record."""
-        return self.quantile((1 - level) / 2), self.quantile((1 + level) / 2)
+        """Central interval; an end is None if it lies beyond the record; so is a lower end of 0 below such a one."""
+        lower, upper = self.quantile((1 - level) / 2), self.quantile((1 + level) / 2)
+        return (None if upper is None and lower == 0 else lower), upper
 
 
 def standardised_error(values: FloatArray, measured: float) -> float:

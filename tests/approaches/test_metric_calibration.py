@@ -1,5 +1,7 @@
 """A metric's distribution at a single test: the shape from the draws, place and width from left-out tests."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -121,6 +123,16 @@ def test_between_two_limits_lies_what_lies_below_one_and_above_the_other() -> No
 def test_a_lower_end_is_never_negative() -> None:
     """Metrics are positive numbers."""
     assert spread(DRAWS - 99.0).interval()[0] == 0.0
+
+
+def test_an_interval_from_zero_to_beyond_the_record_says_nothing() -> None:
+    """At least 0 ms is true of any time: neither end is known; an end above 0 is, and 0 below a known one."""
+    wide = Distribution(70.0, 60.0, 8.0, highest=0.05)
+    assert wide.interval() == (None, None)
+    lower, upper = replace(wide, scale=5.0).interval()
+    assert lower is not None
+    assert (lower > 50.0, upper) == (True, None)
+    assert replace(wide, highest=0.0).interval()[0] == 0.0
 
 
 def test_a_value_without_draws_is_judged_by_left_out_tests_alone() -> None:
