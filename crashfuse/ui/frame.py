@@ -21,6 +21,7 @@ from crashfuse.ui.figures import load_early
 from crashfuse.ui.folding import fold_when_narrow
 from crashfuse.ui.look import STYLE
 from crashfuse.ui.navigation import navigate, show_link, show_links
+from crashfuse.ui.panel import forget_panels
 from crashfuse.ui.problems import show_problems
 from crashfuse.ui.running import show_running
 from crashfuse.ui.settings import choose_left_out
@@ -62,6 +63,7 @@ def route(page: Page) -> None:
     address.follow(page.url_path)
     token = _choice.set(_sidebar(page.url_path))
     address.publish()
+    forget_panels()
     try:
         page.run()
     finally:

@@ -19,6 +19,7 @@ from crashfuse.ui.visitors import names, visitor
 
 T = TypeVar("T")
 
+_IN_PANELS = "jobs in panels"  # session key: those whose progress the open page shows
 _PART_S = 3.0  # between two parts of a result: each redraws the page
 _OFTEN_S, _SELDOM_S = 0.5, 1.0  # between two looks at a job: until a part is shown, and then; each look costs the job
 
@@ -81,8 +82,19 @@ def show_job(job: Job[T], shown: T | None = None, since: float = math.inf, *, in
     A page that shows parts of the result says which part it has ``shown``, and ``since`` when: it is redrawn when more
     is known, a first part at once.
     """
+    st.session_state.setdefault(_IN_PANELS, set()).add(id(job))
     every_s = _OFTEN_S if shown is None else _SELDOM_S
     st.fragment(_show_job, run_every=every_s)(job, shown, since, in_full=in_full)
+
+
+def forget_panels() -> None:
+    """Begin a page, which has shown no job yet."""
+    st.session_state[_IN_PANELS] = set()
+
+
+def is_in_panel(job: Job[Any]) -> bool:
+    """Whether the open page shows the progress of a job: its time left is then told there alone."""
+    return id(job) in st.session_state.get(_IN_PANELS, ()) or job.places[visitor()].is_here
 
 
 def _show_job(job: Job[T], shown: T | None, since: float, *, in_full: bool) -> None:
