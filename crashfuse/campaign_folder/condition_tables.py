@@ -86,39 +86,57 @@ def read_conditions(path: Path, role: Role = "tests") -> ConditionTable:
     return table
 
 
+def read_list(path: Path) -> ConditionTable:
+    """Read conditions that someone has listed, in a table like ``tests.csv`` or as a spreadsheet writes it elsewhere.
+
+    Raises
+    ------
+    DataError
+        With every problem.
+    """
+    problems: list[Problem] = []
+    table = _read_cells(_read_text(path, problems, by_hand=True), path.name, "tests", problems)
+    if table is None or problems:
+        raise DataError(shortened(problems))
+    return table
+
+
 def read_what_can_be(path: Path, role: Role, problems: list[Problem]) -> ConditionTable | None:
     """Read a condition table that may have problems, so that pulses can be checked against what is sound in it.
 
     As :func:`read_conditions`, but with every row that has an id of its own; NaN stands for a speed or weight that is
     not there. None if there are no such rows. Problems are appended to ``problems``.
     """
-    frame = _read_text(path, problems)
+    return _read_cells(_read_text(path, problems), path.name, role, problems)
+
+
+def _read_cells(frame: pd.DataFrame | None, where: str, role: Role, problems: list[Problem]) -> ConditionTable | None:
     if frame is None:
         return None
     names = list(map(str, frame.columns))
     columns = {
         name: pair
         for name, units in _QUANTITIES.items()
-        if (pair := find_column(names, name, units, path.name, problems)) is not None
+        if (pair := find_column(names, name, units, where, problems)) is not None
     }
     if "id" in names:
         frame["id"] = frame["id"].str.strip()
-        sound = _check_ids(frame["id"], path.name, problems)
+        sound = _check_ids(frame["id"], where, problems)
     else:
         found, advice = f"the columns {listed(names)}", "name each row in a column id"
-        problems.append(Problem(path.name, "a column id", found, advice))
+        problems.append(Problem(where, "a column id", found, advice))
         sound = []
     values = {name: np.full(len(frame), np.nan) for name in _QUANTITIES}
     rows_of = frame.index.to_numpy()
     for name, (column, factor) in columns.items():
-        numbers = not_a_number(frame[column], column, path.name, rows_of, problems, _LARGEST[name] / factor)
+        numbers = not_a_number(frame[column], column, where, rows_of, problems, _LARGEST[name] / factor)
         smallest = 0.0 if role == "cae" and name == "speed" else _SMALLEST[name] / factor
-        _check_low(numbers, smallest, frame[column], path.name, problems)
+        _check_low(numbers, smallest, frame[column], where, problems)
         values[name] = factor * numbers
-    quality = read_quality(frame, path.name, problems)
+    quality = read_quality(frame, where, problems)
     found_columns = [column for column, _ in columns.values()]
     extra = [name for name in names if name not in {"id", *QUALITIES, *found_columns}]
-    _check_factors(frame[extra], path.name, problems)
+    _check_factors(frame[extra], where, problems)
     if not sound:
         return None
     factors = [tuple(zip(extra, row, strict=True)) for row in frame[extra].to_numpy(dtype=str).tolist()]
@@ -131,20 +149,20 @@ def read_what_can_be(path: Path, role: Role, problems: list[Problem]) -> Conditi
 
 def read_candidates(path: Path) -> tuple[Condition, ...]:
     """Read candidate test conditions from a table like ``tests.csv``; raise a DataError with every problem."""
-    conditions = read_conditions(path).conditions
+    conditions = read_list(path).conditions
     if (count := len(conditions)) > _MOST_CANDIDATES:
         expected, advice = f"at most {_MOST_CANDIDATES} candidates", "leave out those that are like others"
         raise DataError(Problem(path.name, expected, f"{count}", advice))
     return conditions
 
 
-def _read_text(path: Path, problems: list[Problem]) -> pd.DataFrame | None:
+def _read_text(path: Path, problems: list[Problem], *, by_hand: bool = False) -> pd.DataFrame | None:
     """All cells as text, indexed by their row in the file; None, and a problem, if it is not such a table."""
     if not path.exists():
         problems.append(Problem(path.name, "this file", "no such file", "add it"))
         return None
     try:
-        names, rows, numbers = read_rows(path, path.name)
+        names, rows, numbers = read_rows(path, path.name, by_hand=by_hand)
     except DataError as error:
         problems.extend(error.problems)
         return None

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ _LONGEST_LINE = 100_000
 _MOST_COLUMNS = 500
 _LARGEST_TABLE, _MOST_LINES, _MOST_CELLS = 32 << 20, 500_000, 5_000_000  # of a condition table; the first in characters
 _MOST_WIDE = 20  # lines with more cells than the header that are told
+_COMMA, _POINT = re.compile(r"\s*[+-]?\d+,\d+\s*"), re.compile(r"\s*[+-]?\d+\.\d+\s*")
 _AGAIN = "export it again as comma-separated text in UTF-8"
 
 
@@ -105,11 +107,12 @@ class CsvTable:
         return Problem(self._where, "a comma-separated table", "lines that cannot be told apart", _AGAIN, row=row)
 
 
-def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[int]]:
+def read_rows(path: Path, where: str, *, by_hand: bool = False) -> tuple[list[str], list[list[str]], list[int]]:
     """Read a small table at once: its header, its rows padded to the header's width, and the number of each row.
 
-    Empty rows are skipped. A table that cannot be read, is larger than any library needs, or has rows with more cells
-    than the header raises a DataError.
+    One that is made ``by_hand`` may be as spreadsheets write it in other countries: with semicolons or tabs between
+    the columns, and then with decimal commas. Empty rows are skipped. A table that cannot be read, is larger than any
+    library needs, or has rows with more cells than the header raises a DataError.
     """
     with text_from(path, where) as stream:
         text = stream.read(_LARGEST_TABLE + 1)
@@ -123,7 +126,8 @@ def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[
             row = text.count("\n", 0, start) + 1
             raise DataError(Problem(where, "lines of a table", "one without an end", _AGAIN, row=row))
         start = end + 1
-    reader = csv.reader(io.StringIO(text), skipinitialspace=True, strict=True)
+    between = _separator(text) if by_hand else ","
+    reader = csv.reader(io.StringIO(text), skipinitialspace=True, strict=True, delimiter=between)
     rows: list[list[str]] = []
     numbers: list[int] = []
     wide: list[Problem] = []
@@ -144,7 +148,20 @@ def read_rows(path: Path, where: str) -> tuple[list[str], list[list[str]], list[
         raise DataError([*wide, Problem(where, expected, str(error), _AGAIN, row=number + 1)]) from None
     if wide:
         raise DataError(wide)
-    return names, rows, numbers
+    return names, rows if between == "," else _with_points(rows), numbers
+
+
+def _separator(text: str) -> str:
+    """What stands between the columns by the header, in whose names nothing of the kind stands."""
+    header = text.partition("\n")[0]
+    return next((other for other in ";\t" if other in header and "," not in header), ",")
+
+
+def _with_points(rows: list[list[str]]) -> list[list[str]]:
+    """Decimal commas as points; but where any number has a point, a comma may stand between thousands and is left."""
+    if any(_POINT.fullmatch(cell) for row in rows for cell in row):
+        return rows
+    return [[cell.replace(",", ".") if _COMMA.fullmatch(cell) else cell for cell in row] for row in rows]
 
 
 def header_names(cells: Sequence[str], where: str) -> list[str]:
