@@ -1,5 +1,6 @@
 """The units that a reader wants, and sentences with quantities in them that can be said in these."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Self
@@ -18,6 +19,7 @@ _DIMENSIONS = {
 _DIMENSION_OF = {unit: dimension for dimension, own in _DIMENSIONS.items() for unit in own}
 IN_SI = {unit: factor for own in _DIMENSIONS.values() for unit, factor in own.items()}
 """Factors to SI of every unit that a reader can choose."""
+_BEFORE_UNIT = re.compile(rf"(?<=\d) (?=({'|'.join(map(re.escape, ('%', 'mm', 'ms', *IN_SI)))})(?!\w))")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,11 @@ class UnitSystem:
 def signed(value: float, digits: int) -> str:
     """A difference for readers, with its sign, which is that of print."""
     return f"{value:+z.{digits}f}".replace("-", "−")
+
+
+def unbroken(text: str) -> str:
+    """A text in which no line ends between a number and its unit."""
+    return _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", text)
 
 
 MPH_LB, KPH_KG = UnitSystem(), UnitSystem("km/h", "kg")

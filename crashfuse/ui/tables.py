@@ -2,6 +2,7 @@
 
 import re
 import string
+from collections import Counter
 from collections.abc import Callable, Hashable
 from functools import partial
 
@@ -40,7 +41,7 @@ export default ({ parentElement, data }) => {
 _RIGHT = "text-align: right !important"
 _DIGIT_WIDE, _POINT_WIDE, _BRACKET_WIDE = "\u2007", "\u2008", "\u2004"
 _BLANKS = {
-    **{ord(char): _DIGIT_WIDE for char in string.printable},
+    **{ord(char): _DIGIT_WIDE for char in string.printable + "≤≥"},
     **{ord(char): _POINT_WIDE for char in ".,"},
     **{ord(char): _BRACKET_WIDE for char in "[]()"},
     ord(" "): "\N{NO-BREAK SPACE}",
@@ -90,7 +91,8 @@ def _with_light_interval(cell: object, longest: str) -> str:
     escaped = interval.strip().replace(" ", "\N{NO-BREAK SPACE}").replace("[", "\\[").replace("]", "\\]")
     if not escaped:
         return number + longest.translate(_BLANKS)
-    return f"{number}\N{NO-BREAK SPACE}:gray[{escaped}]" + _DIGIT_WIDE * (len(longest) - len(interval))
+    missing = Counter(longest.translate(_BLANKS)) - Counter(interval.translate(_BLANKS))
+    return f"{number}\N{NO-BREAK SPACE}:gray[{escaped}]" + "".join(missing.elements())
 
 
 def _literally(cell: object) -> object:

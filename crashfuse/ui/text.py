@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import streamlit as st
 
-from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem, said
+from crashfuse.wording import MPH_LB, SYSTEMS, UnitSystem, said, unbroken
 
 _MARKS = {ord(char): f"\\{char}" for char in string.punctuation}
 
@@ -15,7 +15,7 @@ def plain(text: object) -> str:
 
     A sentence, a condition or a quantity is said in the units that were chosen in the sidebar.
     """
-    return " ".join(said(text, chosen_units()).split()).translate(_MARKS)
+    return unbroken(" ".join(said(text, chosen_units()).split())).translate(_MARKS)
 
 
 def chosen_units() -> UnitSystem:

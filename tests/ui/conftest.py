@@ -21,6 +21,11 @@ SOON = 60.0
 _ESCAPED = re.compile(r"\\([!-/:-@\[-`{-~])")  # punctuation that is kept from being Markdown
 
 
+def as_read(text: str) -> str:
+    """Markdown as it is read, with spaces for those where no line ends."""
+    return _ESCAPED.sub(r"\1", text).replace("\N{NO-BREAK SPACE}", " ")
+
+
 @dataclass(frozen=True)
 class Session:
     """One user in front of a page; no step may raise."""
@@ -52,17 +57,16 @@ class Session:
 
     @property
     def words(self) -> str:
-        """All text of the page, as it is read: without the marks that keep it from being Markdown."""
+        """All text of the page, as it is read: without the marks that keep it from being Markdown, or on one line."""
         kinds = "title", "subheader", "markdown", "caption", "text", "error", "info", "warning", "success"
         text = "\n".join(element.value for kind in kinds for element in getattr(self.app, kind))
-        return _ESCAPED.sub(r"\1", text)
+        return as_read(text)
 
     @property
     def tables(self) -> list[pd.DataFrame]:
         """All tables of the page, their text as it is read."""
         return [
-            table.value.map(lambda cell: _ESCAPED.sub(r"\1", cell) if isinstance(cell, str) else cell)
-            for table in self.app.table
+            table.value.map(lambda cell: as_read(cell) if isinstance(cell, str) else cell) for table in self.app.table
         ]
 
     @property

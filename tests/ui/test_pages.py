@@ -37,6 +37,7 @@ from crashfuse.ui import learning_curve as panel
 from crashfuse.ui.sent_figure import SentFigure
 from crashfuse.units import LB, MPH, G
 from tests.conftest import ROOT
+from tests.ui.conftest import as_read
 
 APP = ROOT / "app.py"
 PAGES = ("data", "train", "compare", "study", "predict", "certify")
@@ -155,12 +156,12 @@ def words(app: AppTest) -> str:
     )
     texts = [element.value for elements in kinds for element in elements]
     shown = "\n".join(texts + [bar.text for bar in app.progress])
-    return re.sub(r"\\([!-/:-@\[-`{-~])", r"\1", shown)  # as Markdown shows it
+    return as_read(shown)
 
 
 def tables(app: AppTest) -> list[pd.DataFrame]:
     """All tables of the page."""
-    return [table.value for table in app.table]
+    return [table.value.map(lambda cell: as_read(cell) if isinstance(cell, str) else cell) for table in app.table]
 
 
 def downloads(app: AppTest) -> list[str]:

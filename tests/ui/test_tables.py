@@ -40,6 +40,8 @@ def test_an_open_interval_and_its_remark_are_numbers_too() -> None:
     right, cells = shown(["≤ 15.3 (record ends too early)", "12.0 [≥ 11.0]"])
     assert right
     assert cells[0].replace(UNBROKEN, " ") == "≤ 15.3 :gray[(record ends too early)]"
+    _, cells = shown(["29.0 [≤ 32.1]", "28.5 [27.0, 29.6]"])
+    assert cells[0].endswith(f"]{2 * FIGURE_SPACE}{POINT}{POINT}")  # "27.0," is two digits, a point and a comma wider
 
 
 def test_numbers_of_any_type_stand_at_the_right_and_words_at_the_left() -> None:

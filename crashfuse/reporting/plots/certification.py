@@ -14,6 +14,7 @@ from crashfuse.reporting.certification_tables import probability_text
 from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.plots.palette import COLOURS, INK, MEASURED_COLOUR, VERDICT_COLOURS
+from crashfuse.wording import unbroken
 
 FEW_CONDITIONS = 40
 """More rows than these are drawn narrower."""
@@ -168,7 +169,7 @@ def _by_speed(certification: Certification) -> tuple[list[str], list[tuple[Verdi
 
 def _header(criterion: Criterion, width: int, display: Display) -> str:
     name = [f"<b>{line}</b>" for line in wrap(criterion.name, width)]
-    return "<br>".join(name + wrap(display.words(criterion.limits), width))
+    return "<br>".join(name + wrap(unbroken(display.words(criterion.limits)), width))
 
 
 def _cell(verdict: Verdict) -> str:

@@ -76,7 +76,7 @@ def _show_beside_the_cae(
 ) -> None:
     fold = comparison.fold
     rating = fold.ratings[name][comparison.window_ms]
-    st.markdown(f"**{_TITLES[name]}** · {LABELS[name]} {rating.overall:.3f}, {rating.grade.lower()}")
+    st.markdown(f"**{_TITLES[name]}** · {LABELS[name]} {rating.overall:.3f} ({rating.grade})")
     show_cached_figure(
         lambda: drawn()[name],
         f"Acceleration over time: test {fold.held_out}, the CAE model and {LABELS[name]}",

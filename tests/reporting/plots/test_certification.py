@@ -72,7 +72,7 @@ def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(th
     """Rows in order of speed, columns as the criteria are; a condition outside has no number."""
     heat, marks, *_ = verdict_matrix(three).data
     assert list(heat.y) == ["slow · 20.0 mph", "fast · 30.0 mph", "far · 70.0 mph"]
-    assert list(heat.x) == ["<b>crush</b><br>at most 500 mm", "<b>rating</b><br>at least 0.80"]
+    assert list(heat.x) == ["<b>crush</b><br>at most 500\N{NO-BREAK SPACE}mm", "<b>rating</b><br>at least 0.80"]
     assert [list(row) for row in heat.text] == [
         ["met >0.99", "met >0.99"],
         ["not met 0.03", "open 0.50"],
