@@ -77,7 +77,7 @@ class Trial:
         return lower is None or upper is None or self.verdict.criterion.margin(self.measured) <= upper - lower
 
 
-def _decided(trials: Sequence[Trial]) -> tuple[int, int]:
+def _decided(trials: tuple[Trial, ...]) -> tuple[int, int]:
     """Number of verdicts *met* and *not met*, and of the wrong ones."""
     return sum(trial.verdict.decided for trial in trials), sum(trial.wrong for trial in trials)
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 from plotly.colors import hex_to_rgb
 
-from crashfuse.reporting.plots.palette import AXIS, CURSOR, GRID, IN_THE_DARK, INK, PAPER, WINDOW, WINDOW_INK
+from crashfuse.reporting.plots.palette import AXIS, COLOURS, CURSOR, GRID, IN_THE_DARK, INK, PAPER, WINDOW, WINDOW_INK
 from crashfuse.signals.pulse import FloatArray
 
 _FONT = '"Source Sans", "Source Sans 3", "Source Sans Pro", "Segoe UI", system-ui, sans-serif'
@@ -26,6 +26,7 @@ _LETTER_PX, _SYMBOL_PX = 6.4, 46  # of a name, on average, with the symbol and t
 _NAMES_PX = 915  # in a window of 1440 px
 _TICK_NAME = 24  # characters
 _EDGE_OPACITY = 0.6  # of a band that is outlined
+_FEW_RUNS = 150  # more are a cloud, in which tests have to be seen
 
 # tools that Plotly puts beside a figure: one would upload its pulses to somebody's cloud, the others are of no use
 _UNWANTED_TOOLS = ["sendChartToCloud", "lasso2d", "select2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
@@ -38,6 +39,12 @@ unless it is filled."""
 def tick_name(name: str) -> str:
     """A test's or condition's name at an axis: of a long one its beginning and end, so that the figure has its room."""
     return name if len(name) <= _TICK_NAME else f"{name[: _TICK_NAME // 2]}…{name[1 - _TICK_NAME // 2 :]}"
+
+
+def marks_of_runs(count: int) -> dict[str, object]:
+    """Marks of so many CAE runs behind tests: a few are seen one by one, many as a cloud."""
+    few = count <= _FEW_RUNS
+    return {"color": COLOURS["cae"], "size": 6 if few else 4, "opacity": 0.7 if few else 0.35}
 
 
 def new_figure(height: int) -> go.Figure:

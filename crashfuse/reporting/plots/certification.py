@@ -11,9 +11,9 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.verdict import WORDS, Verdict, Word
 from crashfuse.reporting.certification_tables import probability_text
-from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, new_figure, tick_name
+from crashfuse.reporting.plots.canvas import fix_cells, make_clickable, marks_of_runs, new_figure, tick_name
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import COLOURS, INK, MEASURED_COLOUR, VERDICT_COLOURS
+from crashfuse.reporting.plots.palette import INK, MEASURED_COLOUR, VERDICT_COLOURS
 from crashfuse.wording import unbroken
 
 FEW_CONDITIONS = 40
@@ -114,7 +114,7 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
     figure.add_scatter(
         x=np.float32(display.speeds(campaign.cae.vectors[some, 0])), y=np.float32(display.weights(run_masses[some])),
         mode="markers", hoverinfo="skip",
-        name=f"{len(campaign.cae):,} CAE runs", marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.3},
+        name=f"{len(campaign.cae):,} CAE runs", marker=marks_of_runs(len(run_masses[some])),
     )  # fmt: skip
     rows = list(zip(certification.matrix.ids, certification.verdicts, strict=True))
     for word in _WORST_FIRST:

@@ -7,9 +7,9 @@ import plotly.graph_objects as go
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.crash_test import CrashTest
-from crashfuse.reporting.plots.canvas import new_figure
+from crashfuse.reporting.plots.canvas import marks_of_runs, new_figure
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.reporting.plots.palette import COLOURS, CURSOR, MEASURED_COLOUR
+from crashfuse.reporting.plots.palette import CURSOR, MEASURED_COLOUR
 from crashfuse.signals.pulse import FloatArray
 
 _MAX_RUNS = 600  # more points only fill the same cloud, and browsers draw each one separately
@@ -49,7 +49,7 @@ def condition_space(
         place: dict[str, object] = {"row": row, "col": 1, "showlegend": row == 1}
         figure.add_scatter(
             x=some[:, 0], y=some[:, row], mode="markers", name=f"{len(runs):,} CAE runs", legendgroup="runs",
-            hoverinfo="skip", marker={"color": COLOURS["cae"], "size": 4, "opacity": 0.35}, **place,
+            hoverinfo="skip", marker=marks_of_runs(len(some)), **place,
         )  # fmt: skip
         figure.add_scatter(
             x=np.array([low[0], high[0], high[0], low[0], low[0]], dtype=np.float32),

@@ -33,6 +33,17 @@ def test_tests_stand_at_their_speeds_and_weights(campaign: Campaign) -> None:
     assert not traces(figure, OUTSIDE)
 
 
+def test_a_few_cae_runs_are_seen_one_by_one(campaign: Campaign) -> None:
+    """They are larger and less sheer than the points of a cloud, in whose midst the tests would be lost."""
+    own, times = campaign.cae, 1 + 150 // len(campaign.cae)
+    ids = tuple(map(str, range(times * len(own))))
+    many = CaeLibrary(ids, times * own.conditions, np.tile(own.accel_mps2, (times, 1)))
+    few_marks, many_marks = (traces(condition_space(runs, ()), "runs")[0].marker for runs in (own, many))
+    assert len(own) < 150 < len(many)
+    assert few_marks.size > many_marks.size
+    assert few_marks.opacity > many_marks.opacity
+
+
 def test_a_test_outside_the_cae_runs_is_drawn_open_and_says_so(campaign: Campaign) -> None:
     """Outside the range that is drawn."""
     far = CrashTest("far", Condition(30 * MPH, 2400 * LB, 1500 * LB), campaign.tests[0].pulse)
