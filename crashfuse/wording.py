@@ -19,7 +19,8 @@ _DIMENSIONS = {
 _DIMENSION_OF = {unit: dimension for dimension, own in _DIMENSIONS.items() for unit in own}
 IN_SI = {unit: factor for own in _DIMENSIONS.values() for unit, factor in own.items()}
 """Factors to SI of every unit that a reader can choose."""
-_BEFORE_UNIT = re.compile(rf"(?<=\d) (?=({'|'.join(map(re.escape, ('%', 'mm', 'ms', *IN_SI)))})(?!\w))")
+_UNITS = "|".join(map(re.escape, ("%", "mm", "ms", *IN_SI)))
+_WITHIN_NUMBER = re.compile(rf"(?<=\d) (?=({_UNITS})(?!\w))|(?<=[±≤≥]) (?=\d)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +50,8 @@ def signed(value: float, digits: int) -> str:
 
 
 def unbroken(text: str) -> str:
-    """A text in which no line ends between a number and its unit."""
-    return _BEFORE_UNIT.sub("\N{NO-BREAK SPACE}", text)
+    """A text in which no line ends between a number and its unit, or ± and the number."""
+    return _WITHIN_NUMBER.sub("\N{NO-BREAK SPACE}", text)
 
 
 MPH_LB, KPH_KG = UnitSystem(), UnitSystem("km/h", "kg")

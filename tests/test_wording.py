@@ -6,7 +6,7 @@ import pytest
 
 from crashfuse.condition import Condition
 from crashfuse.units import KPH, MPH
-from crashfuse.wording import KPH_KG, MPH_LB, Quantity, Sentence, UnitSystem, joined, said, speed, weight
+from crashfuse.wording import KPH_KG, MPH_LB, Quantity, Sentence, UnitSystem, joined, said, speed, unbroken, weight
 
 METRIC = KPH_KG
 
@@ -59,3 +59,10 @@ def test_a_condition_is_said_in_one_system() -> None:
     condition = Condition(56 * KPH, 950.0, 700.0)
     assert condition.in_units(MPH_LB) == "34.8 mph, front 2094 lb, rear 1543 lb"
     assert condition.in_units(METRIC) == "56.0 km/h, front 950 kg, rear 700 kg"
+
+
+def test_no_line_ends_between_a_number_and_its_unit() -> None:
+    """Nor after a sign before a number; between other words it may."""
+    text = "8 tests at 35.1 mph: 95 % within ± 1.9 g, ≤ 460 mm, 5 good ones, 9.8 m/s² in 60 ms"
+    told = "8 tests at 35.1~mph: 95~% within ±~1.9~g, ≤~460~mm, 5 good ones, 9.8~m/s² in 60~ms"
+    assert unbroken(text) == told.replace("~", "\N{NO-BREAK SPACE}")

@@ -116,7 +116,7 @@ def add_corridors(figure: go.Figure, measured: Pulse, display: Display = DEFAULT
     time, accel = measured.time_s[inside] / MS, measured.accel_mps2[inside] * display.accel_scale
     largest = np.abs(accel).max()
     outline = np.concatenate([time, time[::-1]]).astype(np.float32)
-    for name, share, alpha in (("outer", OUTER_CORRIDOR, 0.10), ("inner", INNER_CORRIDOR, 0.30)):
+    for name, share, alpha in (("outer", OUTER_CORRIDOR, 0.16), ("inner", INNER_CORRIDOR, 0.36)):
         half = share * largest
         figure.add_scatter(
             x=outline, y=np.concatenate([accel - half, (accel + half)[::-1]]).astype(np.float32), mode="lines",
