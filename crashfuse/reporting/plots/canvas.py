@@ -200,13 +200,15 @@ def shade_window(figure: go.Figure, window_ms: float, *, rows: int = 1) -> None:
 
 
 def share_y_range(figures: Iterable[go.Figure]) -> None:
-    """Give figures shown side by side the same y range, so that they can be compared."""
+    """Give figures shown side by side the same y range at the same height, so that they can be compared."""
     figures = list(figures)
+    top = max(map(room_above, figures)) + _ROW_PX  # one of them may need a further row of names in a narrow window
     values = np.concatenate([trace.y for figure in figures for trace in figure.data])
     values = values[np.isfinite(values)]  # bands have gaps
     margin = 0.05 * np.ptp(values)
     for figure in figures:
         figure.update_yaxes(range=[values.min() - margin, values.max() + margin])
+        figure.update_layout(margin_t=top)
 
 
 def _add(figure: go.Figure, x: FloatArray, y: FloatArray, style: dict[str, Any]) -> None:
