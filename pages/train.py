@@ -48,11 +48,8 @@ def compute(
     if trouble:
         st.info(plain(trouble))
     job = None if trouble else request.find()
-    if job is None or not job.active:
-        st.button(
-            "Start", type="primary", icon=":material/play_arrow:", on_click=request.start,
-            disabled=bool(trouble) or (job is not None and job.state == "done"),
-        )  # fmt: skip
+    if job is None or job.state in ("failed", "cancelled"):
+        st.button("Start", type="primary", icon=":material/play_arrow:", on_click=request.start, disabled=bool(trouble))
     if job is not None and job.active:
         part = job.part if show_part is not None else None
         if part is not None and show_part is not None:

@@ -61,12 +61,12 @@ def fit_sentences(state: Mapping[str, Any]) -> list[str]:
         sentences.append(
             Sentence(
                 f"Fitted to {state['points']} points of a bias of {{}} RMS; log marginal likelihood "
-                f"{state['log_marginal_likelihood']:.0f}, restarts {state['retries']}. The fit explains {verdict}.",
+                f"{_whole(state['log_marginal_likelihood'])}, restarts {state['retries']}. The fit explains {verdict}.",
                 Quantity((state["bias_rms_g"],), "g"),
             )
         )
     if len(densities := state.get("left_out_log_density", {})) > 1:
-        compared = ", ".join(f"{name} {value:.0f}" for name, value in densities.items())
+        compared = ", ".join(f"{name} {_whole(value)}" for name, value in densities.items())
         used = " and ".join(state["factors"]) or "none"
         sentences.append(
             f"Factors: {used}. Log predictive density of tests left out in turn (higher is better): {compared}."
@@ -123,3 +123,7 @@ def _band_sentence(check: Mapping[str, Any]) -> str:
 
 def _percent(share: float) -> str:
     return "–" if np.isnan(share) else f"{100 * share:.0f} %"
+
+
+def _whole(value: float) -> Quantity:
+    return Quantity((value,), "", ".0f")

@@ -65,7 +65,8 @@ def test_a_fit_is_told_in_sentences() -> None:
     text = " ".join(fit_sentences(STATE))
     assert "300 points" in text
     assert "Factors: powertrain" in text
-    assert "none -10, powertrain -3" in text
+    assert "none −10, powertrain −3" in text
+    assert "likelihood −12," in text
     assert "scaled by 1.15." in text
     assert "crush in 3 of 3 tests and peak deceleration in 3." in text
     assert "too little for a 95 % band" in text  # v(t) 90 %

@@ -296,6 +296,7 @@ def test_fitting_on_all_tests_hands_out_models_and_predict_answers_at_once(
     assert "leave_out" not in [radio.key for radio in app.radio]
     app.button_group(key="approaches").set_value(["cae"]).run()
     finish(press(app, "Start"))
+    assert not [button for button in app.button if button.label == "Start"]  # there is nothing left to start
     campaign = load_campaign(open_campaign)
     assert f"Learned from {len(campaign.tests)} tests and {len(campaign.cae)} CAE runs." in words(app)
     assert downloads(app) == ["models.zip"]

@@ -34,6 +34,7 @@ def choose_matrix(view: View) -> Matrix | None:
     sources = [_OWN, _UPLOAD, _GRID] if own.is_file() else [_UPLOAD, _GRID]
     left, right = st.columns([2, 5], vertical_alignment="bottom")
     with left:
+        st.caption("Conditions from")
         source = choose("Conditions from", sources, key="matrix", default=_OWN if own.is_file() else _GRID)
     try:
         with right:
