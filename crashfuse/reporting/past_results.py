@@ -48,7 +48,7 @@ def comparison_means(compared: StudyComparison, window_ms: float, left_out: str)
             "Difference": signed(row["difference"], 3),
             "Standard error": "–" if row["tests"] < 2 else f"{row['standard_error']:.3f}",
             "Second higher in": f"{row['higher']}",
-            "lower in": f"{row['lower']}",
+            "Second lower in": f"{row['lower']}",
         }
         for row in compared.means(window_ms, left_out).to_dict("records")
     )
