@@ -54,6 +54,8 @@ button[data-testid^="stBaseButton-primary"], [data-testid="stMultiSelectTagsCont
 [data-testid="stCaptionContainer"] code { color: inherit; background: none; padding: 0 }
 /* digits of one width, so that decimal points stand under each other */
 [data-testid="stTable"] td, .cf-ratings { font-variant-numeric: tabular-nums }
+/* sentences in a table use a wide window's room; Streamlit breaks them at 400 px */
+@media (min-width: 1800px) { [data-testid="stTable"] [data-testid="stMarkdownContainer"] { max-width: 45rem } }
 /* on a browser's first visit the sidebar is narrower than requested; three windows would not fit side by side */
 [data-testid="stSidebar"] [data-testid="stButtonGroup"] button { padding-inline: 0.6rem }
 /* the ratings in a row */
