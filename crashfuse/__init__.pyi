@@ -51,8 +51,8 @@ from .signals.rating_sentences import rating_sentences as rating_sentences
 from .study.account import worst_test as worst_test
 from .study.config import StudyConfig as StudyConfig
 from .study.estimate import Fit as Fit
-from .study.estimate import estimate_at as estimate_at
 from .study.estimate import estimates_at as estimates_at
+from .study.estimate_cache import estimate_at as estimate_at
 from .study.expected_rating import expected_rating as expected_rating
 from .study.learning_curve import LearningCurve as LearningCurve
 from .study.learning_curve import learning_curve as learning_curve

@@ -21,7 +21,8 @@ from crashfuse.reporting.result_tables import metrics_table, pulses_table
 from crashfuse.signals.metrics import MAIN_METRICS
 from crashfuse.signals.pulse import DT_S, motion
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Estimate, estimate_at
+from crashfuse.study.estimate import Estimate
+from crashfuse.study.estimate_cache import estimate_at
 from crashfuse.units import KPH
 
 _MM = 1e-3

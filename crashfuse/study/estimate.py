@@ -1,10 +1,9 @@
-"""Fits of approaches to a campaign and their predictions at a condition, both cached."""
+"""Fits of approaches to a campaign, which are cached, and their predictions at a condition."""
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -16,16 +15,16 @@ from crashfuse.approaches.registry import blamed_on
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
-from crashfuse.execution.cache import Cache, Entry, finite, numbers
+from crashfuse.execution.cache import Cache, Entry, numbers
 from crashfuse.execution.code_digest import code_digest
 from crashfuse.execution.one_thread import one_thread
 from crashfuse.execution.progress import SILENT, Watch
 from crashfuse.signals.metrics import METRIC_LABELS, Metric
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
-from crashfuse.signals.pulse import N_SAMPLES, FloatArray
+from crashfuse.signals.pulse import FloatArray
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.rating_distribution import agreement
-from crashfuse.wording import Sentence, packed, speed, unpacked, weight
+from crashfuse.wording import Sentence, speed, weight
 
 FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
 """Upper limits of the conditions predicted, far beyond any barrier test."""
@@ -33,8 +32,7 @@ FASTEST_MPS, HEAVIEST_KG = 100.0, 60_000.0
 BOUNDS = Sentence("at most {} and {} in all", speed(FASTEST_MPS, form=".0f"), weight(HEAVIEST_KG))
 """The same in words."""
 
-_KIND, _JUDGED = "predictions", "metric errors"  # kinds of cache entries
-_LEFT_OUT, _ERRORS = "left out ", "error of "  # prefixes of a test's id, and of a metric, in the names of arrays there
+_JUDGED = "metric errors"  # the kind of a cache entry
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,85 +182,3 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
         known = left_out_mps2, fit.agreements, fit.metric_errors, fit.occupant
         estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, *known))
     return estimates
-
-
-def estimate_at(
-    campaign: Campaign,
-    condition: Condition,
-    approach: str,
-    config: StudyConfig = StudyConfig(),
-    *,
-    cache: Cache | None = None,
-    watch: Watch = SILENT,
-) -> Estimate:
-    """Fit an approach to the whole campaign as given and predict at a condition; cached.
-
-    Raises
-    ------
-    UsageError
-        If there is no such approach or preset, or speed or a weight is not above 0.
-    Cancelled
-        If the watch was told to stop.
-    """
-    cache = cache or Cache()
-
-    def compute() -> tuple[Estimate, Entry]:
-        estimate = Fit.of(campaign, approach, config, cache=cache, watch=watch).estimate(condition)
-        return estimate, _entry(estimate)
-
-    restore = partial(_restored, condition, approach, campaign.occupant)
-    return cache.get_or_compute(_KIND, _key(campaign, condition, approach, config), compute, restore, watch)
-
-
-def find_estimate(
-    campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
-) -> Estimate | None:
-    """The cached estimate for these settings and exactly this campaign (without the held-out test), or None."""
-    return cache.find(
-        _KIND, _key(campaign, condition, approach, config), partial(_restored, condition, approach, campaign.occupant)
-    )
-
-
-def is_estimate_cached(
-    campaign: Campaign, condition: Condition, approach: str, config: StudyConfig, cache: Cache
-) -> bool:
-    """Whether :func:`find_estimate` would find an estimate, without reading it."""
-    return cache.is_cached(_KIND, _key(campaign, condition, approach, config))
-
-
-def store_estimate(estimate: Estimate, campaign: Campaign, config: StudyConfig, cache: Cache) -> None:
-    """Store an estimate from this campaign, for :func:`find_estimate`."""
-    cache.put(_KIND, _key(campaign, estimate.prediction.condition, estimate.approach, config), _entry(estimate))
-
-
-def _entry(estimate: Estimate) -> Entry:
-    prediction = estimate.prediction
-    told = {"notes": [packed(note) for note in prediction.notes], "agreements": dict(estimate.agreements)}
-    text = json.dumps({**told, "state": estimate.state, "seconds": estimate.seconds})
-    entry = {"accel_mps2": prediction.accel_mps2, "text": np.array(text)}
-    entry |= {f"{_LEFT_OUT}{test}": pulse for test, pulse in estimate.left_out_mps2.items()}
-    entry |= {f"{_ERRORS}{metric}": errors for metric, errors in estimate.metric_errors.items()}
-    if prediction.draws_mps2 is not None:
-        entry["draws_mps2"] = prediction.draws_mps2
-    return entry
-
-
-def _restored(condition: Condition, approach: str, occupant: OccupantModel, entry: Entry) -> Estimate:
-    text = json.loads(str(entry["text"]))
-    draws = finite(entry, "draws_mps2", None, N_SAMPLES) if "draws_mps2" in entry else None
-    notes = tuple(map(unpacked, text["notes"]))
-    prediction = Prediction(condition, finite(entry, "accel_mps2", N_SAMPLES), draws, notes)
-    left_out, errors = (
-        {name.removeprefix(prefix): check(entry, name, length) for name in entry if name.startswith(prefix)}
-        for prefix, check, length in ((_LEFT_OUT, finite, N_SAMPLES), (_ERRORS, numbers, None))
-    )
-    if not isinstance(text["state"], dict) or errors.keys() != METRIC_LABELS.keys():
-        raise ValueError("no estimate")
-    agreements = {test: float(value) for test, value in text["agreements"].items()}
-    known = left_out, agreements, errors, occupant
-    return Estimate(approach, prediction, text["state"], float(text["seconds"]), *known)
-
-
-def _key(campaign: Campaign, condition: Condition, approach: str, config: StudyConfig) -> dict[str, object]:
-    fit = settings(config.create(approach))
-    return {**fit, "campaign": campaign.fingerprint, "condition": condition, "code": code_digest(__name__)}

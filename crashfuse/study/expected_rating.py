@@ -59,11 +59,8 @@ class ExpectedRating:
         """A sentence on the expected rating, and the number of tests near the condition."""
         n, within = len(self.tests), speed(self.reach_mps)
         tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
-        return Sentence(
-            f"Expected rating over 0–{self.window_ms:g} ms: {self.range} ({self.grades}); {tests} within {{}}"
-            f"{', which had nearer tests,' * self.farther} rated {rated}.",
-            within,
-        )
+        expected = f"Expected rating over 0–{self.window_ms:g} ms: {self.range} ({self.grades})"
+        return Sentence(f"{expected}; {tests} within {{}} rated {rated}.", within)
 
     @property
     def range(self) -> str:

@@ -30,7 +30,8 @@ from crashfuse.signals.pulse import DT_S, GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig, require_rated
 from crashfuse.study.duration import shared_steps
-from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
+from crashfuse.study.estimate import Estimate, Fit, estimates_at
+from crashfuse.study.estimate_cache import find_estimate, store_estimate
 from crashfuse.study.plan import StudyPlan
 from crashfuse.study.running import workers_at
 from crashfuse.study.subsets import Subset, subsets

@@ -80,6 +80,11 @@ def recommend_for(
     most = max(expected.values(), key=lambda e: e.mean).mean
     chosen = next(name for name in expected if expected[name].mean > most - _CLEARLY)
     sentences: list[str] = [joined([f"Use {_in_words(chosen)}.", expected[chosen].sentence])]
+    if expected[chosen].farther:
+        sentences.append(
+            "The condition is farther in speed from all tests than any of these was from the others; only the width of "
+            "the band tells what that costs."
+        )
     if chosen != BASELINE and BASELINE in expected:
         raw = expected[BASELINE].mean
         worse = " No better than that is to be expected here." * (expected[chosen].mean <= raw)

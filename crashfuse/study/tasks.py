@@ -23,7 +23,8 @@ from crashfuse.execution.progress import Watch
 from crashfuse.execution.workers import Workers
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.duration import EARLY_S, LATE_S, REPEATABILITY_S, fit_steps, shared_steps
-from crashfuse.study.estimate import Estimate, Fit, estimates_at, find_estimate, store_estimate
+from crashfuse.study.estimate import Estimate, Fit, estimates_at
+from crashfuse.study.estimate_cache import find_estimate, store_estimate
 from crashfuse.study.repeatability import REPEATABILITY, repeatability
 
 _EARLY, _LATE = "Held-out predictions", "Held-out predictions by networks"

@@ -22,7 +22,8 @@ from crashfuse.files.archive import zipped
 from crashfuse.reporting.planning import SpeedSweep
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.duration import fit_steps
-from crashfuse.study.estimate import Estimate, Fit, estimates_at, is_estimate_cached
+from crashfuse.study.estimate import Estimate, Fit, estimates_at
+from crashfuse.study.estimate_cache import is_estimate_cached
 from crashfuse.study.fold import Fold
 from crashfuse.study.history import PastResult, keep
 from crashfuse.study.recommendation import Recommendation, recommend_for

@@ -15,7 +15,7 @@ from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import estimate_at
+from crashfuse.study.estimate_cache import estimate_at
 from crashfuse.units import MPH
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_cache")]

@@ -11,7 +11,7 @@ from crashfuse.execution.cache import Cache
 from crashfuse.signals.metrics import METRIC_LABELS
 from crashfuse.study.account import account, worst_test
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import store_estimate
+from crashfuse.study.estimate_cache import store_estimate
 from crashfuse.study.expected_rating import expected_rating
 from crashfuse.study.fold import Fold
 from crashfuse.study.study import Study

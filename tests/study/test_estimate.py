@@ -1,4 +1,4 @@
-"""An approach at a condition: impossible ones are refused; fits and predictions are kept by all that decides them."""
+"""An approach at a condition: impossible ones are refused; fits are kept by all that decides them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,7 +8,6 @@ import pytest
 
 from crashfuse.approaches.base import Approach, Prediction
 from crashfuse.approaches.displacement_domain.approach import DisplacementDomain
-from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.registry import APPROACHES
 from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
@@ -16,7 +15,8 @@ from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
 from crashfuse.signals.pulse import DT_S, kinematics
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import Fit, estimate_at, estimates_at
+from crashfuse.study.estimate import Fit, estimates_at
+from crashfuse.study.estimate_cache import estimate_at
 
 pytestmark = pytest.mark.usefixtures("quick_networks", "one_cache")
 
@@ -45,18 +45,6 @@ def test_far_beyond_the_library_the_vehicle_still_stops(campaign: Campaign, appr
     velocity = kinematics(prediction.accel_mps2, condition.speed_mps, DT_S).velocity_mps
     assert 0.7 < (condition.speed_mps - velocity.min()) / condition.speed_mps < 1.6
     assert any("Extrapolation" in note for note in prediction.notes)
-
-
-@pytest.mark.slow
-def test_other_settings_are_another_prediction(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is kept is kept by the settings, not by the preset's name."""
-    condition = campaign.tests[0].condition
-    estimate_at(campaign, condition, "displacement_domain")
-    few = replace(DisplacementConfig.fast(), n_draws=20)
-    monkeypatch.setattr(DisplacementConfig, "fast", lambda: few)
-    draws = estimate_at(campaign, condition, "displacement_domain").prediction.draws_mps2
-    assert draws is not None
-    assert len(draws) == 20
 
 
 @pytest.mark.slow

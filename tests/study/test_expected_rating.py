@@ -13,6 +13,7 @@ from crashfuse.signals.rating import rate_windows
 from crashfuse.study.estimate import Estimate
 from crashfuse.study.expected_rating import expected_rating
 from crashfuse.study.rating_distribution import RatingDistribution, agreement
+from crashfuse.study.recommendation import recommend_for
 from crashfuse.units import MPH
 
 
@@ -29,7 +30,9 @@ def at(
     agreements = {
         test: agreement(Prediction(condition, accel, drawn(accel, there))) for test, accel in left_out.items()
     }
-    return Estimate("fused", Prediction(condition, pulse, drawn(pulse, spread)), {}, 0.0, left_out, agreements)
+    return Estimate(
+        "displacement_domain", Prediction(condition, pulse, drawn(pulse, spread)), {}, 0.0, left_out, agreements
+    )
 
 
 def test_the_nearest_tests_stand_beside_it(campaign: Campaign) -> None:
@@ -81,7 +84,9 @@ def test_a_condition_farther_from_tests_than_they_from_each_other_is_flagged(cam
     assert far is not None
     assert not near.farther
     assert far.farther
-    assert "3 left-out tests within 35.0 mph, which had nearer tests, rated 1.00." in far.sentence
+    assert "3 left-out tests within 35.0 mph rated 1.00." in far.sentence
+    there = at(campaign, 60.0, known)
+    assert "farther in speed" in recommend_for([there], campaign, there.prediction.condition).sentences[1]
 
 
 def test_where_no_test_was_left_out_nothing_is_expected(campaign: Campaign) -> None:

@@ -22,7 +22,7 @@ from crashfuse.execution.progress import Progress, Watch
 from crashfuse.signals.pulse import Pulse
 from crashfuse.signals.rating import rate_iso18571
 from crashfuse.study.config import StudyConfig
-from crashfuse.study.estimate import estimate_at
+from crashfuse.study.estimate_cache import estimate_at
 from crashfuse.study.recommendation import recommend_for
 from crashfuse.study.running import run_study
 from crashfuse.study.study import Study
