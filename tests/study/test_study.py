@@ -195,6 +195,7 @@ def test_what_other_code_computed_is_not_used(
         "approaches.time_domain.lf_tcn",
         "cae.model",
         "study.estimate",
+        "study.estimate_cache",
         "study.repeatability",
     ):
         monkeypatch.setattr(f"crashfuse.{module}.code_digest", lambda _: "other")
