@@ -12,7 +12,7 @@ EMULATOR, TIME, DISPLACEMENT, PREDICTION = (
     "crashfuse.cae.emulator",
     "crashfuse.approaches.time_domain.lf_tcn",
     "crashfuse.approaches.displacement_domain.approach",
-    "crashfuse.study.estimate",
+    "crashfuse.study.estimate_cache",
 )
 CODE = "\n\ndef another() -> int:\n    return 1\n"
 
