@@ -69,10 +69,11 @@ class ConditionTable:
         )
 
 
-def read_conditions(path: Path, role: Role = "tests") -> ConditionTable:
+def read_conditions(path: Path, role: Role = "tests", *, by_hand: bool = False) -> ConditionTable:
     """Read a condition table, converting units by the endings of the column names.
 
-    A CAE run may start at rest, a test may not.
+    A CAE run may start at rest, a test may not. A list that is made ``by_hand`` may be as a spreadsheet writes it
+    elsewhere.
 
     Raises
     ------
@@ -80,37 +81,21 @@ def read_conditions(path: Path, role: Role = "tests") -> ConditionTable:
         With every problem of the table.
     """
     problems: list[Problem] = []
-    table = read_what_can_be(path, role, problems)
+    table = read_what_can_be(path, role, problems, by_hand=by_hand)
     if table is None or problems:
         raise DataError(shortened(problems))
     return table
 
 
-def read_list(path: Path) -> ConditionTable:
-    """Read conditions that someone has listed, in a table like ``tests.csv`` or as a spreadsheet writes it elsewhere.
-
-    Raises
-    ------
-    DataError
-        With every problem.
-    """
-    problems: list[Problem] = []
-    table = _read_cells(_read_text(path, problems, by_hand=True), path.name, "tests", problems)
-    if table is None or problems:
-        raise DataError(shortened(problems))
-    return table
-
-
-def read_what_can_be(path: Path, role: Role, problems: list[Problem]) -> ConditionTable | None:
+def read_what_can_be(
+    path: Path, role: Role, problems: list[Problem], *, by_hand: bool = False
+) -> ConditionTable | None:
     """Read a condition table that may have problems, so that pulses can be checked against what is sound in it.
 
     As :func:`read_conditions`, but with every row that has an id of its own; NaN stands for a speed or weight that is
     not there. None if there are no such rows. Problems are appended to ``problems``.
     """
-    return _read_cells(_read_text(path, problems), path.name, role, problems)
-
-
-def _read_cells(frame: pd.DataFrame | None, where: str, role: Role, problems: list[Problem]) -> ConditionTable | None:
+    frame, where = _read_text(path, problems, by_hand=by_hand), path.name
     if frame is None:
         return None
     names = list(map(str, frame.columns))
@@ -149,14 +134,14 @@ def _read_cells(frame: pd.DataFrame | None, where: str, role: Role, problems: li
 
 def read_candidates(path: Path) -> tuple[Condition, ...]:
     """Read candidate test conditions from a table like ``tests.csv``; raise a DataError with every problem."""
-    conditions = read_list(path).conditions
+    conditions = read_conditions(path, by_hand=True).conditions
     if (count := len(conditions)) > _MOST_CANDIDATES:
         expected, advice = f"at most {_MOST_CANDIDATES} candidates", "leave out those that are like others"
         raise DataError(Problem(path.name, expected, f"{count}", advice))
     return conditions
 
 
-def _read_text(path: Path, problems: list[Problem], *, by_hand: bool = False) -> pd.DataFrame | None:
+def _read_text(path: Path, problems: list[Problem], *, by_hand: bool) -> pd.DataFrame | None:
     """All cells as text, indexed by their row in the file; None, and a problem, if it is not such a table."""
     if not path.exists():
         problems.append(Problem(path.name, "this file", "no such file", "add it"))

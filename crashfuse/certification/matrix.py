@@ -8,7 +8,7 @@ from typing import Self
 
 import pandas as pd
 
-from crashfuse.campaign_folder.condition_tables import read_list
+from crashfuse.campaign_folder.condition_tables import read_conditions
 from crashfuse.campaign_folder.frames import in_memory
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError, shortened
@@ -48,7 +48,7 @@ class Matrix:
         DataError
             With every problem of the table, a condition that stands there twice included.
         """
-        table = read_list(path)
+        table = read_conditions(path, by_hand=True)
         if len(table.ids) > _MOST:
             expected, advice = f"at most {_MOST:,} conditions", "split the table"
             raise DataError(Problem(path.name, expected, f"{len(table.ids):,}", advice))
