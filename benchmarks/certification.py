@@ -33,6 +33,10 @@ from crashfuse.units import LB, MPH
 
 _N_NEW = 60
 _METRICS = tuple(METRIC_LABELS)
+_LIMITED = ("peak", "max_crush", "sm25", "olc", "vpi")
+"""What is limited where whole tests are counted."""
+
+_QUANTILES = (0.5, 0.75, 0.9)
 _BINS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
@@ -54,8 +58,10 @@ def _measured(test: CrashTest) -> dict[str, float]:
     return {name: float(value) for name, value in values.items()}
 
 
-def _judged(seed: int, campaign: Campaign, new: tuple[CrashTest, ...], approach: str) -> pd.DataFrame:
-    """All verdicts on a vehicle, each with what was measured and what the raw CAE says."""
+def _judged(
+    seed: int, campaign: Campaign, new: tuple[CrashTest, ...], approach: str
+) -> tuple[pd.DataFrame, list[dict[str, float]]]:
+    """All verdicts on a vehicle, each with what was measured and what the raw CAE says; and :func:`_whole_tests`."""
     measured = [_measured(test) for test in new]
     middle = {name: float(np.median([m[name] for m in measured if np.isfinite(m[name])])) for name in _METRICS}
     criteria = Criteria(tuple(Criterion(name, name, at_most=limit) for name, limit in middle.items()))
@@ -91,7 +97,25 @@ def _judged(seed: int, campaign: Campaign, new: tuple[CrashTest, ...], approach:
         f"{len(new)} × {len(_METRICS)} in {found.seconds['judge']:.0f} s ({time.perf_counter() - start:.0f} s)",
         flush=True,
     )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows), _whole_tests(campaign, new, matrix, config)
+
+
+def _whole_tests(
+    campaign: Campaign, new: tuple[CrashTest, ...], matrix: Matrix, config: StudyConfig
+) -> list[dict[str, float]]:
+    """How many tests need not be run, and how many of these miss a criterion, by how high the limits are."""
+    measured = pd.DataFrame([_measured(test) for test in new], index=matrix.ids)[list(_LIMITED)]
+    found = []
+    for share in _QUANTILES:
+        limits = measured[np.isfinite(measured).all(axis=1)].quantile(share)
+        criteria = Criteria(tuple(Criterion(name, name, at_most=float(limits[name])) for name in _LIMITED))
+        waived = certify_matrix(campaign, criteria, matrix, config, cache=Cache()).waived
+        met = (measured <= limits).all(axis=1)
+        risks = 1 - np.array(list(waived.values())).reshape(-1, 2)
+        missed, (most, least) = int((~met[list(waived)]).sum()), risks.sum(axis=0)
+        row = {"limits": share, "tests": len(new), "would meet all": int(met.sum()), "need not be run": len(waived)}
+        found.append({**row, "missed one": missed, "said at least": least, "said at most": most})
+    return found
 
 
 def _summary(table: pd.DataFrame) -> None:
@@ -153,11 +177,20 @@ def main() -> None:
         _own_record(folder, given.approach)
     if given.campaign:
         return
-    tables = [
-        _judged(seed, *_vehicle(seed, given.tests), given.approach)
-        for seed in range(given.first, given.first + given.vehicles)
-    ]
+    tables, whole = zip(
+        *(
+            _judged(seed, *_vehicle(seed, given.tests), given.approach)
+            for seed in range(given.first, given.first + given.vehicles)
+        ),
+        strict=True,
+    )
     _summary(pd.concat(tables))
+    print(
+        pd.DataFrame(row for rows in whole for row in rows)
+        .groupby("limits")
+        .sum()
+        .to_string(float_format="{:.1f}".format)
+    )
 
 
 if __name__ == "__main__":

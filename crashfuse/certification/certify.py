@@ -12,7 +12,7 @@ from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.certification.forecasts import Asked, Forecasts
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
-from crashfuse.certification.verdict import Verdict, judge
+from crashfuse.certification.verdict import Verdict, all_met, judge
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
@@ -65,6 +65,12 @@ class Certification:
     def cells(self) -> tuple[tuple[str, Verdict], ...]:
         """All verdicts, each with the id of its condition."""
         return tuple((i, own) for i, row in zip(self.matrix.ids, self.verdicts, strict=True) for own in row)
+
+    @property
+    def waived(self) -> dict[str, tuple[float, float]]:
+        """Conditions that need not be run, as every criterion is met; with :func:`all_met` of each."""
+        rows = zip(self.matrix.ids, self.verdicts, strict=True)
+        return {i: all_met(row) for i, row in rows if all(own.word == "met" for own in row)}
 
 
 def certify_matrix(

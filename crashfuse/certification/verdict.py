@@ -1,5 +1,6 @@
 """The verdict on one criterion at one condition, with its reason."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -52,6 +53,16 @@ class Verdict:
     def decided(self) -> bool:
         """Whether no test is needed to tell."""
         return self.word in ("met", "not met")
+
+
+def all_met(verdicts: Sequence[Verdict]) -> tuple[float, float]:
+    """Least and greatest probability that a test meets all these criteria at once, by that of each.
+
+    It is 1 minus the sum of the risks where never two are missed together (Boole's inequality), and that of the least
+    probable one where it is missed with any other.
+    """
+    each = [verdict.probability or 0.0 for verdict in verdicts]
+    return max(1 - sum(1 - own for own in each), 0.0), min(each)
 
 
 def judge(

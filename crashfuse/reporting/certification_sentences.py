@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
+
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
@@ -35,9 +37,12 @@ def matrix_sentence(certification: Certification) -> str:
 def to_test(certification: Certification) -> Iterator[str]:
     """Which conditions need no test, which would miss a criterion, which need a test, and which lie outside."""
     rows = {word: _by_condition(certification, word) for word in WORDS}
-    settled = [i for i in rows["met"] if not any(i in rows[word] for word in WORDS if word != "met")]
-    if settled:
-        yield f"Need not be run, as every criterion is met: {_listed(settled)}."
+    if waived := certification.waived:
+        least = [f"{i} ({np.floor(1000 * low + 1e-9) / 1000:.3f})" for i, (low, _) in waived.items()]
+        yield (
+            "Need not be run, as every criterion is met (in brackets the probability that all are, at least): "
+            f"{_listed(least)}."
+        )
         yield from waived_sentence(certification.record, certification.criteria.items)
     needed: dict[Word, str] = {"not met": "A test would miss", "open": "To be tested, or redesigned"}
     for word, told in needed.items():

@@ -1,5 +1,7 @@
 """A verdict follows from the probability and the confidence, and says why."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecast import Forecast
-from crashfuse.certification.verdict import Verdict, judge
+from crashfuse.certification.verdict import Verdict, all_met, judge
 from crashfuse.condition import Condition
 from crashfuse.wording import MPH_LB, UnitSystem, said
 
@@ -47,6 +49,25 @@ def test_limits_on_both_sides_are_met_together(campaign: Campaign) -> None:
     assert found.probability == pytest.approx(0.6827, abs=1e-4)
     assert found.word == "open"
     assert "at least 490 mm and at most 510 mm" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("second", "inside"), [((0.08, 0.10), "least"), ((0.0, 0.02), "most"), ((0.04, 0.06), "between")]
+)
+def test_the_probability_that_all_are_met_lies_between_its_bounds(
+    campaign: Campaign, second: tuple[float, float], inside: str
+) -> None:
+    """Risks of 5 and 2 % that never come together add up; that comes together, the larger one is all; else between."""
+    chance = np.linspace(0, 1, 10_000, endpoint=False)
+    missed = [(chance < 0.05), (chance >= second[0]) & (chance < second[1])]
+    found = verdict(campaign, Criterion("crush", "max_crush", at_most=510.0))
+    low, high = all_met([replace(found, probability=1 - float(own.mean())) for own in missed])
+    assert (low, high) == pytest.approx((0.93, 0.95))
+    both = 1 - float((missed[0] | missed[1]).mean())
+    assert {"least": both == pytest.approx(low), "most": both == pytest.approx(high), "between": low < both < high}[
+        inside
+    ]
+    assert all_met([replace(found, probability=0.2)] * 3)[0] == 0.0
 
 
 def test_the_reason_gives_value_interval_limit_and_probability(campaign: Campaign) -> None:

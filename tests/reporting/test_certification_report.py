@@ -39,6 +39,8 @@ CRITERIA = Criteria(
     0.8,
 )
 
+_NOT_RUN = "Need not be run, as every criterion is met (in brackets the probability that all are, at least): {} ({})."
+
 
 def matrix(campaign: Campaign, *speeds_mph: float) -> Matrix:
     """Conditions at these speeds with the weights of the second test."""
@@ -164,9 +166,12 @@ def test_what_need_not_be_run_is_told_with_its_record_of_whole_tests(certificati
         [sentence] = waived_sentence(record, items)
         assert sentence.startswith(said)
         assert ("of these missed one all the same (at most " in sentence) is (word == "met")
-    waived = tuple(replace(own, word="met") for own in certification.verdicts[0])
+    waived = tuple(
+        replace(own, word="met", probability=p)
+        for own, p in zip(certification.verdicts[0], (0.9, 0.99, 1), strict=True)
+    )
     sentences = summary(replace(certification, verdicts=(waived, *certification.verdicts[1:])))
-    at = sentences.index(f"Need not be run, as every criterion is met: {certification.matrix.ids[0]}.")
+    at = sentences.index(_NOT_RUN.format(certification.matrix.ids[0], "0.890"))
     assert sentences[at + 1] == next(waived_sentence(certification.record, items))
     assert list(waived_sentence(TrackRecord(()), items)) == []
 
@@ -190,10 +195,14 @@ def test_the_summary_says_where_to_test(certification: Certification) -> None:
     first, second, third = certification.verdicts
     missed = replace(first[0], word="not met")
     met_too = [replace(own, word="met") for own in second[1:]]
-    rows = (tuple(replace(own, word="met") for own in first), (missed, *met_too), third)
+    rows = (
+        tuple(replace(own, word="met", probability=p) for own, p in zip(first, (0.9, 1, 1), strict=True)),
+        (missed, *met_too),
+        third,
+    )
     first_id, second_id, _ = certification.matrix.ids
     said = summary(replace(certification, verdicts=rows))
-    assert f"Need not be run, as every criterion is met: {first_id}." in said
+    assert _NOT_RUN.format(first_id, "0.900") in said
     assert f"A test would miss: {second_id} ({missed.criterion.name})." in said
     met = tuple(tuple(replace(own, word="met") for own in row) for row in certification.verdicts)
     assert "No condition of the matrix needs a test." in summary(replace(certification, verdicts=met))
