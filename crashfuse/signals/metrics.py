@@ -102,8 +102,9 @@ def _sm25(motion: Kinematics) -> FloatArray:
 
 
 def _olc(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
-    """Occupant load criterion; counts as smaller if it takes longer than the record."""
-    olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant)
+    """Occupant load criterion; counts as smaller if the record ends before it, and before the vehicle is free."""
+    free = pulse_shape.has_left(motion)
+    olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant, free)
     return np.where(np.isnan(olc), -np.inf, olc)
 
 
@@ -143,8 +144,8 @@ _READINGS: Mapping[str, _Reading] = {
     "mean": _Reading("Mean deceleration until TTZV", _mean, "g", G, _STOP),
     "sm25": _Reading("SM25, largest mean over 25 ms", _sm25, "g", G, "25 ms are over"),
     "olc": _Reading(
-        "OLC, occupant load criterion", _olc, "g", G, "the OLC's free flight and restraint are over",
-        occupant="olc_words",
+        "OLC, occupant load criterion", _olc, "g", G,
+        "the OLC's restraint is over, or the vehicle has left the barrier", occupant="olc_words",
     ),
     "vpi": _Reading(
         "VPI, vehicle pulse index", _vpi, "g", G, "the occupant's deceleration has peaked", occupant="vpi_words"
@@ -256,7 +257,8 @@ def pulse_metrics(
 
     If the record ends too early the value is None. A draw that ends too early is not left out, as that would overstate
     certainty. One that does not stop counts as larger than any that does in t0 and max_crush, and as smaller in mean.
-    One whose occupant is still moving forward counts as smaller in olc, as the same loss of speed takes longer.
+    One whose occupant is still moving forward counts as smaller in olc, as the same loss of speed takes longer, unless
+    the vehicle has left the barrier: then it moves on at its last velocity, which tells olc all the same.
     One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
     more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """

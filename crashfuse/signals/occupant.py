@@ -7,6 +7,7 @@ motion relative to the vehicle is the difference of the two displacements.
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from crashfuse.signals.pulse import FloatArray
 
@@ -49,7 +50,11 @@ _MM_PER_M = 1e3
 
 
 def occupant_load_criterion(
-    velocity_mps: FloatArray, displacement_m: FloatArray, dt_s: float, occupant: OccupantModel = USUAL_OCCUPANT
+    velocity_mps: FloatArray,
+    displacement_m: FloatArray,
+    dt_s: float,
+    occupant: OccupantModel = USUAL_OCCUPANT,
+    free: npt.NDArray[np.bool_] | bool = False,
 ) -> FloatArray:
     """The constant deceleration that brings the occupant to the vehicle's velocity after 300 mm (OLC).
 
@@ -69,11 +74,14 @@ def occupant_load_criterion(
         Time step in s.
     occupant : OccupantModel
         Its distances.
+    free : ndarray of bool, shape (...)
+        Whether the vehicle has left the barrier within the record: then it moves on at its last velocity, which tells a
+        later t2 as well.
 
     Returns
     -------
     ndarray, shape (...)
-        In m/s², positive; NaN where the record ends before t2.
+        In m/s², positive; NaN where the record ends before t2, unless the vehicle is free, or before t1.
 
     References
     ----------
@@ -86,8 +94,10 @@ def occupant_load_criterion(
     free_flight_m, restraint_m = occupant.olc_free_flight_mm / _MM_PER_M, occupant.olc_restraint_mm / _MM_PER_M
     t1 = first_reached(flown, free_flight_m)[..., None] * dt_s
     way = (speed + velocity_mps) / 2 * (time - t1) - (displacement_m - (speed * t1 - free_flight_m))
-    end = first_reached(way, restraint_m)
-    return np.asarray((speed[..., 0] - value_at(velocity_mps, end)) / (end * dt_s - t1[..., 0]))
+    end, last = first_reached(way, restraint_m), velocity_mps.shape[-1] - 1
+    closing = (speed - velocity_mps[..., -1:])[..., 0] / 2 * dt_s
+    end = np.where(free & np.isnan(end), last + (restraint_m - way[..., -1]) / closing, end)
+    return np.asarray((speed[..., 0] - value_at(velocity_mps, np.minimum(end, last))) / (end * dt_s - t1[..., 0]))
 
 
 def vehicle_pulse_index(

@@ -157,6 +157,11 @@ def static_crush(motion: Kinematics) -> FloatArray:
     return np.where(left, crush, np.where(np.isfinite(motion.t0_s), -np.inf, np.nan))
 
 
+def has_left(motion: Kinematics) -> npt.NDArray[np.bool_]:
+    """Whether the vehicle leaves the barrier within the record: what moves it after that is over."""
+    return np.asarray(_separation(motion)[0], dtype=np.bool_)
+
+
 @_once
 def _separation(motion: Kinematics) -> tuple[FloatArray, npt.NDArray[np.int_]]:
     """Whether the vehicle leaves the barrier within the record, and the sample at which it does."""

@@ -50,10 +50,13 @@ def matrix(campaign: Campaign, *speeds_mph: float) -> Matrix:
 
 @pytest.fixture(scope="module")
 def certification(campaign: Campaign, shared_cache: Path) -> Certification:
-    """Verdicts of the raw CAE model at three speeds: the first too slow for OLC, the last outside."""
+    """Verdicts of the raw CAE model at three speeds: the first as if too slow for OLC, the last outside."""
     asked = matrix(campaign, 20.0, 30.0, 70.0)
     config = StudyConfig(approaches=("cae",))
-    return certify_matrix(campaign, CRITERIA, asked, config, cache=Cache(shared_cache), workers=1)
+    found = certify_matrix(campaign, CRITERIA, asked, config, cache=Cache(shared_cache), workers=1)
+    (crush, olc, rating), *others = found.verdicts
+    unknown = replace(olc, value=None, lower=None, upper=None, probability=None, word="open")
+    return replace(found, verdicts=((crush, unknown, rating), *others))
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +127,7 @@ def test_exceptions_are_all_named(certification: Certification) -> None:
     [untouched] = found["Criteria whose limit no left-out test came near"]
     assert untouched.startswith("rating: No left-out test came near")
     few = exceptions(certification)["Criteria whose own record is too short"]
-    told = "crush: No left-out verdict of its own; with those on other criteria, 0 of 3 are wrong."
+    told = "crush: No left-out verdict of its own; with those on other criteria, 0 of 4 are wrong."
     assert few == (told,)
     assert told in summary(certification)
 
@@ -142,12 +145,12 @@ def test_open_cells_say_how_far_their_limit_is(certification: Certification, tex
 
 
 def test_the_record_is_told_with_its_exact_bound(certification: Certification) -> None:
-    """1 of 8 wrong: at most 47.1 %, for with that share one or none of eight is wrong in 5 % of cases."""
+    """1 of 9 wrong: at most 42.9 %, for with that share one or none of nine is wrong in 5 % of cases."""
     record = wrong(certification).record
     decided, mistaken = record.decided
-    assert (decided, mistaken) == (8, 1)
-    assert "8 verdicts met or not met, 1 wrong (at most 47.1 %, exact 95 % bound)" in record_sentence(record)
-    assert pytest.approx(0.05, abs=5e-4) == 0.529**8 + 8 * 0.471 * 0.529**7
+    assert (decided, mistaken) == (9, 1)
+    assert "9 verdicts met or not met, 1 wrong (at most 42.9 %, exact 95 % bound)" in record_sentence(record)
+    assert pytest.approx(0.05, abs=5e-4) == 0.571**9 + 9 * 0.429 * 0.571**8
     assert record_sentence(TrackRecord(())) == "There is no record: with a single test, none can be left out."
 
 

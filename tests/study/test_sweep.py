@@ -135,7 +135,7 @@ def test_a_sentence_tells_where_numbers_are_missing_and_why(campaign: Campaign, 
     sweep = Sweep("fused", condition, np.array([crawl, SPEEDS_MPS[2]]), (late, sweeps[0].metrics[2]))
     (sentence,) = missing_over_speed([sweep], "olc")
     assert sentence.startswith(
-        "Fused (1 of 2 speeds, from 10.0 to 10.0 mph): The record ends before the OLC's free flight"
+        "Fused (1 of 2 speeds, from 10.0 to 10.0 mph): The record ends before the OLC's restraint"
     )
     assert missing_over_speed([sweep], "peak") == []
 
