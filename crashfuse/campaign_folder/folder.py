@@ -14,6 +14,7 @@ from crashfuse.campaign_folder.plausibility import check_band, check_ends, check
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.campaign_folder.quality_columns import failing
 from crashfuse.campaign_folder.settings import read_settings
+from crashfuse.campaign_folder.unlike_others import unlike_others
 from crashfuse.condition import Condition
 from crashfuse.crash_test import CrashTest
 from crashfuse.errors import DataError, Problem, printable, shortened
@@ -62,6 +63,8 @@ def read_folder(folder: str | Path) -> Campaign:
         raise DataError(shortened(problems))
     check_units(tables, pulses, warnings)
     warnings += _shortened(unlike_weights(tables))
+    known = {warning.partition(":")[0] for warning in warnings}  # a wrong speed or unit explains the rest
+    warnings += _shortened([told for told in unlike_others(tables, pulses) if told.partition(":")[0] not in known])
     _check_factors(tables["tests"], warnings)
     runs = tables["cae"]
     cae = CaeLibrary(runs.ids, runs.conditions, pulses["cae"].astype(np.float32, copy=False), runs.quality, gone)

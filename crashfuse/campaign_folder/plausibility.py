@@ -19,7 +19,8 @@ CREEP_MPS = 1.0
 _LIBRARY_STOPS = (0.8, 1.6)  # for the median run: single runs may be odd, not half of them
 _BAND_HZ, _HIGH_SHARE = 250, 0.01
 _MOST_SPECTRA = 500  # pulses examined
-_NEAR = 5  # CAE runs
+NEAR = 5
+"""CAE runs at about a test's speed that it is compared with."""
 _EXCHANGED = (MPH / KPH) ** 0.5  # halfway between the right unit of speed and the wrong one
 _BESIDE = 0.05  # of a weight: so far beyond the CAE runs' it is still like theirs
 _AT_ONCE = 2000  # pulses per batch
@@ -58,14 +59,14 @@ def check_units(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Float
         return
     speeds, ratios = speeds[moving], ratios[moving] / speeds[moving]
     for test_id, speed, change in zip(tests.ids, _speeds(tests), _changes(pulses["tests"]), strict=True):
-        near = float(np.median(ratios[np.argsort(np.abs(speeds - speed), kind="stable")[:_NEAR]]))
+        near = float(np.median(ratios[np.argsort(np.abs(speeds - speed), kind="stable")[:NEAR]]))
         share = -change / max(speed * near, 1e-9)
         if speed > CREEP_MPS and near > 0 and not 1 / _EXCHANGED <= share <= _EXCHANGED:
             unit, ending = ("km/h", "_mph") if share < 1 else ("mph", "_kph")
             warnings.append(
                 f"tests.csv, {test_id}: over its impact speed its change of velocity is {share:.2f} times that of CAE "
                 f"runs near {speed / MPH:.1f} mph ({speed / KPH:.1f} km/h); check its speed ({unit} under a name that "
-                f"ends in {ending}?) and the scale of its acceleration."
+                f"ends in {ending}?) and the scale and zero of its acceleration."
             )
 
 
