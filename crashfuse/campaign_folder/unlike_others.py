@@ -81,7 +81,8 @@ def _onsets(accel: FloatArray, speeds: FloatArray) -> FloatArray:
 
 
 def _means(accel: FloatArray) -> FloatArray:
-    return accel.mean(axis=1, dtype=np.float64)
+    means: FloatArray = accel.mean(axis=1, dtype=np.float64)
+    return means
 
 
 def _speeds(table: ConditionTable) -> FloatArray:

@@ -13,7 +13,7 @@ from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.archive import refuse
 from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import Lacking, missing_values, told_of_several
-from crashfuse.importing.detection import delta_v, speed_text
+from crashfuse.importing.detection import UnknownUnit, delta_v, speed_text
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Reading, each_record
@@ -110,22 +110,42 @@ def settle_each(
     ``choices``, ``role`` and ``raw`` are as in :func:`settle`. ``tolerant`` turns an invalid choice into a problem of
     the record instead of raising, because choices that fit one record may not fit another.
     """
-    settled: list[Settled] = []
+    settled: dict[int, Settled] = {}
     refused: list[Problem] = []
     ids: list[str] = []
-    for record in records:
-        ids.append(record.id)
+    unclear: dict[int, Record] = {}
+
+    def attempt(place: int, record: Record) -> None:
         try:
-            settled.append(settle(record, choices, role=role, raw=raw))
+            settled[place] = settle(record, choices, role=role, raw=raw)
         except DataError as error:
-            refused += [_named(record, problem) for problem in error.problems]
+            if place not in unclear and any(isinstance(problem, UnknownUnit) for problem in error.problems):
+                unclear[place] = record
+            else:
+                refused.extend(_named(record, problem) for problem in error.problems)
         except UsageError as error:
             if not tolerant:
                 raise
             refused.append(Problem(record.source, f"choices that fit {record.id}", str(error), "choose otherwise"))
+
+    for place, record in enumerate(records):
+        ids.append(record.id)
+        attempt(place, record)
+    others = tuple(settled.values())
+    for place, record in unclear.items():
+        attempt(place, _in_their_unit(record, others))
     problems += told_of_several(refused) if len(ids) > 1 else refused
-    alike = _unlike_their_table(settled)
+    alike = _unlike_their_table([settled[place] for place in sorted(settled)])
     return _of_one_speed(alike) if choices.condition.speed_mps is not None else alike
+
+
+def _in_their_unit(record: Record, others: Sequence[Settled]) -> Record:
+    """The record in the unit of the others of its table, else of its source, if they have one in common."""
+    beside = [one.unit for one in others if one.source == record.source] or [one.unit for one in others]
+    if len(set(beside)) != 1:
+        return record
+    n = len(beside)
+    return record.in_unit(beside[0], f"the {f'{n} other records' if n > 1 else 'other record'} beside it")
 
 
 def _unlike_their_table(settled: Sequence[Settled]) -> tuple[Settled, ...]:

@@ -1,5 +1,7 @@
 """Detection from a record itself: unit and sign (from the impact speed), time zero, earlier filtering."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from crashfuse.campaign_folder.condition_tables import Role
@@ -19,6 +21,11 @@ _AROUND_PEAK_S = 0.15
 _ONSET_MPS2, _CALM_MPS2, _ONSET_S = 0.5 * G, 0.05 * G, 1e-3
 _AT_ONCE_S, _SUSPICIOUS_S = 5e-3, 10e-3
 _QUIET_S, _SOFT_CONTACT_S, _OFFSET_MPS2 = 10e-3, 2e-3, 0.3 * G
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownUnit(Problem):
+    """A unit that neither a record nor its speed tells; other records may."""
 
 
 def unit_and_sign(
@@ -44,13 +51,13 @@ def unit_and_sign(
             expected = f"an acceleration whose unit is known ({', '.join(ACCELERATION_UNITS)})"
             check = f"check the impact speed of {speed_text(speed_mps)}, or give" if moving else "give"
             advice = f"{check} its unit (--unit), or convert it to one of these"
-            raise DataError(Problem(record.source, expected, "a unit that neither file nor speed tells", advice))
+            raise DataError(UnknownUnit(record.source, expected, "a unit that neither file nor speed tells", advice))
         label = fitting[0]
         steps.append(f"Unit {label}: the file names none, this one gives the change of velocity that the speed asks.")
     elif choices.unit:
         steps.append(f"Unit {label}, given by the user.")
     else:
-        steps.append(f"Unit {label}, from the file.")
+        steps.append(f"Unit {label}, from {channels[0].unit_from}.")
     change = gain * ACCELERATION_UNITS[label]
     if moving and label not in fitting:
         fits = f"check the unit: {fitting[0]} would fit (--unit)" if fitting else ""

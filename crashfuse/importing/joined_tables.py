@@ -96,8 +96,11 @@ class TableSet:
             self.neither.append(f"{sheet.name} with the columns {listed(sheet.columns)}")
 
     def given_to(self, record: Record) -> Record:
-        """The record with the condition of its id (case ignored); unchanged if there is none."""
+        """The record with the condition of its id (case ignored); if there is none, it says so of its speed."""
         if record.id.casefold() not in self.conditions:
+            there = {other.id.casefold() for other in self.records} or self.conditions.keys()
+            if idle := [run_id for key, (run_id, *_) in self.conditions.items() if key not in there]:
+                return replace(record, no_speed=f"conditions without a record, of {listed(idle)}")
             return record
         _, condition, told = self.conditions[record.id.casefold()]
         steps = (*record.steps, "Condition from the table of conditions.", *told)

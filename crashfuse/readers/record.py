@@ -74,6 +74,8 @@ class RecordedChannel:
         A key of :data:`ACCELERATION_UNITS`; None if the file does not state it.
     cutoff_hz : float, optional
         −3 dB frequency of the low pass already applied, according to the file; None if it does not say.
+    unit_from : str
+        What states the unit, in words.
     """
 
     name: str
@@ -82,6 +84,7 @@ class RecordedChannel:
     values: FloatArray
     unit: str | None
     cutoff_hz: float | None = None
+    unit_from: str = "the file"
 
     def __repr__(self) -> str:
         return f"<RecordedChannel {self.shown}: {self.values.size:,} samples in {self.unit or 'an unknown unit'}>"
@@ -169,6 +172,11 @@ class Record:
         if unknown:
             raise UsageError(f"There is no channel {', '.join(unknown)} in {self.source}; it has {self.listed}.")
         return tuple(dict.fromkeys(channel for channel in found.values() if channel is not None))
+
+    def in_unit(self, unit: str, unit_from: str) -> "Record":
+        """The record with the unit of the channels that state none."""
+        channels = (one if one.unit else replace(one, unit=unit, unit_from=unit_from) for one in self.channels)
+        return replace(self, channels=tuple(channels))
 
     def _named(self, name: str) -> RecordedChannel | None:
         """The channel of this name, else the only one that is shown or labelled so, runs of blanks aside."""

@@ -240,3 +240,31 @@ def test_the_good_are_told_from_the_bad(tmp_path: Path) -> None:
     why: list[Problem] = []
     assert settle_each(records[:1], why, misled, tolerant=True) == ()
     assert "no channel 7" in why[0].found
+
+
+def test_the_unit_that_a_slow_run_leaves_open_is_that_of_the_others(tmp_path: Path) -> None:
+    """A creeping CAE run fits any unit; the other columns of its table tell, and the record says so."""
+    time_s = np.arange(0, 0.12, 1e-4)
+    speeds_kph = {"R1": 3.0, "R2": 30.0, "R3": 50.0}
+    hump = np.pi / 0.14 * np.sin(np.pi * time_s / 0.07) * (time_s < 0.07)
+    columns = np.column_stack([time_s / MS, *(v * KPH * hump for v in speeds_kph.values())])
+    rows = [",".join(["time", *speeds_kph]), *(",".join(f"{x:.6g}" for x in row) for row in columns)]
+    table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},{v},900,700" for i, v in speeds_kph.items())])
+    write(tmp_path / "runs", {"runs.csv": "\n".join(rows).encode(), "conditions.csv": table.encode()})
+    slow, *others = import_source(tmp_path / "runs", tmp_path / "campaign", role="cae")
+    assert [one.id for one in (slow, *others)] == ["R1", "R2", "R3"]
+    assert {one.unit for one in (slow, *others)} == {"m/s²"}
+    assert "Unit m/s², from the 2 other records beside it." in slow.steps
+    write(tmp_path / "alone", {"R1.csv": "\n".join(",".join(row.split(",")[:2]) for row in rows).encode()})
+    write(tmp_path / "alone", {"conditions.csv": "\n".join(table.split("\n")[:2]).encode()})
+    with pytest.raises(DataError, match="a unit that neither file nor speed tells"):
+        import_source(tmp_path / "alone", tmp_path / "other", role="cae")
+
+
+def test_ids_that_only_a_table_of_conditions_has_are_named(tmp_path: Path) -> None:
+    """Versuch_T2 has no conditions because the table calls it T2: the message shows both."""
+    files = {f"{name}.csv": german(clock(), half_sine_g(clock())) for name in ("T1", "Versuch_T2")}
+    table = "id,speed [km/h],front [kg],rear [kg]\nT1,56,900,700\nT2,56,900,700"
+    write(tmp_path / "tests", files | {"conditions.csv": table.encode()})
+    with pytest.raises(DataError, match=r"speed of Versuch_T2, found conditions without a record, of T2"):
+        import_source(tmp_path / "tests", tmp_path / "campaign")
