@@ -12,7 +12,8 @@ from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import FloatArray
 from crashfuse.wording import Sentence, speed, weight
 
-_SAME_CONDITION = 2e-3  # relative: as tables are rounded, to 1 kg and 0.1 km/h; speeds of tests are off by more
+SAME_CONDITION = 2e-3
+"""Relative: as tables are rounded, to 1 kg and 0.1 km/h; speeds of tests are off by more."""
 _AXES = (("speed", speed), ("front weight", weight), ("rear weight", weight))
 
 
@@ -63,7 +64,7 @@ class CaeLibrary:
         gap = np.abs(self.vectors - condition.vector)
         away = np.divide(gap, target, out=np.where(gap > 0, np.inf, 0.0), where=target > 0).max(axis=1)
         nearest = int(away.argmin())
-        return nearest if away[nearest] <= _SAME_CONDITION else None
+        return nearest if away[nearest] <= SAME_CONDITION else None
 
     @cached_property
     def range(self) -> tuple[FloatArray, FloatArray]:
@@ -81,7 +82,7 @@ class CaeLibrary:
         for (name, quantity), x, lo, hi in zip(
             _AXES, condition.vector.tolist(), *(end.tolist() for end in self.range), strict=True
         ):
-            tolerance = _SAME_CONDITION * abs(x)  # that of a paired run
+            tolerance = SAME_CONDITION * abs(x)  # that of a paired run
             if x < lo - tolerance or x > hi + tolerance:
                 outside = quantity(x, form=".4g"), quantity(lo, hi, form=".4g")
                 notes.append(Sentence("Extrapolation: {} {} lies outside the CAE runs' {}.", name, *outside))

@@ -12,7 +12,7 @@ from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.certification.forecasts import Asked, Forecasts
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import LeftOut, TrackRecord, Trial
-from crashfuse.certification.verdict import Verdict, all_met, judge
+from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge
 from crashfuse.errors import UsageError
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
@@ -62,15 +62,21 @@ class Certification:
         return self.config.approaches[0]
 
     @property
+    def run(self) -> dict[str, tuple[str, ...]]:
+        """Ids of the tests that were run at a condition of the matrix, by its id; of conditions with any."""
+        rows = zip(self.matrix.ids, self.verdicts, strict=True)
+        return {i: tuple(row[0].run) for i, row in rows if row[0].run}
+
+    @property
     def cells(self) -> tuple[tuple[str, Verdict], ...]:
         """All verdicts, each with the id of its condition."""
         return tuple((i, own) for i, row in zip(self.matrix.ids, self.verdicts, strict=True) for own in row)
 
     @property
     def waived(self) -> dict[str, tuple[float, float]]:
-        """Conditions that need not be run, as every criterion is met; with :func:`all_met` of each."""
+        """Conditions that need not be run, as every criterion is met, and were not; with :func:`all_met` of each."""
         rows = zip(self.matrix.ids, self.verdicts, strict=True)
-        return {i: all_met(row) for i, row in rows if all(own.word == "met" for own in row)}
+        return {i: all_met(row) for i, row in rows if all(own.word == "met" and not own.run for own in row)}
 
 
 def certify_matrix(
@@ -134,7 +140,10 @@ def certify_matrix(
                 f"The criterion {criterion.name} cannot be judged: at every condition the record is too short for the "
                 f"{criterion.label}; remove the criterion, or take other conditions."
             )
-    supported = tuple(tuple(_supported(own, record, criteria.confidence) for own in row) for row in verdicts)
+    supported = tuple(
+        tuple(_beside_tests(_supported(own, record, criteria.confidence), campaign, record) for own in row)
+        for row in verdicts
+    )
     return Certification(campaign, criteria, matrix, config, domain, supported, record, seconds)
 
 
@@ -182,6 +191,15 @@ def _record(campaign: Campaign, criteria: Criteria, approach: str, forecasts: di
             if measured is not None:
                 trials.append(Trial(test_id, way, verdict, measured, raw))
     return TrackRecord(tuple(trials))
+
+
+def _beside_tests(verdict: Verdict, campaign: Campaign, record: TrackRecord) -> Verdict:
+    """The verdict beside the tests that were run at its condition, if there are any."""
+    run: dict[str, float | None] = dict.fromkeys(test.id for test in campaign.tests_at(verdict.condition))
+    for trial in record.trials:
+        if trial.held_out in run and trial.left_out == "test" and trial.verdict.criterion == verdict.criterion:
+            run[trial.held_out] = trial.measured
+    return beside_tests(verdict, run) if run else verdict
 
 
 def _supported(verdict: Verdict, record: TrackRecord, confidence: float) -> Verdict:

@@ -1,7 +1,7 @@
 """The verdict on one criterion at one condition, with its reason."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 from crashfuse.certification.criteria import Criteria, Criterion
@@ -30,6 +30,9 @@ class Verdict:
         That a test there meets the criterion; None if the record is too short to tell.
     reason : str
         In a sentence or two.
+    run : mapping of str to float or None
+        What each test that was run at this condition measured, by its id: its metric, or the rating of the prediction
+        that was made without it; None if its record is too short.
     """
 
     condition: Condition
@@ -40,6 +43,7 @@ class Verdict:
     probability: float | None
     word: Word
     reason: str
+    run: Mapping[str, float | None] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Verdict {self.word}: {self.criterion.name} {self.criterion.limits} at {self.condition}>"
@@ -63,6 +67,22 @@ def all_met(verdicts: Sequence[Verdict]) -> tuple[float, float]:
     """
     each = [verdict.probability or 0.0 for verdict in verdicts]
     return max(1 - sum(1 - own for own in each), 0.0), min(each)
+
+
+def beside_tests(verdict: Verdict, run: Mapping[str, float | None]) -> Verdict:
+    """The verdict beside what tests at its condition measured; open if one of them contradicts it."""
+    criterion = verdict.criterion
+    did = "and measured" if criterion.window_ms is None else "and, predicted without it, rated"
+    met = {test: value is not None and criterion.is_met_by(value) for test, value in run.items()}
+    told = [
+        Sentence(f"Test {{}} was run there {did} {{}}, which {'meets' if met[test] else 'misses'} it.", test, shown)
+        for test, value in run.items()
+        if value is not None
+        for shown in [criterion.shown(value)]
+    ]
+    against = [test for test, value in run.items() if value is not None and met[test] is not (verdict.word == "met")]
+    word: Word = "open" if verdict.decided and against else verdict.word
+    return replace(verdict, word=word, reason=joined([verdict.reason, *told]), run=run)
 
 
 def judge(

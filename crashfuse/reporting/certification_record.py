@@ -26,6 +26,11 @@ def certification_record(certification: Certification) -> dict[str, object]:
             ],
         },
         "matrix": matrix_table(certification.matrix).to_dict("records"),
+        "run": {
+            i: {test: {own.criterion.name: own.run[test] for own in row} for test in row[0].run}
+            for i, row in zip(certification.matrix.ids, certification.verdicts, strict=True)
+            if row[0].run
+        },
         "domain": _domain(certification.domain),
         "verdicts": verdict_counts(certification),
         "waived": {i: {"at_least": low, "at_most": high} for i, (low, high) in certification.waived.items()},

@@ -1,6 +1,7 @@
 """A certification in words: what came of the matrix, what the record says, and every exception to it."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -36,7 +37,8 @@ def matrix_sentence(certification: Certification) -> str:
 
 def to_test(certification: Certification) -> Iterator[str]:
     """Which conditions need no test, which would miss a criterion, which need a test, and which lie outside."""
-    rows = {word: _by_condition(certification, word) for word in WORDS}
+    rows, run = {word: _by_condition(certification, word) for word in WORDS}, certification.run
+    yield from (f"{i} was run: it is test {' and '.join(tests)}." for i, tests in islice(run.items(), _NAMED))
     if waived := certification.waived:
         least = [f"{i} ({np.floor(1000 * low + 1e-9) / 1000:.3f})" for i, (low, _) in waived.items()]
         yield (
@@ -46,13 +48,15 @@ def to_test(certification: Certification) -> Iterator[str]:
         yield from waived_sentence(certification.record, certification.criteria.items)
     needed: dict[Word, str] = {"not met": "A test would miss", "open": "To be tested, or redesigned"}
     for word, told in needed.items():
-        if rows[word]:
-            yield f"{told}: {_listed([f'{i} ({_names(own)})' for i, own in rows[word].items()])}."
+        if left := {i: own for i, own in rows[word].items() if word != "open" or i not in run}:
+            yield f"{told}: {_listed([f'{i} ({_names(own)})' for i, own in left.items()])}."
+    if again := {i: own for i, own in rows["open"].items() if i in run}:
+        yield f"Run, yet open for another test: {_listed([f'{i} ({_names(own)})' for i, own in again.items()])}."
     if certification.domain.too_few_tests:
         yield from certification.domain.too_few_tests
     elif rows["outside"]:
         yield f"Outside what the tests check: {_listed(list(rows['outside']))}."
-    if not rows["open"] and not rows["outside"]:
+    if not (rows["open"].keys() | rows["outside"].keys()) - run.keys():
         yield "No condition of the matrix needs a test."
 
 

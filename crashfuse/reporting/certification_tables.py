@@ -23,8 +23,8 @@ _JUDGED = ("met", "not met", "decided")
 
 
 def certification_table(certification: Certification) -> pd.DataFrame:
-    """All verdicts, one row a condition and criterion."""
-    factors, basis = _factors(certification.matrix), _bases(certification.campaign)
+    """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
+    factors, basis, run = _factors(certification.matrix), _bases(certification.campaign), certification.run
     return pd.DataFrame(
         {
             **_condition(cell, verdict.condition, factors),
@@ -41,6 +41,7 @@ def certification_table(certification: Certification) -> pd.DataFrame:
             "verdict": verdict.word,
             "reason": verdict.reason,
             "basis": basis[verdict.criterion.metric],
+            **({"test": " ".join(verdict.run)} if run else {}),
         }
         for cell, verdict in certification.cells
     ).astype(dict.fromkeys(_NUMBERS, float))  # also where all are unknown

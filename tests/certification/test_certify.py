@@ -11,6 +11,9 @@ from crashfuse.certification.certify import Certification, certify_matrix
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import DataError, UsageError
+from crashfuse.reporting.certification_record import certification_record
+from crashfuse.reporting.certification_sentences import to_test
+from crashfuse.reporting.certification_tables import certification_table
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
@@ -149,3 +152,28 @@ def test_two_processes_find_what_one_does(
         found.append(certify_matrix(few, CRITERIA, asked, CONFIG, workers=n))
     assert found[0].verdicts == found[1].verdicts
     assert found[0].record.trials == found[1].record.trials
+
+
+def test_a_condition_that_was_run_is_said_to_be_that_test(campaign: Campaign) -> None:
+    """By speed and weights as tables are rounded; with what it measured, and the rating that it got when left out."""
+    test = campaign.tests[1]
+    rounded = replace(test.condition, speed_mps=1.001 * test.condition.speed_mps)
+    apart = replace(test.condition, speed_mps=1.003 * test.condition.speed_mps)
+    planned = Matrix(("P1", "P2", "P3"), (test.condition, rounded, apart))
+    found = certify_matrix(campaign, CRITERIA, planned, CONFIG, workers=1)
+    assert found.run == {"P1": (test.id,), "P2": (test.id,)}
+    crush, _, rating = found.verdicts[0]
+    assert crush.run[test.id] == pytest.approx(
+        metric_values(test.pulse.accel_mps2, test.condition.speed_mps)["max_crush"]
+    )
+    [trial] = [
+        one
+        for one in found.record.trials
+        if (one.held_out, one.left_out, one.verdict.criterion) == (test.id, "test", RATING)
+    ]
+    assert rating.run == {test.id: trial.measured}
+    told = list(to_test(found))
+    assert told[:2] == [f"P1 was run: it is test {test.id}.", f"P2 was run: it is test {test.id}."]
+    assert not any("P1" in sentence for sentence in told if sentence.startswith(("Need not be run", "To be tested")))
+    assert certification_table(found)["test"].tolist() == [test.id] * 6 + [""] * 3
+    assert certification_record(found)["run"]["P1"][test.id]["crush"] == crush.run[test.id]  # type: ignore[index]

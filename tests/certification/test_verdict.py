@@ -10,7 +10,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecast import Forecast
-from crashfuse.certification.verdict import Verdict, all_met, judge
+from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge
 from crashfuse.condition import Condition
 from crashfuse.wording import MPH_LB, UnitSystem, said
 
@@ -119,3 +119,20 @@ def test_a_record_too_short_leaves_it_open(campaign: Campaign) -> None:
     assert found.reason == (
         "The record is too short to predict the OLC, occupant load criterion here; only a longer one can tell."
     )
+
+
+@pytest.mark.parametrize(
+    ("at_most", "measured", "word"),
+    [(520.0, 515.0, "met"), (520.0, 525.0, "open"), (480.0, 470.0, "open"), (480.0, 485.0, "not met")],
+)
+def test_a_test_that_was_run_there_stands_beside_the_verdict_and_may_reopen_it(
+    campaign: Campaign, at_most: float, measured: float, word: str
+) -> None:
+    """A verdict that the measured test contradicts is open; the reason names test and value, the probability stays."""
+    alone = verdict(campaign, Criterion("crush", "max_crush", at_most=at_most))
+    found = beside_tests(alone, {"T5": measured, "T6": None})
+    assert found.word == word
+    assert found.probability == alone.probability
+    does = "meets" if measured <= at_most else "misses"
+    assert found.reason == f"{alone.reason} Test T5 was run there and measured {measured:.1f} mm, which {does} it."
+    assert found.run == {"T5": measured, "T6": None}

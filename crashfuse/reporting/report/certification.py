@@ -87,6 +87,7 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
             "Condition": i,
             **display.columns(condition),
             **dict(condition.factors),
+            **({"Run as test": ", ".join(certification.run.get(i, ()))} if certification.run else {}),
             "Validated domain": "outside" if certification.domain.exceeded_by(condition) else "inside",
         }
         for i, condition in zip(matrix.ids, matrix.conditions, strict=True)
