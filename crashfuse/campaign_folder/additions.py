@@ -8,7 +8,7 @@ import csv
 import io
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -77,7 +77,13 @@ def named(ids: Sequence[str]) -> str:
 
 
 def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> Added:
-    """Add tests or CAE runs to a campaign folder, or start a new one with them.
+    """Add tests or CAE runs to a campaign folder, see :func:`add_each`."""
+    [added] = add_each(folder, {role: additions})
+    return added
+
+
+def add_each(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Added, ...]:
+    """Add tests, CAE runs or both to a campaign folder, or start a new one with them, as one change.
 
     Rows go into the existing table, in its units; pulses go where the others are, by default
     ``<role>/<id>.csv``; ``campaign.toml`` gets an ``[[imported]]`` table for each. What is there already, with the same
@@ -98,52 +104,61 @@ def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> 
     OSError
         If writing fails; the campaign is unchanged.
     """
-    ids = [addition.id for addition in additions]
-    check_ids(ids, role)
-    names = Counter(map(folded, ids))
-    if twice := [run_id for run_id in ids if names[folded(run_id)] > 1]:
-        raise DataError(Problem(role, "each id once", listed(twice[:2]), "give one of them another id"))
+    for role, own in additions.items():
+        ids = [addition.id for addition in own]
+        check_ids(ids, role)
+        names = Counter(map(folded, ids))
+        if twice := [run_id for run_id in ids if names[folded(run_id)] > 1]:
+            raise DataError(Problem(role, "each id once", listed(twice[:2]), "give one of them another id"))
     if folder.is_dir() and any(folder.iterdir()) and not any((folder / name).is_file() for name in _MARKS):
         found, advice = "other files", "name a campaign, or a folder that does not exist yet"
         raise DataError(Problem(str(folder), "a campaign folder, or an empty one", found, advice))
     with taking_turns(folder):
         if folder.is_dir() and any(folder.iterdir()):
-            return _add(folder, role, additions)
+            return _add(folder, additions)
         with new_folder(folder) as home:
-            return _add(home, role, additions)
+            return _add(home, additions)
 
 
-def _add(folder: Path, role: Role, additions: Sequence[Addition]) -> Added:
+def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Added, ...]:
+    new: dict[Role, list[Addition]] = {}
+    added = []
+    for role, own in additions.items():
+        there = tuple(_already_there(folder, role, _known(folder / f"{role}.csv", role), own))
+        new[role] = [addition for addition in own if addition.id not in there]
+        added.append(Added(role, tuple(addition.id for addition in new[role]), there))
+    with changing(folder, ". ".join(map(str, added))) as keep:
+        for role, fresh in new.items():
+            _write(folder, role, fresh, keep)
+        if "tests" in new:
+            _check_differ(folder)
+    return tuple(added)
+
+
+def _write(folder: Path, role: Role, additions: Sequence[Addition], keep: Callable[[Path], None]) -> None:
     table = folder / f"{role}.csv"
     known = _known(table, role)
-    there = tuple(_already_there(folder, role, known, additions))
-    additions = [addition for addition in additions if addition.id not in there]
-    added = Added(role, tuple(addition.id for addition in additions), there)
     text, header = _table_to_extend(table, known, additions)
     settings = _settings_with(folder / "campaign.toml", role, additions)
     rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in additions]
     content = text + csv_text(rows)
     _check_readable({table.name: content, "campaign.toml": settings}, role)
-    with changing(folder, str(added)) as keep:
-        tables = [path for ending in ("parquet", "csv") if (path := folder / f"{role}_pulses.{ending}").is_file()]
-        if tables:
-            keep(tables[0])
-            append_to_table(tables[0], [(addition.id, addition.pulse) for addition in additions])
-        else:
-            for addition in additions:
-                path = folder / role / f"{addition.id}.csv"
-                pulse = pulse_csv(addition.pulse).encode()
-                if path.exists() and path.read_bytes() != pulse:
-                    found, advice = "another pulse there, without a row in the table", "rename or remove the file"
-                    raise DataError(Problem(f"{role}/{path.name}", "no such file yet", found, advice))
-                keep(path)
-                write_atomically(path, pulse)
-        for path, new in ((folder / "campaign.toml", settings), (table, content)):
+    tables = [path for ending in ("parquet", "csv") if (path := folder / f"{role}_pulses.{ending}").is_file()]
+    if tables:
+        keep(tables[0])
+        append_to_table(tables[0], [(addition.id, addition.pulse) for addition in additions])
+    else:
+        for addition in additions:
+            path = folder / role / f"{addition.id}.csv"
+            pulse = pulse_csv(addition.pulse).encode()
+            if path.exists() and path.read_bytes() != pulse:
+                found, advice = "another pulse there, without a row in the table", "rename or remove the file"
+                raise DataError(Problem(f"{role}/{path.name}", "no such file yet", found, advice))
             keep(path)
-            write_atomically(path, new.encode())
-        if role == "tests":
-            _check_differ(folder)
-    return added
+            write_atomically(path, pulse)
+    for path, new in ((folder / "campaign.toml", settings), (table, content)):
+        keep(path)
+        write_atomically(path, new.encode())
 
 
 def _known(table: Path, role: Role) -> ConditionTable | None:

@@ -39,6 +39,7 @@ def import_(arguments: argparse.Namespace) -> None:
         arguments.out,
         choices,
         role=arguments.role,
+        cae=arguments.cae,
         fmt=arguments.format,
         record_id=arguments.id,
         columns=[ColumnChoice.parsed(text) for text in arguments.column],
@@ -57,7 +58,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", type=Path, metavar="SOURCE", help="a file, folder or archive, of one record or many")
     parser.add_argument("--out", type=Path, required=True, metavar="CAMPAIGN", help="campaign folder, made if need be")
     parser.add_argument("--format", choices=(*FORMATS, *BROKEN_FORMATS), help="default: by the files' names")
-    parser.add_argument("--as", dest="role", choices=("tests", "cae"), default="tests", help="default: %(default)s")
+    parser.add_argument("--as", dest="role", choices=("tests", "cae"), help="default: tests, asked if it is doubtful")
+    parser.add_argument("--cae", nargs="+", default=(), metavar="FILE", help="files in the source that are CAE runs")
     parser.add_argument("--id", metavar="ID", help="id for a source of one record")
     parser.add_argument(
         "--channel", nargs="+", default=(), metavar="NAME", help="channels to average (default: proposed)"

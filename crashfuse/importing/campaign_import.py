@@ -2,11 +2,11 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from crashfuse.campaign_folder.additions import Added, Addition, add_to_campaign
+from crashfuse.campaign_folder.additions import Added, Addition, add_each
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem, UsageError
@@ -15,6 +15,7 @@ from crashfuse.importing.choices import Choices
 from crashfuse.importing.condition import Lacking, missing_values, told_of_several
 from crashfuse.importing.detection import UnknownUnit, delta_v, speed_text
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
+from crashfuse.importing.roles import check_names, role_of, which_are_tests
 from crashfuse.importing.settle import Settled, settle
 from crashfuse.importing.sources import Reading, each_record
 from crashfuse.importing.unpacking import is_archive
@@ -31,7 +32,8 @@ def import_source(
     out: str | Path,
     choices: Choices = Choices(),
     *,
-    role: Role = "tests",
+    role: Role | None = None,
+    cae: Sequence[str] = (),
     fmt: str | None = None,
     record_id: str | None = None,
     columns: Sequence[ColumnChoice] = (),
@@ -49,6 +51,10 @@ def import_source(
         be filtered with the others when the campaign is read; otherwise they are filtered here.
     choices : Choices
         Settings that replace detection; they apply to every record of the source.
+    role : {"tests", "cae"}, optional
+        What the records are. By default tests, which is asked if some files look like CAE runs beside others.
+    cae : sequence of str
+        Names of the files in the source whose records are CAE runs, whatever the others are.
     fmt : str, optional
         A key of :data:`crashfuse.readers.formats.FORMATS`; by default detected from the file names in the source.
     record_id : str, optional
@@ -75,22 +81,34 @@ def import_source(
         raise UsageError(f"The campaign filters every record with CFC {own:g}; remove --channel-filter-class.")
     together = record_id is not None or bool(choices.channels)
     problems: list[Problem] = []
-    records = each_record(Reading(source, fmt, tuple(columns), together, conditions, record_id, travel), problems)
+    sources: list[str] = []
+
+    def noted(records: Iterable[Record]) -> Iterator[Record]:
+        for record in records:
+            sources.append(record.source)
+            yield record
+
+    records = noted(
+        each_record(Reading(source, fmt, tuple(columns), together, conditions, record_id, travel), problems)
+    )
     settled: tuple[Settled, ...] = ()
     try:
-        settled = settle_each(records, problems, choices, role=role, raw=own is not None)
+        settled = settle_each(records, problems, choices, role=role or "tests", cae=cae, raw=own is not None)
     except OneCrashOrSeveral as error:
         problems = list(error.problems)  # what each column lacks as a crash of its own is no question yet
     except DataError as error:
         problems = [*error.problems, *problems]
+    check_names(cae, sources)
+    if role is None and not cae:
+        refuse(which_are_tests(source.name, sources), source.name)  # what each lacks as a test may be no question then
     alone = source.is_file() and not is_archive(source.name) and conditions is None
     if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once
         problems = [problem for problem in problems if not isinstance(problem, Lacking)]
         problems += missing_values(source.name, record_id or source.stem, choices.known)
     refuse(problems, source.name)
-    added = add_settled(out, settled, role=role)
-    return tuple(one for one in settled if one.id in added.ids)
+    added = {(own.role, run_id) for own in add_settled(out, settled) for run_id in own.ids}
+    return tuple(one for one in settled if (one.role, one.id) in added)
 
 
 def settle_each(
@@ -99,6 +117,7 @@ def settle_each(
     choices: Choices = Choices(),
     *,
     role: Role = "tests",
+    cae: Sequence[str] = (),
     raw: bool = False,
     tolerant: bool = False,
 ) -> tuple[Settled, ...]:
@@ -107,8 +126,9 @@ def settle_each(
     What the conditions of several records lack is told once, and not at all if ``records`` raises at its end because
     the ids of a table of conditions are others.
 
-    ``choices``, ``role`` and ``raw`` are as in :func:`settle`. ``tolerant`` turns an invalid choice into a problem of
-    the record instead of raising, because choices that fit one record may not fit another.
+    ``choices``, ``role`` and ``raw`` are as in :func:`settle`; the records of the files ``cae`` are CAE runs.
+    ``tolerant`` turns an invalid choice into a problem of the record instead of raising, because choices that fit one
+    record may not fit another.
     """
     settled: dict[int, Settled] = {}
     refused: list[Problem] = []
@@ -117,7 +137,7 @@ def settle_each(
 
     def attempt(place: int, record: Record) -> None:
         try:
-            settled[place] = settle(record, choices, role=role, raw=raw)
+            settled[place] = settle(record, choices, role=role_of(record.source, role, cae), raw=raw)
         except DataError as error:
             if place not in unclear and any(isinstance(problem, UnknownUnit) for problem in error.problems):
                 unclear[place] = record
@@ -176,7 +196,7 @@ def _of_one_speed(settled: Sequence[Settled]) -> tuple[Settled, ...]:
     return tuple(replace(one, steps=(*one.steps, told)) for one in settled)
 
 
-def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") -> Added:
+def add_settled(out: Path, settled: Sequence[Settled]) -> tuple[Added, ...]:
     """Add settled records to a campaign, or start a new one with them: all of them or, on any problem, none.
 
     Parameters
@@ -192,8 +212,11 @@ def add_settled(out: Path, settled: Sequence[Settled], *, role: Role = "tests") 
     OSError
         If writing fails.
     """
-    additions = [Addition(one.id, one.condition, one.pulse, _told(one), one.quality) for one in settled]
-    return add_to_campaign(out, role, additions)
+    additions: dict[Role, list[Addition]] = {}
+    for one in settled:
+        own = Addition(one.id, one.condition, one.pulse, _told(one), one.quality)
+        additions.setdefault(one.role, []).append(own)
+    return add_each(out, additions)
 
 
 def _named(record: Record, problem: Problem) -> Problem:

@@ -58,6 +58,8 @@ class Settled:
         Everything that was found and done, in order.
     quality : RunQuality
         What the solver says of a CAE run; nothing of a test.
+    role : {"tests", "cae"}
+        What it is.
     """
 
     id: str
@@ -71,6 +73,7 @@ class Settled:
     channel_filter_class: float | None
     steps: tuple[str, ...]
     quality: RunQuality = field(default_factory=RunQuality)
+    role: Role = "tests"
 
     def __repr__(self) -> str:
         return f"<Settled {self.id!r}: {self.condition}>"
@@ -138,7 +141,8 @@ def settled_at(
     _check(record, pulse, condition, role, steps)
     names = tuple(channel.name for channel in channels)
     quality = record.quality if role == "cae" else RunQuality()
-    return Settled(record.id, record.source, condition, pulse, names, unit, sign, zero_s, cfc, tuple(steps), quality)
+    told = tuple(steps)
+    return Settled(record.id, record.source, condition, pulse, names, unit, sign, zero_s, cfc, told, quality, role)
 
 
 def missing_choices(record: Record, choices: Choices) -> list[Problem]:

@@ -539,3 +539,18 @@ def test_nobody_is_sent_to_the_command_line(visit: Visit) -> None:
     """Columns are chosen on the page."""
     session = drop(visit(), x_csv=b"a;b\n1;2\n")
     assert "COLUMN=ROLE" not in session.words + session.tables[0].to_string()
+
+
+@pytest.mark.slow
+def test_cae_files_dropped_beside_tests_are_told_apart(visit: Visit, tmp_path: Path) -> None:
+    """Which files are CAE runs is proposed, said, and can be changed; both kinds are added at once."""
+    names = {"T1": 1.5, "T2": -1.5, "CAE1": 0.8}
+    files = {f"{i}_csv": german(clock(), half_sine_g(clock()) + scatter_g(clock(), s)) for i, s in names.items()}
+    table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},56,900,700" for i in names)])
+    session = drop(visit(), **files, conditions_csv=table.encode())
+    assert field(session, "Of these files").value == ["CAE1.csv"]
+    assert "CAE1.csv: taken as CAE runs" in session.words
+    session = into(session, tmp_path / "both")
+    session.press("Add 1 CAE run and 2 tests")
+    assert (tmp_path / "both" / "cae" / "CAE1.csv").is_file()
+    assert sorted(path.name for path in (tmp_path / "both" / "tests").iterdir()) == ["T1.csv", "T2.csv"]

@@ -1,6 +1,7 @@
 """Last step of an import: choose the campaign and add the records to it."""
 
 import threading
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +26,9 @@ _FACTOR_PX = 260
 _adding = threading.Lock()
 
 
-def show_add_form(source: Source, reading: Reading, choices: Choices, role: Role, settled: Sequence[Settled]) -> None:
+def show_add_form(
+    source: Source, reading: Reading, choices: Choices, role: Role, cae: tuple[str, ...], settled: Sequence[Settled]
+) -> None:
     """Show the choice of target campaign and the Add button."""
     st.subheader("Add to a campaign")
     if refused := st.session_state.get(REFUSED):
@@ -41,13 +44,19 @@ def show_add_form(source: Source, reading: Reading, choices: Choices, role: Role
         _ask_folder()
     _ask_factors(source, role, settled)
     st.button(
-        f"Add {counted(len(settled), role)}" if len(settled) > 1 else f"Add as {WHAT[role][0]}",
+        f"Add as {WHAT[settled[0].role][0]}" if len(settled) == 1 else f"Add {counted_each(settled, role)}",
         type="primary",
         icon=":material/add:",
         disabled=not settled,
         on_click=_add,
-        args=(source, reading, choices, role),
+        args=(source, reading, choices, role, cae),
     )
+
+
+def counted_each(settled: Sequence[Settled], role: Role = "tests") -> str:
+    """How many tests and CAE runs there are; without any, of the role."""
+    numbers = Counter(one.role for one in settled) or {role: 0}
+    return " and ".join(counted(n, own) for own, n in numbers.items())
 
 
 def _ask_folder() -> None:
@@ -126,20 +135,20 @@ def own_class() -> float | None:
         return None
 
 
-def _add(source: Source, reading: Reading, choices: Choices, role: Role) -> None:
+def _add(source: Source, reading: Reading, choices: Choices, role: Role, cae: tuple[str, ...]) -> None:
     """Add every record that can be added, and switch to the campaign."""
     st.session_state.pop(REFUSED, None)
     try:
         folder = _target()
         own = own_filter_class(folder)
-        settled, problems = settled_of(source, reading, choices, role, raw=own is not None)
+        settled, problems = settled_of(source, reading, choices, role, cae, raw=own is not None)
         if len(settled) == 1 and (new_id := st.session_state.get(f"{source.key} id", "").strip()):
             settled = (replace(settled[0], id=new_id),)
         if not settled:
             raise DataError(problems)
         settled = tuple(_with_factors(one, source, role) for one in settled)
         with _adding:
-            added = add_settled(folder, settled, role=role)
+            added = ". ".join(map(str, add_settled(folder, settled)))
         journal.note(visitor(), f"{added}, in {folder}")
     except DataError as error:
         st.session_state[REFUSED] = error.problems
@@ -149,7 +158,7 @@ def _add(source: Source, reading: Reading, choices: Choices, role: Role) -> None
         st.session_state[REFUSED] = (Problem("campaign", expected, found, "check the path and your rights"),)
         return
     leave()
-    _turn_to(folder, plain(str(added)))
+    _turn_to(folder, plain(added))
 
 
 def _turn_to(folder: Path, sentence: str) -> None:

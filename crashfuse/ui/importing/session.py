@@ -118,10 +118,10 @@ def records_of(source: Source, reading: Reading) -> tuple[tuple[Record, ...], tu
 
 @st.cache_resource(max_entries=8, show_spinner="Settling …")
 def settled_of(
-    source: Source, reading: Reading, choices: Choices, role: Role, *, raw: bool = False
+    source: Source, reading: Reading, choices: Choices, role: Role, cae: tuple[str, ...], *, raw: bool = False
 ) -> tuple[tuple[Settled, ...], tuple[Problem, ...]]:
     """Settled records of a source, from :func:`settle_each`."""
     records, problems = records_of(source, reading)
     refused: list[Problem] = []
-    settled = settle_each(records, refused, choices, role=role, raw=raw, tolerant=True)
+    settled = settle_each(records, refused, choices, role=role, cae=cae, raw=raw, tolerant=True)
     return settled, (*problems, *refused)

@@ -6,10 +6,12 @@ import numpy as np
 import pandas as pd
 import streamlit as st
 
-from crashfuse.campaign_folder.additions import WHAT, counted
+from crashfuse.campaign_folder.additions import WHAT
+from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import Problem
 from crashfuse.importing import Choices, Settled
+from crashfuse.importing.roles import file_of, look_like_cae, role_of
 from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.reporting.plots.display import DEFAULT
@@ -17,7 +19,7 @@ from crashfuse.reporting.previews import Preview
 from crashfuse.signals.pulse import kinematics
 from crashfuse.ui import frame
 from crashfuse.ui.figures import show_figure
-from crashfuse.ui.importing.adding import own_class, show_add_form
+from crashfuse.ui.importing.adding import counted_each, own_class, show_add_form
 from crashfuse.ui.importing.condition import Units
 from crashfuse.ui.importing.fields import choices_of, reading_of
 from crashfuse.ui.importing.session import NEXT_ROLE, UNFINISHED, Source, leave, records_of, settled_of
@@ -60,6 +62,7 @@ def _show_step(source: Source, view: frame.View | None) -> None:
         role = _role(source)
         reading = reading_of(source)
         records, unread = records_of(source, reading)
+        cae = _cae_files(source, records) if role == "tests" else ()
     with right:
         first = _looked_at(source, records)
     if first is None:
@@ -72,8 +75,8 @@ def _show_step(source: Source, view: frame.View | None) -> None:
             None in (one.condition.speed_mps, *one.condition.weights.axles()) for one in records
         ):
             st.caption("A table of conditions, dropped along with the files, gives each record its own: one row an id.")
-        choices, units = choices_of(source, records, first, role, own_class())
-    settled, problems = settled_of(source, reading, choices, role)
+        choices, units = choices_of(source, records, first, role_of(first.source, role, cae), own_class())
+    settled, problems = settled_of(source, reading, choices, role, cae)
     with right:
         _preview(first, choices, next((one for one in settled if one.id == first.id), None), view, units)
         if len(records) > 1 and settled:
@@ -82,9 +85,9 @@ def _show_step(source: Source, view: frame.View | None) -> None:
             needs = dict.fromkeys(_need(problem) for problem in problems)
             st.warning("Before it can be added:\n\n" + "\n".join(f"- {need}" for need in needs), icon=":material/edit:")
         elif problems:
-            can = f"{counted(len(settled), role)} can be added without." if settled else ""
+            can = f"{counted_each(settled)} can be added without." if settled else ""
             show_problems(problems, "Not everything can be added" if settled else "It cannot be added yet", can)
-    show_add_form(source, reading, choices, role, settled)
+    show_add_form(source, reading, choices, role, cae, settled)
 
 
 def _role(source: Source) -> Role:
@@ -98,6 +101,22 @@ def _role(source: Source) -> Role:
         persist_state="session",
     )
     return role
+
+
+def _cae_files(source: Source, records: Sequence[Record]) -> tuple[str, ...]:
+    """Ask which of several files with tests are CAE runs; those that look like it are filled in, and said to be."""
+    files = list(dict.fromkeys(file_of(record.source) for record in records))
+    if len(files) < 2:
+        return ()
+    found = look_like_cae(record.source for record in records)
+    chosen = st.multiselect(
+        "Of these files, CAE runs are in", files, default=found, placeholder="none", key=f"{source.key} cae",
+        persist_state="session",
+    )  # fmt: skip
+    if found:
+        named = "their names or numbers" if len(found) > 1 else "its name or number"
+        st.caption(f"{plain(listed(found))}: taken as CAE runs for {named} of records, unlike the other files.")
+    return tuple(chosen)
 
 
 def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
