@@ -27,6 +27,11 @@ def summary(certification: Certification) -> tuple[str, ...]:
     return (*said, *(told for subject in (_UNSUPPORTED, _UNTOUCHED, _FEW) for told in against.get(subject, ())))
 
 
+def beside_matrix(certification: Certification) -> tuple[str, ...]:
+    """What stands beside the matrix: what came of it, and why criteria are open whatever their probability."""
+    return (*to_test(certification), *exceptions(certification).get(_UNSUPPORTED, ()))
+
+
 def matrix_sentence(certification: Certification) -> str:
     """How many verdicts of each kind the matrix has."""
     n, criteria = len(certification.matrix.ids), len(certification.criteria.items)

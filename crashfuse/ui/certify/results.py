@@ -8,7 +8,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.track_record import largest_share
 from crashfuse.certification.verdict import WORDS
 from crashfuse.files.csv_output import without_formulas
-from crashfuse.reporting.certification_sentences import to_test
+from crashfuse.reporting.certification_sentences import beside_matrix
 from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name
 from crashfuse.reporting.plots.display import Display
@@ -45,7 +45,7 @@ def show(judgement: Judgement) -> None:
         f"at most {100 * largest_share(wrong, decided):.1f} %" if decided else None, delta_color="off",
         delta_arrow="off", help="Of verdicts met and not met; with the exact one-sided 95 % bound of their share.",
     )  # fmt: skip
-    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in to_test(certification)))
+    st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
     n = len(certification.matrix.ids)
     with st.container(height=46 + 24 * FEW_CONDITIONS if n > FEW_CONDITIONS else "content", border=False):
         show_clickable(

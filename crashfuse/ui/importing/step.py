@@ -60,9 +60,11 @@ def _show_step(source: Source, view: frame.View | None) -> None:
     left, right = st.columns([2, 3], gap="large")
     with left:
         role = _role(source)
+        beside = st.container()  # which files are of the other kind is known once all are read
         reading = reading_of(source)
         records, unread = records_of(source, reading)
-        cae = _cae_files(source, records) if role == "tests" else ()
+        with beside:
+            cae = _cae_files(source, records) if role == "tests" else ()
     with right:
         first = _looked_at(source, records)
     if first is None:
@@ -144,13 +146,14 @@ def _preview(record: Record, choices: Choices, settled: Settled | None, view: fr
 
 def _table(settled: Sequence[Settled], units: Units) -> None:
     """Table of the results for many records."""
-    rows = []
+    rows, both = [], len({one.role for one in settled}) > 1
     for one in settled[:_MOST_ROWS]:
         motion = kinematics(one.pulse.accel_mps2, one.condition.speed_mps, one.pulse.dt_s)
         stop_s = float(motion.t0_s)
         rows.append(
             {
                 "Id": one.id,
+                **({"Taken as": WHAT[one.role][0]} if both else {}),
                 f"Speed ({units.speed})": round(one.condition.speed_mps / units.speed_mps, 1),
                 f"Front ({units.weight})": round(one.condition.front_weight_kg / units.weight_kg),
                 f"Rear ({units.weight})": round(one.condition.rear_weight_kg / units.weight_kg),
