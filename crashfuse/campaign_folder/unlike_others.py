@@ -46,7 +46,7 @@ def unlike_others(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Flo
     return [
         *(
             f"tests.csv, {ids[i]}: its deceleration begins {abs(off) / MS:.1f} ms {'late' if off > 0 else 'early'}: "
-            f"{_ONSET:.0%} of its speed are gone at {onsets[i] / MS:.1f} ms, expected at {(onsets[i] - off) / MS:.1f} "
+            f"{100 * _ONSET:.0f} % of its speed is gone at {onsets[i] / MS:.1f} ms, expected at {(onsets[i] - off) / MS:.1f} "
             f"ms {by}; check its time zero, which is first contact."
             for i, off in _odd(onsets - usual_onsets, _LATE_S)
         ),

@@ -7,6 +7,7 @@ from itertools import islice
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 
+from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.ids import safe_id
 from crashfuse.errors import DataError, Problem, UsageError, collecting, one_of, printable
 from crashfuse.files.archive import DEFAULT_LIMITS, refuse, too_much, zip_members
@@ -129,11 +130,15 @@ def each_record(reading: Reading, problems: list[Problem]) -> Iterator[Record]:
         expected = "a column of time and one of acceleration"
         raise DataError(Problem(source.name, expected, found, "map the columns (--column COLUMN=ROLE:UNIT)"))
     whole, ids = not problems, list[str]()
+    unread = [] if fmt == TABLES or not source.is_dir() else _unread_tables(source, extra)
     for record in tables.records if fmt == TABLES else _of_homes(source, fmt, reading.travel, problems):
         if reading.record_id is not None:
             if ids:
                 raise UsageError(f"One id is not enough: {source.name} holds several records.")
             record = replace(record, id=reading.record_id)
+        if unread and not ids:
+            told = f"Careful: tables in the source are left out, {listed(unread)}; import them by themselves."
+            record = replace(record, steps=(*record.steps, told))
         ids.append(record.id)
         yield _with_safe_id(tables.given_to(record), reading)
     if whole:  # else ids of unreadable records may be missing
@@ -147,6 +152,12 @@ def _with_safe_id(record: Record, reading: Reading) -> Record:
         return record
     told = f"Its id is {name}, because {printable(record.id, 60)!r} cannot name a file on every system."
     return replace(record, id=name, steps=(*record.steps, told))
+
+
+def _unread_tables(folder: Path, read: Sequence[Path]) -> list[str]:
+    """Names of the tables beside files of another format, neither read as conditions nor that format's own."""
+    known = {path.resolve() for path in read}
+    return [path.name for path in tables_of(folder) if path.resolve() not in known and not is_time_history_csv(path)]
 
 
 def tables_of(source: Path) -> list[Path]:

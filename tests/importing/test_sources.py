@@ -155,3 +155,14 @@ def test_one_bad_table_among_good_ones_is_one_problem(tmp_path: Path) -> None:
     assert [record.id for record in records] == ["a", "c"]
     assert [problem.found for problem in problems] == ["'hundred'"]
     assert len(settle_each(records, [], GIVEN)) == 2
+
+
+def test_tables_beside_another_format_are_not_passed_over_in_silence(tmp_path: Path) -> None:
+    """A test exported as CSV beside NHTSA's files is named, a table of conditions that is read is not."""
+    write(tmp_path, nhtsa_files())
+    write(tmp_path, {"T7.csv": b"time;a", "conditions.csv": b"id,speed [km/h]\n00005,56"})
+    (record,) = read_records(Reading(tmp_path, conditions=tmp_path / "conditions.csv"))
+    assert [step for step in record.steps if "T7.csv" in step] == [
+        "Careful: tables in the source are left out, T7.csv; import them by themselves."
+    ]
+    assert not any("conditions.csv;" in step for step in record.steps)
