@@ -43,10 +43,11 @@ def unlike_others(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Flo
         usual_onsets[i] = np.median(_onsets(pulses["cae"][near], runs[near]))
         usual_means[i] = v0 * np.median(_means(pulses["cae"][near]) / runs[near])
     by = "by the other tests and the CAE runs near its speed"
+    share = f"{100 * _ONSET:.0f} % of its speed is gone"
     return [
         *(
             f"tests.csv, {ids[i]}: its deceleration begins {abs(off) / MS:.1f} ms {'late' if off > 0 else 'early'}: "
-            f"{100 * _ONSET:.0f} % of its speed is gone at {onsets[i] / MS:.1f} ms, expected at {(onsets[i] - off) / MS:.1f} "
+            f"{share} at {onsets[i] / MS:.1f} ms, expected at {(onsets[i] - off) / MS:.1f} "
             f"ms {by}; check its time zero, which is first contact."
             for i, off in _odd(onsets - usual_onsets, _LATE_S)
         ),
