@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from crashfuse.signals import pulse_shape
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel, occupant_load_criterion, vehicle_pulse_index
-from crashfuse.signals.pulse import DT_S, FloatArray, Kinematics, kinematics
+from crashfuse.signals.pulse import DT_S, FloatArray, Kinematics, kinematics, with_late_stops
 from crashfuse.units import KPH, MS, G
 
 TAIL = 0.025  # share on either side of the central 95 %
@@ -75,17 +75,17 @@ def _delta_v(motion: Kinematics) -> FloatArray:
 
 def _t0(motion: Kinematics) -> FloatArray:
     """Time of zero velocity; infinite, meaning beyond the record, if there is none."""
-    return np.where(np.isnan(motion.t0_s), np.inf, motion.t0_s)
+    return np.nan_to_num(motion.t0_s, nan=np.inf)
 
 
 def _max_crush(motion: Kinematics) -> FloatArray:
     """Maximum dynamic crush, the largest displacement; infinite if the vehicle does not stop."""
-    return np.where(np.isnan(motion.t0_s), np.inf, motion.displacement_m.max(axis=-1))
+    return np.nan_to_num(motion.crush_m, nan=np.inf)
 
 
 def _mean(motion: Kinematics) -> FloatArray:
     """Mean deceleration from contact to zero velocity, v0/t0: the later the stop, the smaller."""
-    return np.where(np.isnan(motion.t0_s), -np.inf, motion.velocity_mps[..., 0] / motion.t0_s)
+    return np.nan_to_num(motion.velocity_mps[..., 0] / motion.t0_s, nan=-np.inf)
 
 
 def _sm25(motion: Kinematics) -> FloatArray:
@@ -210,7 +210,25 @@ def metric_values(
 
     If the record ends too early: infinite (t0, max_crush), minus infinity (mean, olc), or NaN, which is either (vpi).
     """
-    motion = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
+    return _values(kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s), occupant)
+
+
+def drawn_values(
+    draws_mps2: FloatArray,
+    speed_mps: FloatArray | float,
+    *,
+    dt_s: float = DT_S,
+    occupant: OccupantModel = USUAL_OCCUPANT,
+) -> dict[str, FloatArray]:
+    """As :func:`metric_values`, of pulses that are predicted, not measured: what they do beyond the record may be told.
+
+    A draw that is nearly at rest at the end of the record stops as in :func:`crashfuse.signals.pulse.with_late_stops`.
+    """
+    motion = kinematics(np.asarray(draws_mps2, dtype=np.float64), speed_mps, dt_s)
+    return _values(with_late_stops(motion), occupant)
+
+
+def _values(motion: Kinematics, occupant: OccupantModel) -> dict[str, FloatArray]:
     return {name: reading.of(motion, occupant) for name, reading in _READINGS.items()}
 
 
@@ -256,14 +274,15 @@ def pulse_metrics(
     The pulse, a mean curve, is smoother than any draw, so its peak may lie below the interval.
 
     If the record ends too early the value is None. A draw that ends too early is not left out, as that would overstate
-    certainty. One that does not stop counts as larger than any that does in t0 and max_crush, and as smaller in mean.
+    certainty. One that has lost three quarters of its impact speed goes on with half of its mean deceleration so far;
+    one that is faster counts as larger than any that stops in t0 and max_crush, and as smaller in mean.
     One whose occupant is still moving forward counts as smaller in olc, as the same loss of speed takes longer, unless
     the vehicle has left the barrier: then it moves on at its last velocity, which tells olc all the same.
     One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
     more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """
     values = metric_values(accel_mps2, speed_mps, dt_s=dt_s, occupant=occupant)
-    drawn = None if draws_mps2 is None else metric_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant)
+    drawn = None if draws_mps2 is None else drawn_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant)
     intervals = {name: (None, None) if drawn is None else _interval(drawn[name]) for name in values}
     return tuple(Metric(n, _finite(value), *intervals[n], METRIC_UNITS[n]) for n, value in values.items())
 

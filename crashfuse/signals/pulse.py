@@ -3,7 +3,7 @@
 Signs follow SAE J1733: braking is negative, so velocity is ``v0`` plus the integral of the acceleration.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,9 @@ DT_S = 1 / SAMPLE_RATE_HZ
 GRID_S: FloatArray = np.arange(N_SAMPLES) * DT_S
 """The time grid of every pulse in a campaign and every prediction: 12.5 kHz over 0–100 ms, shape (1250,), in s."""
 GRID_S.flags.writeable = False
+
+_NEARLY_STOPPED = 0.25  # share of the impact speed
+_LEAST_BRAKING = 0.5  # share of the mean deceleration so far: cut anywhere, no crash of 70 random vehicles braked less
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +92,8 @@ class Kinematics:
     ----------
     accel_mps2, velocity_mps, displacement_m : ndarray, shape (..., n)
     t0_s : ndarray, shape (...)
-        Time of zero velocity, linearly interpolated; NaN where the vehicle does not stop within the record.
+        Time of zero velocity, linearly interpolated; NaN where the vehicle does not stop within the record. It lies
+        beyond the record only in :func:`with_late_stops`.
     dt_s : float
         Time step in s.
     """
@@ -99,6 +103,17 @@ class Kinematics:
     displacement_m: FloatArray
     t0_s: FloatArray
     dt_s: float
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last sample."""
+        return float((self.velocity_mps.shape[-1] - 1) * self.dt_s)
+
+    @property
+    def crush_m(self) -> FloatArray:
+        """Maximum dynamic crush, shape (...): the largest displacement; NaN where the vehicle does not stop."""
+        late = self.velocity_mps[..., -1] * np.maximum(self.t0_s - self.end_s, 0.0) / 2
+        return np.asarray(np.maximum(self.displacement_m.max(axis=-1), self.displacement_m[..., -1] + late))
 
 
 def kinematics(accel_mps2: FloatArray, speed_mps: FloatArray | float, dt_s: float) -> Kinematics:
@@ -127,6 +142,18 @@ def _integral(values: FloatArray, dt_s: float) -> FloatArray:
     steps *= dt_s / 2
     np.cumsum(steps, axis=-1, out=steps)
     return integral
+
+
+def with_late_stops(motion: Kinematics) -> Kinematics:
+    """The same motions, with the stops of vehicles that are nearly at rest when the record ends.
+
+    One that has lost three quarters of its impact speed, more than nine tenths of its energy, goes on with half of its
+    mean deceleration so far. What it crushes then is an upper bound, as crushed structure resists more, not less.
+    """
+    first, last = motion.velocity_mps[..., 0], motion.velocity_mps[..., -1]
+    slow = np.isnan(motion.t0_s) & (last < _NEARLY_STOPPED * first)
+    braking = np.where(slow, _LEAST_BRAKING * (first - last) / motion.end_s, np.inf)
+    return replace(motion, t0_s=np.where(slow, motion.end_s + last / braking, motion.t0_s))
 
 
 def zero_velocity_time(velocity: FloatArray, dt_s: float) -> FloatArray:

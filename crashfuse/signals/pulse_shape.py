@@ -1,8 +1,8 @@
 """The shape of a pulse in a few numbers: equivalent square and two-step pulses, centroid time, loading ratio, rebound.
 
 All up to the time of zero velocity T, at which the crush C is largest, but for the rebound, which begins there. Each
-function takes one motion or many (leading dimensions) and returns SI. Where the vehicle does not stop within the
-record, the result is infinite on the side where it would lie, or NaN if that is not known.
+function takes one motion or many (leading dimensions) and returns SI. Where the vehicle is not known to stop, the
+result is infinite on the side where it would lie, or NaN if that is not known.
 """
 
 from collections.abc import Callable
@@ -55,7 +55,7 @@ def equivalent_square_wave(motion: Kinematics) -> FloatArray:
     M. Huang: Vehicle Crash Mechanics. CRC Press 2002, chapter 2 (ESW).
     """
     speed = motion.velocity_mps[..., 0]
-    return np.where(np.isnan(motion.t0_s), -np.inf, speed**2 / 2 / motion.displacement_m.max(axis=-1))
+    return np.nan_to_num(speed**2 / 2 / motion.crush_m, nan=-np.inf)
 
 
 def centroid_time(motion: Kinematics) -> FloatArray:
@@ -66,7 +66,7 @@ def centroid_time(motion: Kinematics) -> FloatArray:
     M. Huang: Vehicle Crash Mechanics. CRC Press 2002, chapter 2.
     """
     speed = motion.velocity_mps[..., 0]
-    return np.where(np.isnan(motion.t0_s), np.inf, motion.displacement_m.max(axis=-1) / speed)
+    return np.nan_to_num(motion.crush_m / speed, nan=np.inf)
 
 
 @_once
@@ -135,7 +135,7 @@ def rebound_velocity(motion: Kinematics) -> FloatArray:
     """
     left, at = _separation(motion)
     rebound = -np.take_along_axis(motion.velocity_mps, at[..., None], axis=-1)[..., 0]
-    return np.where(left, rebound, np.where(np.isfinite(motion.t0_s), np.inf, np.nan))
+    return np.where(left, rebound, np.where(motion.t0_s <= motion.end_s, np.inf, np.nan))
 
 
 def restitution(motion: Kinematics) -> FloatArray:
@@ -154,7 +154,7 @@ def static_crush(motion: Kinematics) -> FloatArray:
     """
     left, at = _separation(motion)
     crush = np.take_along_axis(motion.displacement_m, at[..., None], axis=-1)[..., 0]
-    return np.where(left, crush, np.where(np.isfinite(motion.t0_s), -np.inf, np.nan))
+    return np.where(left, crush, np.where(motion.t0_s <= motion.end_s, -np.inf, np.nan))
 
 
 def has_left(motion: Kinematics) -> npt.NDArray[np.bool_]:

@@ -11,6 +11,7 @@ from crashfuse.approaches.metric_calibration import (
     Distribution,
     calibrated_metrics,
     drawn_metrics,
+    metric_distributions,
     metric_errors,
     standardised_error,
 )
@@ -101,6 +102,19 @@ def test_draws_beyond_the_record_leave_that_end_open(end: float, lowest: float, 
     assert (lower is None, upper is None) == (lowest > 0, highest > 0)
     assert found.probability(None, 1e9) == pytest.approx(1 - highest)
     assert found.probability(0.0, None) == pytest.approx(1 - lowest)
+
+
+def test_a_draw_that_creeps_on_leaves_no_doubt_that_the_vehicle_stops(campaign: Campaign) -> None:
+    """With a twentieth of the speed left at 100 ms in one draw of twenty, a limit of twice the crush is surely met."""
+    test = campaign.tests[1]
+    speed = test.condition.speed_mps
+    draws = np.linspace(0.95, 1.05, 400)[:, None] * test.pulse.accel_mps2
+    change = float(np.trapezoid(test.pulse.accel_mps2, dx=test.pulse.dt_s))
+    draws[::20] = -0.95 * speed / change * test.pulse.accel_mps2
+    found = metric_distributions(Prediction(test.condition, test.pulse.accel_mps2, draws), {})["max_crush"]
+    assert found is not None
+    assert found.highest == 0.0
+    assert found.probability(None, 2 * found.centre) > 0.999
 
 
 @pytest.mark.parametrize("end", [np.inf, -np.inf, np.nan])

@@ -123,6 +123,18 @@ def test_draws_that_do_not_stop_count_as_beyond_the_record(share: float, known: 
     assert (found["mean"].upper is not None) == (share < 1)
 
 
+def test_draws_nearly_at_rest_at_the_end_of_the_record_leave_no_end_open() -> None:
+    """Constant braking at 135 to 145 m/s² from 15 m/s: no pulse stops, yet both ends follow from what is left."""
+    rates = np.linspace(135.0, 145.0, 41)
+    draws = np.outer(-rates, np.ones(GRID_S.size))
+    found = by_name(pulse_metrics(draws[20], 15.0, draws_mps2=draws))
+    crush = 15.0**2 / (2 * rates) + (15.0 - rates * GRID_S[-1]) ** 2 / (2 * rates)
+    assert found["max_crush"].value is None
+    assert (found["max_crush"].lower, found["max_crush"].upper) == pytest.approx((1e3 * crush[39], 1e3 * crush[1]))
+    assert all(None not in (found[n].lower, found[n].upper) for n in ("t0", "mean", "esw", "centroid_time", "g2"))
+    assert all((found[n].lower, found[n].upper) == (None, None) for n in REBOUND)
+
+
 def slow_draws(duration_s: float) -> FloatArray:
     """Half sines that take 1.1 times 9 m/s away in 50 to 90 ms, shape (401, n), over a record of some duration."""
     time = np.arange(round(duration_s / DT_S)) * DT_S

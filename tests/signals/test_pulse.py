@@ -5,9 +5,10 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
+from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError
-from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse, kinematics
+from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, FloatArray, Pulse, kinematics, with_late_stops
 from crashfuse.units import LB, MPH
 
 DURATION_S = 0.08
@@ -134,6 +135,42 @@ def test_what_is_no_pulse_is_refused(time_s: list[float], accel: list[float], fo
     """Unequal lengths, a single sample, holes, time that stands still, runs back or is uneven say so."""
     with pytest.raises(DataError, match=found):
         Pulse(np.array(time_s), np.array(accel))
+
+
+def test_constant_braking_cut_before_the_stop_goes_on_at_half_its_rate() -> None:
+    """From a speed v left at the end: a stop 2 v/a later and v²/a further, where a crash at a takes v/a and v²/2a."""
+    rates, end = np.array([135.0, 149.0]), GRID_S[-1]
+    motion = with_late_stops(kinematics(np.outer(-rates, np.ones(N_SAMPLES)), 15.0, DT_S))
+    left = 15.0 - rates * end
+    np.testing.assert_allclose(motion.t0_s, end + 2 * left / rates)
+    np.testing.assert_allclose(motion.crush_m, 15.0**2 / (2 * rates) + left**2 / (2 * rates))
+
+
+def test_a_vehicle_with_a_quarter_of_its_speed_left_is_not_known_to_stop() -> None:
+    """At a constant rate from 15 m/s: with 3.7 m/s left it stops beyond the record, with 3.8 m/s nobody can tell."""
+    left = np.array([3.7, 3.8])
+    motion = kinematics(np.outer((left - 15.0) / GRID_S[-1], np.ones(N_SAMPLES)), 15.0, DT_S)
+    assert np.isnan(motion.t0_s).all()
+    late = with_late_stops(motion)
+    assert np.isfinite(late.t0_s).tolist() == np.isfinite(late.crush_m).tolist() == [True, False]
+
+
+def test_late_stops_change_nothing_of_what_stops_within_the_record() -> None:
+    """Its time of zero velocity is the same to the bit, its crush the largest displacement."""
+    motion = kinematics(half_sine(), 15.0, DT_S)
+    assert with_late_stops(motion).t0_s == motion.t0_s
+    assert motion.crush_m == motion.displacement_m.max()
+
+
+def test_crashes_cut_anywhere_stop_within_what_they_are_given(campaign: Campaign) -> None:
+    """Each test of the sample, cut at a share of its speed, stops no later and crushes no more than the rule says."""
+    for test in campaign.tests:
+        whole = test.pulse.kinematics(test.condition.speed_mps)
+        for share in (0.24, 0.1, 0.02):
+            by = int((whole.velocity_mps < share * test.condition.speed_mps).argmax()) + 1
+            cut = with_late_stops(kinematics(test.pulse.accel_mps2[:by], test.condition.speed_mps, DT_S))
+            assert whole.t0_s < cut.t0_s < 2 * whole.t0_s
+            assert whole.crush_m < cut.crush_m < 1.15 * whole.crush_m
 
 
 def test_condition_is_the_papers_input_vector() -> None:
