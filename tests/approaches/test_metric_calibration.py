@@ -77,12 +77,21 @@ def test_one_odd_test_does_not_set_the_scale_alone() -> None:
     assert spread(errors=np.r_[ordinary, 5.0]).scale > spread(errors=np.r_[ordinary, 4.0]).scale
 
 
-def test_the_time_of_the_peak_starts_from_more_doubt_than_the_crush() -> None:
+def test_the_time_of_the_peak_starts_from_more_doubt_than_the_olc() -> None:
     """It jumps from one peak to another; with many left-out tests what metrics usually show no longer matters."""
-    assert spread(metric="peak_time").scale == pytest.approx(1.4 / 0.8 * spread(metric="max_crush").scale)
+    assert spread(metric="peak_time").scale == pytest.approx(1.4 / 0.8 * spread(metric="olc").scale)
     many = np.array([1.5, -1.5] * 500)
-    scales = [spread(errors=many, metric=metric).scale for metric in ("peak_time", "max_crush")]
+    scales = [spread(errors=many, metric=metric).scale for metric in ("peak_time", "olc")]
     assert scales[0] == pytest.approx(scales[1], rel=0.01)
+
+
+def test_crush_is_known_no_better_than_tests_repeat() -> None:
+    """Draws that agree leave 2 % of the crush, in the unit of errors, too; a spread of 5 % hides nearly all of it."""
+    sure = np.full(400, 300.0)
+    assert standardised_error(sure, 309.0, "max_crush") == pytest.approx(1.5)
+    assert spread(sure, metric="max_crush").scale == pytest.approx(0.8 * 0.02 * 300)
+    assert spread(sure, metric="olc").scale == 0.0
+    assert spread(metric="max_crush").scale == pytest.approx(spread(metric="olc").scale * np.hypot(5, 2) / 5, rel=1e-3)
 
 
 def test_outer_draws_do_not_count() -> None:
