@@ -29,9 +29,9 @@ _USUAL_SCALES = {
     **{"esw": 0.8, "centroid_time": 0.8},  # functions of the crush
     **{"g1": 1.15, "g2": 1.05, "step_time": 1.05, "loading_ratio": 1.1},
 }
-# Crashes at one condition do not crush alike, however sure the draws beside a test are: on random vehicles intervals of
-# the crush, and of its functions, then hold as often beside a test as far from all.
-_REPEATABILITY = dict.fromkeys(("max_crush", "esw", "centroid_time"), 0.02)  # share of the value
+# Crashes at one condition do not crush alike, however sure the draws beside a test are. The share is that of the best
+# log score of 2,254 unseen crashes of 24 random vehicles.
+_REPEATABILITY = dict.fromkeys(("max_crush", "esw", "centroid_time"), 0.015)  # of the value
 _WORST = 5.0  # a larger standardised error counts as this one: one odd test must not set the scale alone
 _LEVEL = 0.95
 _MOST_DRAWS = 1000  # computed at once
