@@ -15,7 +15,7 @@ _LONGEST = 180  # bytes of an id made of a foreign name
 def id_trouble(run_id: str) -> tuple[str, str, str] | None:
     """Expected, found and advice for an id that is not a valid file name or would be a spreadsheet formula."""
     if not run_id:
-        return "an id in each row", "an empty cell", "name the test or run"
+        return "an id in each row", "an empty cell", "name the row"
     found = repr(printable(run_id, 60))
     unsafe = ("", "a slash", "") if "/" in run_id else name_trouble(run_id)
     if unsafe is None and (wild := _WILD.search(run_id)):

@@ -9,7 +9,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.track_record import TrackRecord, largest_share
-from crashfuse.certification.verdict import WORDS, Verdict, Word
+from crashfuse.certification.verdict import WORDS, Verdict
 from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.wording import Sentence, joined, speed, weight
 
@@ -51,12 +51,15 @@ def to_test(certification: Certification) -> Iterator[str]:
             f"{_listed(least)}."
         )
         yield from waived_sentence(certification.record, certification.criteria.items)
-    needed: dict[Word, str] = {"not met": "A test would miss", "open": "To be tested, or redesigned"}
-    for word, told in needed.items():
-        if left := {i: own for i, own in rows[word].items() if word != "open" or i not in run}:
-            yield f"{told}: {_listed([f'{i} ({_names(own)})' for i, own in left.items()])}."
-    if again := {i: own for i, own in rows["open"].items() if i in run}:
-        yield f"Run, yet open for another test: {_listed([f'{i} ({_names(own)})' for i, own in again.items()])}."
+    known = _open(certification, known=True)
+    for told, some in (
+        ("A test would miss", rows["not met"]),
+        ("To be tested, or redesigned", {i: own for i, own in known.items() if i not in run}),
+        ("Run, yet open for another test", {i: own for i, own in known.items() if i in run}),
+        ("The record is too short to tell", _open(certification, known=False)),
+    ):
+        if some:
+            yield f"{told}: {_listed([f'{i} ({_names(own)})' for i, own in some.items()])}."
     if certification.domain.too_few_tests:
         yield from certification.domain.too_few_tests
     elif rows["outside"]:
@@ -135,8 +138,8 @@ def domain_sentences(domain: Domain) -> tuple[str, ...]:
             f"; {factors}" if factors else "",
         ),
         Sentence(
-            "A condition is at most {} from the nearest test, as far as the worst left-out speed was, {} below the "
-            "slowest and {} above the fastest.",
+            "A condition is at most {} from the nearest test, as far as any left-out test was from the others, {} "
+            "below the slowest and {} above the fastest.",
             *map(speed, (domain.reach_mps, domain.below_mps, domain.above_mps)),
         ),
     )
@@ -153,9 +156,7 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
         "Warnings about the campaign": certification.campaign.remarks,
         "Conditions outside the validated domain": certification.domain.too_few_tests or tuple(outside),
         "Open, because the record is too short to predict": tuple(
-            f"{i}: {_names(unknown)}."
-            for i, own in _by_condition(certification, "open").items()
-            if (unknown := [verdict for verdict in own if verdict.probability is None])
+            f"{i}: {_names(unknown)}." for i, unknown in _open(certification, known=False).items()
         ),
         "Tests outside the range of the CAE runs": tuple(
             joined([test.id, joined(notes)], ": ")
@@ -197,6 +198,15 @@ def _by_condition(certification: Certification, word: str) -> Mapping[str, list[
         if verdict.word == word:
             found.setdefault(i, []).append(verdict)
     return found
+
+
+def _open(certification: Certification, *, known: bool) -> Mapping[str, list[Verdict]]:
+    """Open verdicts by condition: with a known probability, or those that a longer record alone can tell."""
+    some = {
+        i: [verdict for verdict in own if (verdict.probability is not None) is known]
+        for i, own in _by_condition(certification, "open").items()
+    }
+    return {i: own for i, own in some.items() if own}
 
 
 def _names(verdicts: Sequence[Verdict]) -> str:

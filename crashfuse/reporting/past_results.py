@@ -1,6 +1,6 @@
 """Tables and sentences on past results: the list of them, and two studies beside each other."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import pandas as pd
 
@@ -10,7 +10,7 @@ from crashfuse.study.comparison import StudyComparison
 from crashfuse.study.history import PastResult
 from crashfuse.wording import signed
 
-_LEFT_OUT = {"test": "alone", "speed group": "speed group", "both": "alone, group"}
+_LEFT_OUT = {"test": "", "speed group": ", by group", "both": ", also by group"}
 
 
 def history_table(results: Iterable[PastResult], display: Display = DEFAULT) -> pd.DataFrame:
@@ -20,9 +20,7 @@ def history_table(results: Iterable[PastResult], display: Display = DEFAULT) -> 
 
 def described(result: PastResult, display: Display = DEFAULT) -> str:
     """A result in a few words, to choose it by: date, what, settings, campaign."""
-    config = result.config
-    settings = f"{config.preset}, seed {config.seed}, {len(config.approaches)} approaches"
-    return f"{_date(result)} · {_what(result, display)} · {settings} · {result.campaign}"
+    return f"{_date(result)} · {_what(result, display)} · {_settings(result)} · {result.campaign}"
 
 
 def comparison_table(compared: StudyComparison, approach: str, window_ms: float, left_out: str) -> pd.DataFrame:
@@ -88,7 +86,7 @@ def studies_table(first: PastResult, second: PastResult, display: Display = DEFA
 
 
 def _row(result: PastResult, display: Display) -> dict[str, str]:
-    config, rated = result.config, {"Mean rating": "–", "Worst test": "–"}
+    rated = {"Mean rating": "–", "Worst test": "–"}
     if result.tests:
         window = max(result.windows_ms)
         worst, rating = result.worst(result.approach, window)
@@ -97,15 +95,14 @@ def _row(result: PastResult, display: Display) -> dict[str, str]:
             "Worst test": f"{worst} {rating:.3f}",
         }
     elif result.expected:
-        rated["Mean rating"] = f"{result.expected} expected"
+        rated["Mean rating"] = f"{result.expected.replace(' to ', '–')} (80 %)"
     return {
         "Date (UTC)": _date(result),
         "Campaign": result.campaign,
-        "What": _what(result, display),
-        "Settings": f"{config.preset}, seed {config.seed}{_approaches(config.approaches)}",
+        "What": _what(result, display) + _LEFT_OUT[result.config.leave_out],
         "Recommended": LABELS.get(result.approach, result.approach),
         **rated,
-        "Left out": _LEFT_OUT[config.leave_out] if result.tests else "–",
+        "Settings": _settings(result),
         "Data": result.fingerprint[:8],
     }
 
@@ -116,9 +113,10 @@ def _what(result: PastResult, display: Display) -> str:
     return f"test {result.tests[0]}" if len(result.tests) == 1 else f"study of {len(result.tests)} tests"
 
 
-def _approaches(names: Sequence[str]) -> str:
-    """The approaches, to follow the other settings, unless they are all there are."""
-    return "" if set(names) == set(LABELS) else ": " + ", ".join(LABELS.get(name, name) for name in names)
+def _settings(result: PastResult) -> str:
+    config = result.config
+    approaches = "1 approach" if len(config.approaches) == 1 else f"{len(config.approaches)} approaches"
+    return f"{config.preset}, seed {config.seed}, {approaches}"
 
 
 def _date(result: PastResult) -> str:

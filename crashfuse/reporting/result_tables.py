@@ -119,7 +119,7 @@ def gains_table(curve: LearningCurve, cost: Cost | None = None) -> pd.DataFrame:
         {
             "Tests": f"{step.before} → {step.after}",
             "Gain of rating": signed(step.gain, 3) + plus_minus(step.error),
-            "A test": signed(step.per_test, 4),
+            "Per test": signed(step.per_test, 4),
             **({} if cost is None else {"Cost of 0.01": cost.times(0.01 / step.per_test) if step.told else "–"}),
         }
         for step in gains(curve)

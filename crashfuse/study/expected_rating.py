@@ -59,7 +59,7 @@ class ExpectedRating:
         """A sentence on the expected rating, and the number of tests near the condition."""
         n, within = len(self.tests), speed(self.reach_mps)
         tests, rated = f"{n} left-out test{'s' * (n > 1)}", rating_range(self.lowest, self.highest)
-        expected = f"Expected rating over 0–{self.window_ms:g} ms: {self.range} ({self.grades})"
+        expected = f"Expected rating over 0–{self.window_ms:g} ms: {self.range} (80 %, {self.grades})"
         return Sentence(f"{expected}; {tests} within {{}} rated {rated}.", within)
 
     @property
@@ -88,7 +88,7 @@ class ExpectedRating:
 
     def outcome(self, rating: float) -> str:
         """A sentence on how the expectation came out, once the test is known."""
-        return f"Expected {self.range}, came out {rating:.3f} ({grade(rating)}): {self.surprise(rating)}."
+        return f"Expected {self.range} (80 %), came out {rating:.3f} ({grade(rating)}): {self.surprise(rating)}."
 
 
 def expected_rating(estimate: Estimate, campaign: Campaign, window_ms: float = 60.0) -> ExpectedRating | None:

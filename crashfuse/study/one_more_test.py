@@ -205,8 +205,8 @@ def _outlook(more: OneMore | None, n: int, cost: Cost | None) -> str:
         return f"{what}."
     if more.lower < _NOTHING:
         price = "" if cost is None else f"; at {cost} each, one hundredth costs {cost.times(0.01 / more.upper)} or more"
-        return f"{what}: about {max(more.gain, 0):.3f}, at most {more.upper:.3f}{price}."
-    interval = f"{more.lower:.3f} to {more.upper:.3f}"
+        return f"{what}: about {max(more.gain, 0):.3f}, at most {more.upper:.3f} (95 %){price}."
+    interval = f"{more.lower:.3f} to {more.upper:.3f} (95 %)"
     return f"One more test, after these {n}, should add about {more.gain:.3f}, {interval}{_price(more.gain, cost)}."
 
 

@@ -63,7 +63,8 @@ class Repeatability:
             compared = "is above what a repeat would get"
         else:
             compared = "is within what repeats reach"
-        return f"A repeat of this test would rate {self.text}; the prediction's {rating:.2f} ({label}) {compared}."
+        repeat = f"A repeat of this test would rate {self.text} (95 %)"
+        return f"{repeat}; the prediction's {rating:.2f} ({label}) {compared}."
 
 
 def repeatability(

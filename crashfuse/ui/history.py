@@ -21,7 +21,7 @@ from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
 
 _ROW_PX, _MOST_ROWS = 35, 9
-_WIDTHS_PX = {"Campaign": 110, "What": 180, "Settings": 95}  # a condition fits; with these, all columns do at 1440 px
+_WIDTHS_PX = {"Campaign": 125, "What": 195}  # at 900 px all columns but the last fit, at 1440 px all
 _TABLE, _REFUSED = "past results", "result that could not be opened"  # session keys
 
 
@@ -43,10 +43,12 @@ def show_results(results: list[PastResult], display: Display) -> None:
         st.session_state[_REFUSED] = _open(results[rows[0]]) if rows else ""
 
     event = st.dataframe(
-        table, hide_index=True, on_select=take, selection_mode="single-row", key=_TABLE,
+        table.drop(columns="Data"), hide_index=True, on_select=take, selection_mode="single-row", key=_TABLE,
         height=_ROW_PX * min(len(table) + 1, _MOST_ROWS) + 3, alt="Studies and predictions of this machine",
         column_config={
-            "Mean rating": st.column_config.TextColumn(alignment="right"),
+            "Mean rating": st.column_config.TextColumn(
+                alignment="right", help="Over the longest window; of a prediction the central 80 % of what is expected."
+            ),
             **{name: st.column_config.TextColumn(width=width) for name, width in _WIDTHS_PX.items()},
         },
     )  # fmt: skip

@@ -194,10 +194,10 @@ def test_the_summary_says_where_to_test(certification: Certification) -> None:
     said = summary(certification)
     assert said[0].startswith("3 conditions × 3 criteria, confidence 0.8: ")
     assert "Outside what the tests check: M70." in said
-    assert any(sentence.startswith("To be tested, or redesigned: M20 (") for sentence in said)
+    assert "The record is too short to tell: M20 (OLC)." in said  # a test there would not tell either
     first, second, third = certification.verdicts
-    missed = replace(first[0], word="not met")
-    met_too = [replace(own, word="met") for own in second[1:]]
+    missed, undecided = replace(first[0], word="not met"), replace(second[1], word="open", probability=0.5)
+    met_too = [undecided, *(replace(own, word="met") for own in second[2:])]
     rows = (
         tuple(replace(own, word="met", probability=p) for own, p in zip(first, (0.9, 1, 1), strict=True)),
         (missed, *met_too),
@@ -207,6 +207,7 @@ def test_the_summary_says_where_to_test(certification: Certification) -> None:
     said = summary(replace(certification, verdicts=rows))
     assert _NOT_RUN.format(first_id, "0.900") in said
     assert f"A test would miss: {second_id} ({missed.criterion.name})." in said
+    assert f"To be tested, or redesigned: {second_id} ({undecided.criterion.name})." in said
     met = tuple(tuple(replace(own, word="met") for own in row) for row in certification.verdicts)
     assert "No condition of the matrix needs a test." in summary(replace(certification, verdicts=met))
 

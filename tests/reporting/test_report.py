@@ -86,7 +86,7 @@ def test_a_study_says_what_repeats_would_rate(study: Study) -> None:
     assert "<h2>How well tests repeat" in text
     assert re.search(r"<td>T1</td><td>–</td><td>–</td><td>0.95 \[0.91, 0.97\]</td><td>T9</td>", text)
     assert re.search(r"<td>A repeat</td><td>–</td><td>–</td><td>0.975</td>", text)
-    assert "A repeat of this test would rate 0.95 [0.91, 0.97]; the prediction&#39;s 1.00 (CAE) is above" in text
+    assert "A repeat of this test would rate 0.95 [0.91, 0.97] (95 %); the prediction&#39;s 1.00 (CAE) is above" in text
     assert "How well tests repeat" not in study_report(study)
 
 
@@ -193,7 +193,7 @@ def test_a_prediction_is_shown_without_a_test(campaign: Campaign) -> None:
     assert figures(text) == 3
     assert '"name":"Test"' not in text
     assert "by speed</h2>" in text
-    assert "Expected rating over 0–60 ms: 1.00 (Excellent)" in text
+    assert "Expected rating over 0–60 ms: 1.00 (80 %, Excellent)" in text
     assert "Nearest tests by speed and weights: T1 (+0.0 mph" in text
     assert "crashfuse predict CAMPAIGN --speed-mph 15 " in text
 

@@ -36,7 +36,7 @@ def test_a_test_far_below_its_expectation_is_told_with_its_range_and_its_rating(
     assert found.disappoints
     first, *_ = found.sentences
     assert found.expected is not None
-    assert first.startswith(f"T3, 26.0 mph: expected {found.expected.range}, came out {found.rating:.3f}")
+    assert first.startswith(f"T3, 26.0 mph: expected {found.expected.range} (80 %), came out {found.rating:.3f}")
     assert first.endswith("far below what was expected.")
 
 
@@ -105,7 +105,7 @@ def test_ranges_and_grades_agree_with_what_is_displayed(campaign: Campaign) -> N
     told = replace(found, lower=0.8849, upper=0.9404, least=0.7, most=0.98)
     assert told.range == "0.88 to 0.94"
     assert told.grades == "Good"
-    assert told.outcome(0.8801) == "Expected 0.88 to 0.94, came out 0.880 (Good): as expected."
+    assert told.outcome(0.8801) == "Expected 0.88 to 0.94 (80 %), came out 0.880 (Good): as expected."
     assert told.outcome(0.8004).endswith("came out 0.800 (Good): below what was expected.")  # the grade of its rating
     assert told.surprise(0.75) == "below what was expected"
     assert told.surprise(0.96) == "above what was expected"

@@ -112,8 +112,8 @@ def test_a_sentence_places_a_prediction_beside_what_repeats_reach() -> None:
     """Below, within and above the interval."""
     repeat = Repeatability(0.95, 0.91, 0.97)
     assert repeat.sentence(0.93, "Fused") == (
-        "A repeat of this test would rate 0.95 [0.91, 0.97]; the prediction's 0.93 (Fused) is within what repeats "
-        "reach."
+        "A repeat of this test would rate 0.95 [0.91, 0.97] (95 %); the prediction's 0.93 (Fused) is within what "
+        "repeats reach."
     )
     assert "0.85 (CAE) is below what repeats reach" in repeat.sentence(0.85, "CAE")
     assert "0.98 (CAE) is above what a repeat would get" in repeat.sentence(0.98, "CAE")

@@ -244,8 +244,9 @@ class HierarchicalBias:
         """The choice of factors, and a warning if the fit explains nothing."""
         notes = ("The bias model found nothing in the tests that noise would not explain.",) * self.process_.dead_
         if self._levels:
-            used = f"{' and '.join(self.factors_)} told them apart" if self.factors_ else "they were not told apart"
-            notes += (f"Bias of tests that differ in {' or '.join(self._levels)}: {used}, by what left-out tests say.",)
+            on = f"depends on {' and '.join(self.factors_)}" if self.factors_ else "does not depend on that"
+            differ = f"Tests differ in {' and '.join(self._levels)}; by what left-out tests say"
+            notes += (f"{differ}, what the CAE model gets wrong {on}.",)
         return notes
 
 

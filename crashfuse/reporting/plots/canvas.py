@@ -144,9 +144,10 @@ def add_line(figure: go.Figure, x: FloatArray, y: FloatArray, **style: object) -
     """Draw one curve, as float32.
 
     All rows of stacked plots use the same x axis, so that one cursor runs through all of them; a lower row
-    is selected by its ``yaxis``, such as ``"y2"``.
+    is selected by its ``yaxis``, such as ``"y2"``. The cursor reads y in ``yhoverformat``: a template's own format
+    would write negative numbers with a hyphen.
     """
-    _add(figure, x, y, {"hovertemplate": "%{y:.1f}", **style})
+    _add(figure, x, y, {"hovertemplate": "%{y}", "yhoverformat": ".1f", **style})
 
 
 def add_band(

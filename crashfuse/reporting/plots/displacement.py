@@ -74,7 +74,7 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
         name: Curve(phase.time_s / MS, (again[name] - phase.displacement_m) / _MM, remark=", difference")
         for name, phase in phases.items()
     }
-    draw_curves(figure, travelled, hovertemplate="%{y:.1f} mm")
+    draw_curves(figure, travelled, hovertemplate="%{y} mm")
     lines = curve_lines(phases)
     for name, phase in phases.items():
         marks = np.searchsorted(phase.time_s, np.arange(0.0, phase.end_s, _MARK_S))
@@ -83,7 +83,7 @@ def integration_check(measured: Pulse | None, predictions: Mapping[str, Predicti
             figure, phase.time_s[marks] / MS, again[name][marks] / _MM, mode="markers", marker=symbol,
             name="Eq. 29", legendgroup=name, showlegend=False, hoverinfo="skip",
         )  # fmt: skip
-    draw_curves(figure, missed, yaxis="y2", showlegend=False, hovertemplate="%{y:.3f} mm")
+    draw_curves(figure, missed, yaxis="y2", showlegend=False, hovertemplate="%{y} mm", yhoverformat=".3f")
     end_ms = max(phase.time_s[-1] for phase in phases.values()) / MS
     figure.update_layout(
         hoversubplots="axis",

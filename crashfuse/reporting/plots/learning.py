@@ -52,6 +52,7 @@ def tuning_strength(errors: Mapping[str, float], left_out: Mapping[str, float], 
     figure.add_vline(
         x=place, line={"color": CURSOR, "dash": "dot"}, annotation_text="chosen", annotation_position=f"top {side}"
     )
-    figure.update_xaxes(title="Share a test has to itself", type="category", range=None, unifiedhovertitle=None)
+    title = "Variance of a test's own part (shared part: 1)"
+    figure.update_xaxes(title=title, type="category", range=None, unifiedhovertitle=None)
     figure.update_yaxes(title="Error (CAE RMS = 1)", rangemode="tozero")
     return figure

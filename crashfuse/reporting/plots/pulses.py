@@ -250,8 +250,14 @@ def _between(ordered: FloatArray, place: float) -> FloatArray:
 def _join_hover(figure: go.Figure, display: Display) -> None:
     """Show a, v and s of a curve in one hover line instead of three."""
     curves = [trace for trace in figure.data if trace.hoverinfo != "skip"]
-    hover = f"%{{y:.1f}} {display.unit}, %{{customdata[0]:.1f}} {display.units.speed}, %{{customdata[1]:.0f}} mm"
+    hover = f"%{{y}} {display.unit}, %{{customdata[0]}} {display.units.speed}, %{{customdata[1]}} mm"
     for group in {trace.legendgroup for trace in curves}:
         accel, velocity, displacement = [trace for trace in curves if trace.legendgroup == group]
-        accel.customdata = np.column_stack([np.round(velocity.y, 1), np.round(displacement.y)])  # as they are said
+        accel.customdata = np.column_stack([_said(velocity.y, 1), _said(displacement.y, 0)])
         accel.hovertemplate = hover
+
+
+def _said(values: FloatArray, digits: int) -> np.ndarray[tuple[int, ...], np.dtype[np.str_]]:
+    """Numbers as the cursor reads them, with a minus sign; Plotly would format them with a hyphen."""
+    rounded = np.round(values, digits) + 0.0  # no negative zero
+    return np.char.replace(np.char.mod(f"%.{digits}f", rounded), "-", "\N{MINUS SIGN}")

@@ -105,10 +105,9 @@ def _hows(explanation: RatingExplanation) -> tuple[str, str, str, str]:
 def _draw(figure: go.Figure, curves: Compared, approach: str, scale: float, row: int) -> None:
     for name, label, values in ((TEST, "Test", curves.reference), (approach, LABELS[approach], curves.comparison)):
         place = {} if row == 1 else {"yaxis": f"y{row}", "showlegend": False}
-        form = "%{y:.2f}" if row == len(_DOMAINS) else "%{y:.1f}"
         add_line(
             figure, curves.time_s / MS, values * scale, name=label, legendgroup=name, line=curve_line(name),
-            hovertemplate=form, **place,
+            yhoverformat=".2f" if row == len(_DOMAINS) else ".1f", **place,
         )  # fmt: skip
 
 

@@ -96,7 +96,7 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
     _legend(figure, "measured", color=MEASURED_COLOUR, symbol="circle", line_color=MEASURED_COLOUR)
     if any(trial.wrong for trial in trials):
         _legend(figure, "wrong verdict", color=_DISAGREES, symbol="circle-open", line_color=_DISAGREES)
-    figure.update_layout(hovermode="closest", hoverlabel={"align": "left"}, margin={"l": 72, "t": 96})
+    figure.update_layout(hovermode="closest", hoverlabel={"align": "left"}, margin={"l": 72, "t": 72})
     figure.update_xaxes(title="Left-out test, in order of speed", row=len(criteria))
     return figure
 

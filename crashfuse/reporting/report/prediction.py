@@ -24,9 +24,9 @@ _SHOWN = 20
 
 NEXT_TEST_MEANING = (
     "Which test would narrow the band most is known before it is run: the variance of a Gaussian process depends on "
-    "where the tests are, not on what they measure. The band is that of the displacement domain's bias, as a root mean "
-    "square over the range and over displacement; a test narrows it by what it tells about its neighbourhood, as far "
-    "as tests repeat."
+    "where the tests are, not on what they measure. The band is the 95 % band of the displacement domain's bias, as a "
+    "root mean square over the range and over displacement; a test narrows it by what it tells about its "
+    "neighbourhood, as far as tests repeat."
 )
 
 

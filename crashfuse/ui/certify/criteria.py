@@ -79,7 +79,7 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
                 "Metric",
                 options=list(_METRICS),
                 format_func=lambda name: labels[str(name)],
-                width="large",
+                width=280,  # its longest name; with more, a limit is cut off at 900 px
                 required=True,
             ),
             "window_ms": st.column_config.NumberColumn(

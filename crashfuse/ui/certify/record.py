@@ -55,8 +55,8 @@ def show(judgement: Judgement) -> None:
         )
         st.caption(
             "Verdicts on left-out tests inside what the others check, in bins of probability; n is their number, the "
-            "lines exact 95 % bounds (Clopper and Pearson). Where the dotted line passes within them, the "
-            "probabilities are right."
+            "lines exact 95 % bounds (Clopper and Pearson). Where the dotted line passes within them, nothing that was "
+            "measured speaks against the probabilities."
         )
 
 
@@ -89,7 +89,7 @@ def _counts(certification: Certification, display: Display) -> pd.DataFrame:
                 "Criterion": criterion.name,
                 "Limit": display.words(criterion.limits),
                 **{word.capitalize(): _said(counts[word]) for word in ("met", "not met", "open", "outside")},
-                "Wrong at most": "–" if bound is None else f"{100 * float(str(bound)):.0f} %",
+                "Wrong at most (95 %)": "–" if bound is None else f"{100 * float(str(bound)):.0f} %",
                 "What this record supports": support_sentence(record, criterion, certification.criteria.confidence),
             }
         )

@@ -25,7 +25,7 @@ _OF_CURVES = {
         "integration",
         "Displacement over time, integrated over time and recovered from a(s), and their difference",
         "Lines: each pulse integrated twice over time, up to zero velocity. Circles: the same motion recovered from "
-        "acceleration over displacement (Eq. 29). Where they agree, the conversion is lossless.",
+        "acceleration over displacement (Eq. 29 of the paper). Where they agree, the conversion is lossless.",
     ),
 }
 """Figures of curves that the user chooses: the library's name, the alternative text, and what to see."""
@@ -33,7 +33,7 @@ _OF_CURVES = {
 
 def show(comparison: Comparison) -> None:
     """Show the held-out test, the CAE model and its correction over displacement, in the figure that the user picks."""
-    row = st.container(horizontal=True, vertical_alignment="center")
+    row = st.container(horizontal=True, vertical_alignment="center", gap="xsmall")
     with row:
         choice = choose("Figure", [_CURVES, _ENERGY, _BIAS, _PARTS, _CHECK], key="over_displacement")
     if choice == _PARTS:
@@ -86,6 +86,7 @@ def _show_parts(comparison: Comparison) -> None:
     )
     st.caption(
         f"What the other {len(comparison.others.tests)} tests predict of the bias in {test.id}. Parts can cancel each "
-        "other: their sum is better known than each of them. The test's own part, its repeatability, can't be "
-        "predicted, only its size. The measured bias is drawn for comparison only."
+        "other: their sum is better known than each of them. Shared: the same in every test; ratio: the CAE model's "
+        "pulse, its trend and its humps, times a factor. The test's own part, its repeatability, can't be predicted, "
+        "only its size. The measured bias is drawn for comparison only."
     )

@@ -38,7 +38,7 @@ def _row(comparison: Comparison) -> str:
         values += explanations.grade_chip(rating.grade)
         items.append(_item(escape(LABELS[name]), values, recommended=name == comparison.recommended))
     if (repeat := comparison.repeats.get(window_ms)) is not None:
-        values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f}</small>"
+        values = f"<b>{repeat.value:.3f}</b><small>{repeat.lower:.2f}–{repeat.upper:.2f} (95 %)</small>"
         items.append(_item(f"<i>{REPEAT}</i>", values))
     window, basis = page_tables.window_label(window_ms), comparison.view.campaign.rating_basis
     label = escape(f"Ratings over {window}, with the change from the raw CAE model: {basis}")

@@ -34,7 +34,7 @@ def show(comparison: Comparison) -> None:
     if not states:
         st.info("No approach with a network is known here yet.", icon=":material/info:")
         return
-    with st.container(horizontal=True, vertical_alignment="center"):
+    with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         choice = choose("Figure", [_BEFORE_AND_AFTER, _LEARNING], key="networks")
         if choice == _BEFORE_AND_AFTER:
             curves = comparison.choose_curves([TEST, *({BASELINE} & {*comparison.predictions})])
@@ -63,8 +63,9 @@ def show(comparison: Comparison) -> None:
                 alt="Error for each strength of the fine-tuning, on tests fitted to and on tests left out in turn",
             )
             st.caption(
-                "The fine-tuning has an exact solution, so there are no epochs, only a strength to choose: the weakest "
-                "whose error on left-out tests is within one standard error of the lowest."
+                "The fine-tuning has an exact solution, so there are no epochs, only one choice: how far each test may "
+                "differ from what all share. Taken is the least whose error on left-out tests is within one standard "
+                "error of the lowest."
             )
         elif "tuning_curve" in network:
             st.markdown("**Fine-tuning on tests**")

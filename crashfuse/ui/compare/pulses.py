@@ -18,7 +18,7 @@ _CORRIDORS_HELP = (
 def show(comparison: Comparison) -> None:
     """Show acceleration, velocity and displacement over time, or what the predictions miss."""
     test, display = comparison.test, comparison.view.display
-    with st.container(horizontal=True, vertical_alignment="center"):
+    with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", [_MOTION, _RESIDUALS], key="compared")
         corridors = shown == _MOTION and st.toggle(
             "Corridors of the rating", key="corridors", persist_state="session", help=_CORRIDORS_HELP

@@ -20,7 +20,7 @@ from crashfuse.ui.text import plain
 def show(comparison: Comparison) -> None:
     """Show the parts of the ratings, and explain that of one approach, at first of the recommended one."""
     display, test = comparison.view.display, comparison.test
-    with st.container(horizontal=True, vertical_alignment="center"):
+    with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         approach = _choose_approach(comparison)
         curves = comparison.choose_curves(offered=())
     explanation = comparison.fold.explained(approach, comparison.window_ms)

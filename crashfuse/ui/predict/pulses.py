@@ -14,7 +14,7 @@ _FIGURES = {"Over time": "motion", "Over displacement": "displacement", "Energy 
 def show(answer: Answer) -> None:
     """Show every approach's prediction, and what was put beside, in the figure that the user picks."""
     condition, display = answer.condition, answer.view.display
-    with st.container(horizontal=True, vertical_alignment="center"):
+    with st.container(horizontal=True, vertical_alignment="center", gap="xsmall"):
         shown = choose("Figure", list(_FIGURES), key="predicted")
         curves = choose_curves(answer.view, answer.predictions, answer.recommended, condition)
 

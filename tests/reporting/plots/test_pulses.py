@@ -119,11 +119,15 @@ def test_the_three_rows_share_one_time_axis(test: CrashTest, predictions: dict[s
 
 
 def test_the_cursor_tells_a_v_and_s_of_a_curve_together(test: CrashTest, predictions: dict[str, Prediction]) -> None:
-    """The acceleration carries the other two; they don't repeat themselves."""
+    """The acceleration carries the other two; they don't repeat themselves. Numbers have a minus sign, not a hyphen."""
     figure = plots.motion(test.pulse, predictions, test.condition.speed_mps)
     accel = trace(figure, "CAE")
-    np.testing.assert_array_equal(accel.customdata[:, 0], np.round(trace(figure, "CAE", 2).y, 1))
-    np.testing.assert_array_equal(accel.customdata[:, 1], np.round(trace(figure, "CAE", 3).y))
+    said = np.char.replace(accel.customdata.astype(str), "\N{MINUS SIGN}", "-").astype(np.float32)
+    np.testing.assert_array_equal(said[:, 0], np.round(trace(figure, "CAE", 2).y, 1))
+    np.testing.assert_array_equal(said[:, 1], np.round(trace(figure, "CAE", 3).y))
+    assert said.min() < 0
+    assert "-" not in "".join(accel.customdata.ravel())
+    assert ":" not in accel.hovertemplate  # the formats of templates know hyphens only
     assert trace(figure, "CAE", 2).hoverinfo == "none"
 
 
