@@ -190,9 +190,9 @@ def _enough(curve: LearningCurve) -> str:
     most = len(curve.campaign.tests) - 1
     found = enough(curve)
     if found is None:
-        return f"No fewer tests, chosen evenly over speed, do as well as {most}."
+        return f"No fewer tests, chosen evenly over speed, rate as well as {most}."
     return (
-        f"{found.before} of these tests, chosen evenly over speed, may do as well: with {most} it rates "
+        f"{found.before} of these tests, chosen evenly over speed, may rate as well: with {most} it rates "
         f"{signed(found.gain, 3)}{plus_minus(found.error)}, within twice the standard error."
     )
 

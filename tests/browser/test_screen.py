@@ -107,8 +107,14 @@ def test_the_sidebar_folds_in_a_narrow_window_and_comes_back_in_a_wide_one(predi
 
 
 def test_every_word_can_be_read_at_900_px(predicted: "User") -> None:
-    """Nothing below 11 px, in figures neither; contrast of 4.5, of large words 3, in both themes; no grade glares."""
+    """Nothing below 11 px, in figures neither; contrast of 4.5, of large words 3, in both themes; no grade glares.
+
+    What is chosen above a figure lies in one row.
+    """
     predicted.sits_at(900, 1000)
+    predicted.open_tab("Over displacement")
+    ends = [predicted.find("button", words) for words in ("Check of the integration", "Nearest tests")]
+    predicted.wait(lambda: abs(ends[0].rect["y"] - ends[1].rect["y"]) < 10, "One lies below the other.", 10)
     for tab, shown in (("Pulses", "Corridors of the rating"), ("Ratings and metrics", "Pulse metrics")):
         predicted.open_tab(tab)
         predicted.sees(shown)

@@ -84,10 +84,10 @@ def test_the_fewest_tests_that_do_as_well_are_found(campaign: Campaign) -> None:
     found = enough(level)
     assert found is not None
     assert found.before == 4
-    assert "4 of these tests, chosen evenly over speed, may do as well: with 8 it rates" in " ".join(sentences(level))
+    assert "4 of these tests, chosen evenly over speed, may rate as well: with 8 it rates" in " ".join(sentences(level))
     steep = curve_of(campaign, lambda s, t: 0.05 * s + 0.001 * t, (1, 2, 3, 4, 6, 8))
     assert enough(steep) is None
-    assert "No fewer tests, chosen evenly over speed, do as well as 8." in sentences(steep)
+    assert "No fewer tests, chosen evenly over speed, rate as well as 8." in sentences(steep)
 
 
 def test_sentences_tell_where_the_campaign_stands_and_what_a_test_buys(campaign: Campaign) -> None:

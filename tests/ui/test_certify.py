@@ -326,6 +326,7 @@ def test_a_grid_that_cannot_be_read_is_a_sentence(visit: Visit, text: str) -> No
     errors = [error.value.replace("\\", "") for error in session.app.error]
     assert len(errors) == 1
     assert errors[0].startswith(("Speeds (mph): expected numbers", "A grid takes each speed once"))
+    assert "Rear weights (lb)" in fields(session)  # all can be corrected
 
 
 def test_ranges_and_lists_may_be_mixed() -> None:

@@ -12,7 +12,7 @@ from streamlit.delta_generator import DeltaGenerator
 from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria
 from crashfuse.certification.criteria_file import criteria_of, read_criteria
 from crashfuse.errors import DataError
-from crashfuse.signals.metrics import METRIC_UNITS, metric_headings
+from crashfuse.signals.metrics import MAIN_METRICS, METRIC_UNITS, metric_headings
 from crashfuse.signals.rating import STANDARD
 from crashfuse.ui import address
 from crashfuse.ui.certify.uploaded import show_wrong, uploaded
@@ -102,10 +102,11 @@ def choose_criteria(view: View, beside: DeltaGenerator, help_in: DeltaGenerator)
         st.markdown(
             "One row a criterion: a metric with its limit, `at least`, `at most`, or both, in the unit beside the "
             f"metric. In a file, `{_FILE}` in the campaign folder or uploaded here, with limits in place of the dots, "
-            "always in the units of `metrics.csv`:"
+            "always by the names and in the units of `metrics.csv`: "
+            f"{', '.join(f'`{name}` ({METRIC_UNITS[name]})' for name in MAIN_METRICS)} and others."
         )
-        st.code(_EXAMPLE, language="toml")
         _show_upload(view)
+        st.code(_EXAMPLE, language="toml")
     declared = _declared(_rows(state["criteria"]))
     if not declared:
         if wrong is not None:

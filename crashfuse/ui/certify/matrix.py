@@ -113,7 +113,7 @@ def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
     low, high = np.ceil(tests[:, 0].min() / step) * step, np.floor(tests[:, 0].max() / step) * step
     speeds = f"{low:.0f}:{high:.0f}:{step}" if low < high else f"{np.median(tests[:, 0]):.1f}"
     weights = [f"{weight:.0f}" for weight in np.median(tests[:, 1:], axis=0)]
-    values = []
+    typed = {}
     for column, label, key, usual in zip(
         st.columns(3),
         ("Speeds", "Front weights", "Rear weights"),
@@ -123,7 +123,7 @@ def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
     ):
         unit = campaign.units.speed if key == "speeds" else campaign.units.weight
         address.default(key, f"{usual} {unit}")
-        values.append(_axis(column, label, key, units.unit(unit)))
+        typed[f"{label} ({units.unit(unit)})"] = _axis(column, label, key, units.unit(unit))
     factors = {}
     columns = st.columns(max(len(campaign.factors), 3)) if campaign.factors else []
     for column, (name, known) in zip(columns, campaign.factors.items(), strict=False):
@@ -136,11 +136,12 @@ def _grid(campaign: Campaign, units: UnitSystem) -> Matrix:
         )  # fmt: skip
         if chosen:
             factors[name] = chosen
-    return Matrix.grid(values[0], values[1], values[2], factors)
+    first, second, third = ([each * in_si for each in _numbers(own, label)] for label, (own, in_si) in typed.items())
+    return Matrix.grid(first, second, third, factors)
 
 
-def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> list[float]:
-    """Values of one axis in SI, typed in the reader's unit.
+def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> tuple[str, float]:
+    """What is typed for one axis in the reader's unit, and the SI value of the unit that it was typed in.
 
     The session and the address have the text with the unit that it was typed in: the values stay the same when another
     unit is chosen, whose field shows them converted.
@@ -158,7 +159,7 @@ def _axis(column: DeltaGenerator, label: str, key: str, unit: str) -> list[float
         state[key] = f"{state[field]} {unit}"
 
     column.text_input(f"{label} ({unit})", key=field, help=_HELP, on_change=take)
-    return [value * IN_SI[given] for value in _numbers(typed, f"{label} ({unit})")]
+    return typed, IN_SI[given]
 
 
 def _numbers(text: str, label: str) -> list[float]:

@@ -150,7 +150,7 @@ def _pick(place: DeltaGenerator, form: TableForm, role: ColumnRole, label: str, 
     key = f"{key} {role}"
     if role in _SEVERAL:
         return place.multiselect(
-            label, form.columns, default=proposed, key=key, placeholder="none", persist_state="session"
+            label, form.columns, default=proposed, key=key, placeholder="none", persist_state="session", wrap=True
         )
     column = place.selectbox(
         label,
