@@ -95,7 +95,7 @@ def test_predict_answers_another_speed_at_once(small_server: "Server", user: "Us
     user.sits_at(1440, 1000)
     user.open(small_server, "predict", approaches=QUICK)
     user.starts("Predict", FIGURE)
-    assert re.search(r"Expected rating over 0–60 ms: 0\.\d\d to 0\.\d\d \(80 %, [A-Z]", user.sees("Use the"))
+    assert re.search(r"Expected over 0–60 ms: 0\.\d\d to 0\.\d\d \(80.%, [A-Z]", user.sees("Use the"))
     user.wait(lambda: top_of(user, FIGURE) <= 350, "The figure began below 350 px.")
     field = user.find('input[aria-label="Impact speed (mph)"]')
     field.send_keys(Keys.CONTROL, "a")

@@ -94,9 +94,9 @@ def record_figure(record: TrackRecord, display: Display = DEFAULT) -> go.Figure:
         _legend(figure, f"predicted, {word}", color=VERDICT_COLOURS[word], symbol="square", line_color=INK)
     _legend(figure, "left out with its speed group", color="rgba(0, 0, 0, 0)", symbol="diamond", line_color=INK)
     _legend(figure, "measured", color=MEASURED_COLOUR, symbol="circle", line_color=MEASURED_COLOUR)
-    if any(trial.wrong for trial in trials):
+    if wrong := any(trial.wrong for trial in trials):
         _legend(figure, "wrong verdict", color=_DISAGREES, symbol="circle-open", line_color=_DISAGREES)
-    figure.update_layout(hovermode="closest", hoverlabel={"align": "left"}, margin={"l": 72, "t": 72})
+    figure.update_layout(hovermode="closest", hoverlabel={"align": "left"}, margin={"l": 72, "t": 96 if wrong else 72})
     figure.update_xaxes(title="Left-out test, in order of speed", row=len(criteria))
     return figure
 
