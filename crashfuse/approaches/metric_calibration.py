@@ -25,7 +25,7 @@ _USUAL_SCALE = 0.88  # t with 8 degrees of freedom and this scale has about the 
 # integrated over a crash is known better than the draws of a mixture say, and the time of the peak jumps.
 _USUAL_SCALES = {
     **{"peak": 0.9, "peak_time": 1.4, "delta_v": 0.95, "t0": 1.0, "max_crush": 0.8, "static_crush": 1.15},
-    **{"mean": 1.0, "sm25": 1.1, "olc": 0.8, "vpi": 0.95},
+    **{"mean": 1.0, "sm25": 1.1, "olc": 1.05, "vpi": 0.95},
     **{"esw": 0.8, "centroid_time": 0.8},  # functions of the crush
     **{"g1": 1.15, "g2": 1.05, "step_time": 1.05, "loading_ratio": 1.1},
 }
