@@ -14,7 +14,7 @@ from scipy.special import ndtri, stdtr, stdtrit
 
 from crashfuse.approaches.base import Prediction
 from crashfuse.campaign import Campaign
-from crashfuse.signals.metrics import METRIC_LABELS, Metric, drawn_values, metric_values, pulse_metrics
+from crashfuse.signals.metrics import METRIC_LABELS, Metric, metric_values, pulse_metrics
 from crashfuse.signals.occupant import USUAL_OCCUPANT, OccupantModel
 from crashfuse.signals.pulse import FloatArray
 
@@ -141,7 +141,7 @@ def _drawn_together(predictions: Sequence[Prediction], occupant: OccupantModel) 
         some, rest = rest[:n], rest[n:]
         own = [prediction.condition.speed_mps for prediction in predictions[len(found) : len(found) + n]]
         speeds = np.repeat(own, [len(draws) for draws in some])
-        values = drawn_values(np.concatenate(some, dtype=np.float64), speeds, occupant=occupant)
+        values = metric_values(np.concatenate(some, dtype=np.float64), speeds, occupant=occupant, predicted=True)
         split = {name: np.split(each, ends[: n - 1]) for name, each in values.items()}
         found += [{name: each[i] for name, each in split.items()} for i in range(n)]
     return found
@@ -149,7 +149,7 @@ def _drawn_together(predictions: Sequence[Prediction], occupant: OccupantModel) 
 
 def drawn_metrics(prediction: Prediction, occupant: OccupantModel = USUAL_OCCUPANT) -> dict[str, FloatArray]:
     """Metrics of a prediction's draws, or of the pulse itself if there are none; each of shape (n_draws,)."""
-    return drawn_values(_drawn(prediction), prediction.condition.speed_mps, occupant=occupant)
+    return metric_values(_drawn(prediction), prediction.condition.speed_mps, occupant=occupant, predicted=True)
 
 
 def _drawn(prediction: Prediction) -> FloatArray:

@@ -121,23 +121,29 @@ def add_each(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tupl
 
 
 def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Added, ...]:
+    tables = {role: _known(folder / f"{role}.csv", role) for role in additions}
     new: dict[Role, list[Addition]] = {}
     added = []
     for role, own in additions.items():
-        there = tuple(_already_there(folder, role, _known(folder / f"{role}.csv", role), own))
+        there = tuple(_already_there(folder, role, tables[role], own))
         new[role] = [addition for addition in own if addition.id not in there]
         added.append(Added(role, tuple(addition.id for addition in new[role]), there))
     with changing(folder, ". ".join(map(str, added))) as keep:
         for role, fresh in new.items():
-            _write(folder, role, fresh, keep)
+            _write(folder, role, tables[role], fresh, keep)
         if "tests" in new:
             _check_differ(folder)
     return tuple(added)
 
 
-def _write(folder: Path, role: Role, additions: Sequence[Addition], keep: Callable[[Path], None]) -> None:
+def _write(
+    folder: Path,
+    role: Role,
+    known: ConditionTable | None,
+    additions: Sequence[Addition],
+    keep: Callable[[Path], None],
+) -> None:
     table = folder / f"{role}.csv"
-    known = _known(table, role)
     text, header = _table_to_extend(table, known, additions)
     settings = _settings_with(folder / "campaign.toml", role, additions)
     rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in additions]

@@ -203,32 +203,18 @@ def metric_values(
     *,
     dt_s: float = DT_S,
     occupant: OccupantModel = USUAL_OCCUPANT,
+    predicted: bool = False,
 ) -> dict[str, FloatArray]:
     """All metrics of pulses, shape (..., n), in the units of :func:`pulse_metrics`; each of shape (...).
 
-    The impact speed may be one for all, or one for each pulse.
+    The impact speed may be one for all, or one for each pulse. Of draws that are ``predicted``, not measured, more is
+    known beyond the record: one that is nearly at rest stops as in :func:`crashfuse.signals.pulse.with_late_stops`.
 
     If the record ends too early: infinite (t0, max_crush), minus infinity (mean, olc), or NaN, which is either (vpi).
     """
-    return _values(kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s), occupant)
-
-
-def drawn_values(
-    draws_mps2: FloatArray,
-    speed_mps: FloatArray | float,
-    *,
-    dt_s: float = DT_S,
-    occupant: OccupantModel = USUAL_OCCUPANT,
-) -> dict[str, FloatArray]:
-    """As :func:`metric_values`, of pulses that are predicted, not measured: what they do beyond the record may be told.
-
-    A draw that is nearly at rest at the end of the record stops as in :func:`crashfuse.signals.pulse.with_late_stops`.
-    """
-    motion = kinematics(np.asarray(draws_mps2, dtype=np.float64), speed_mps, dt_s)
-    return _values(with_late_stops(motion), occupant)
-
-
-def _values(motion: Kinematics, occupant: OccupantModel) -> dict[str, FloatArray]:
+    motion = kinematics(np.asarray(accel_mps2, dtype=np.float64), speed_mps, dt_s)
+    if predicted:
+        motion = with_late_stops(motion)
     return {name: reading.of(motion, occupant) for name, reading in _READINGS.items()}
 
 
@@ -282,7 +268,11 @@ def pulse_metrics(
     more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """
     values = metric_values(accel_mps2, speed_mps, dt_s=dt_s, occupant=occupant)
-    drawn = None if draws_mps2 is None else drawn_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant)
+    drawn = (
+        None
+        if draws_mps2 is None
+        else metric_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant, predicted=True)
+    )
     intervals = {name: (None, None) if drawn is None else _interval(drawn[name]) for name in values}
     return tuple(Metric(n, _finite(value), *intervals[n], METRIC_UNITS[n]) for n, value in values.items())
 
