@@ -259,5 +259,5 @@ def _join_hover(figure: go.Figure, display: Display) -> None:
 
 def _said(values: FloatArray, digits: int) -> np.ndarray[tuple[int, ...], np.dtype[np.str_]]:
     """Numbers as the cursor reads them, with a minus sign; Plotly would format them with a hyphen."""
-    rounded = np.round(values, digits) + 0.0  # no negative zero
-    return np.char.replace(np.char.mod(f"%.{digits}f", rounded), "-", "\N{MINUS SIGN}")
+    different, place = np.unique(np.round(values, digits) + 0.0, return_inverse=True)  # each is written once
+    return np.array([f"{own:.{digits}f}".replace("-", "\N{MINUS SIGN}") for own in different.tolist()])[place]
