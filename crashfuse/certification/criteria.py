@@ -61,8 +61,11 @@ class Criterion:
 
     def compared(self, value: float | None, lower: float | None, upper: float | None) -> Sentence:
         """An expected value with its interval, and the limits, in words."""
-        found = "{} expected, {} in 95 % of tests; the limit is {}"
-        return Sentence(found, self.shown(value), self.interval(lower, upper), self.limits)
+        interval = self.interval(lower, upper)
+        if value is None:
+            found = "{} in 95 % of tests, no single value expected (record too short); the limit is {}"
+            return Sentence(found, interval, self.limits)
+        return Sentence("{} expected, {} in 95 % of tests; the limit is {}", self.shown(value), interval, self.limits)
 
     def is_met_by(self, value: float) -> bool:
         """Whether a value lies within the limits."""

@@ -45,17 +45,28 @@ class Metric:
 
     @property
     def text(self) -> str:
-        """Value and interval as displayed: ``25.3 [24.1, 26.0]``.
+        """Value and interval as displayed, without unit: ``25.3 [24.1, 26.0]``.
 
-        Of an interval that the record is too short for, the known end is told: ``≤ 15.3 (record ends too early)``.
+        Where the record is too short for a value, what is known of the interval is told, with its level:
+        ``≤ 15.3 (95 %, record too short)``.
         """
+        return self._text("")
+
+    @property
+    def text_with_unit(self) -> str:
+        """The same with the unit: ``25.3 [24.1, 26.0] g``."""
+        return self._text(f" {self.unit}" if self.unit else "")
+
+    def _text(self, unit: str) -> str:
         value, lower, upper = (
             None if number is None else f"{number:.{self.digits}f}" for number in (self.value, self.lower, self.upper)
         )
         if lower is None and upper is None:
-            return value or "–"
-        known = f"≤ {upper}" if lower is None else f"≥ {lower}" if upper is None else f"{lower}, {upper}"
-        return f"{known} (record ends too early)" if value is None else f"{value} [{known}]"
+            return "–" if value is None else f"{value}{unit}"
+        known = f"≤ {upper}" if lower is None else f"≥ {lower}" if upper is None else None
+        if value is None:
+            return f"{known or f'{lower}–{upper}'}{unit} (95 %, record too short)"
+        return f"{value} [{known or f'{lower}, {upper}'}]{unit}"
 
 
 def _peak(motion: Kinematics) -> FloatArray:

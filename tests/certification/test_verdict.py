@@ -88,6 +88,14 @@ def test_an_interval_with_an_open_end_tells_the_other() -> None:
     assert str(change.interval(None, None)) == "–"
 
 
+def test_without_a_value_the_interval_is_told_alone() -> None:
+    """A pulse that does not stop within the record has no crush of its own, though its draws' is known."""
+    told = Criterion("crush", "max_crush", at_most=300.0).compared(None, 200.0, 260.0)
+    assert told == (
+        "200.0 to 260.0 mm in 95 % of tests, no single value expected (record too short); the limit is at most 300 mm"
+    )
+
+
 def test_round_values_keep_their_digits() -> None:
     """A value of 30 g stands as exactly as one of 26.52 g; a limit as it was declared."""
     peak = Criterion("peak", "peak", at_most=40.0)

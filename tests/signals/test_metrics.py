@@ -190,12 +190,20 @@ def test_open_ends_of_intervals_are_said_with_their_reason() -> None:
 
 
 def test_a_metric_reads_as_value_and_interval() -> None:
-    """Of an interval that the record is too short for, the known end is told; a pulse without draws has no brackets."""
+    """Where there is no value, what is known of the interval stands with its level; without draws, no brackets do.
+
+    The unit stands at the numbers.
+    """
     assert Metric("t0", 70.04, 68.0, 72.0, "ms").text == "70.0 [68.0, 72.0]"
     assert Metric("t0", 70.0, 68.0, None, "ms").text == "70.0 [≥ 68.0]"
     assert Metric("olc", 30.0, None, 31.2, "g").text == "30.0 [≤ 31.2]"
-    assert Metric("olc", None, None, 31.2, "g").text == "≤ 31.2 (record ends too early)"
-    assert Metric("olc", None, None, None, "g").text == "–"
+    assert Metric("olc", None, None, 31.2, "g").text == "≤ 31.2 (95 %, record too short)"
+    crush = Metric("max_crush", None, 200.0, 260.0, "mm")
+    assert crush.text == "200.0–260.0 (95 %, record too short)"
+    assert crush.text_with_unit == "200.0–260.0 mm (95 %, record too short)"
+    assert Metric("t0", 70.0, 68.0, None, "ms").text_with_unit == "70.0 [≥ 68.0] ms"
+    missing = Metric("olc", None, None, None, "g")
+    assert missing.text == missing.text_with_unit == "–"
 
 
 def test_what_several_pulses_lack_is_said_once() -> None:

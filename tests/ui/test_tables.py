@@ -2,6 +2,7 @@
 
 import pandas as pd
 
+from crashfuse.signals.metrics import Metric
 from crashfuse.ui.tables import aligned
 
 FIGURE_SPACE = "\u2007"  # as wide as a digit
@@ -36,10 +37,13 @@ def test_numbers_end_at_one_place_before_intervals_that_are_lighter() -> None:
 
 
 def test_an_open_interval_and_its_remark_are_numbers_too() -> None:
-    """The bound is read as the value, the remark as its interval."""
-    right, cells = shown(["≤ 15.3 (record ends too early)", "12.0 [≥ 11.0]"])
+    """What is known of it is read as the value, the remark as its interval."""
+    texts = [Metric("olc", None, lower, 15.3, "g").text for lower in (None, 12.1)]
+    right, cells = shown([*texts, "12.0 [≥ 11.0]"])
     assert right
-    assert cells[0].replace(UNBROKEN, " ") == "≤ 15.3 :gray[(record ends too early)]"
+    assert [cell.replace(UNBROKEN, " ").rstrip(FIGURE_SPACE) for cell in cells[:2]] == [
+        f"{known} :gray[(95 %, record too short)]" for known in ("≤ 15.3", "12.1–15.3")
+    ]
     _, cells = shown(["29.0 [≤ 32.1]", "28.5 [27.0, 29.6]"])
     assert cells[0].endswith(f"]{2 * FIGURE_SPACE}{POINT}{POINT}")  # "27.0," is two digits, a point and a comma wider
 

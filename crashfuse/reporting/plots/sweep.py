@@ -36,7 +36,9 @@ def sweep_figure(sweeps: Sequence[Sweep], metric: str, campaign: Campaign, displ
     )
     for name, own in readings.items():
         figure.update_traces(
-            customdata=[[display.speed(v0), _text(each)] for v0, each in zip(speeds.tolist(), own, strict=True)],
+            customdata=[
+                [display.speed(v0), each.text_with_unit] for v0, each in zip(speeds.tolist(), own, strict=True)
+            ],
             hovertemplate=f"<b>{LABELS[name]}</b><br>%{{customdata[0]}}<br>%{{customdata[1]}}<extra></extra>",
             selector={"legendgroup": name, "mode": "lines+markers"},
         )
@@ -70,7 +72,7 @@ def _points(figure: go.Figure, campaign: Campaign, metric: str, display: Display
         name="Tests (each with its own weights)",
         mode="markers",
         marker={"color": MEASURED_COLOUR, "size": 9},
-        customdata=[[test.id, display.condition(test.condition), _text(own)] for test, own in found],
+        customdata=[[test.id, display.condition(test.condition), own.text_with_unit] for test, own in found],
         hovertemplate="<b>Test %{customdata[0]}</b><br>%{customdata[1]}<br>%{customdata[2]}<extra></extra>",
     )
 
@@ -89,8 +91,3 @@ def _mark_speeds(figure: go.Figure, campaign: Campaign, low_mps: float, high_mps
             type="line", xref="x", yref="y domain", x0=speed, x1=speed, y0=0, y1=0.03,
             line={"color": MEASURED_COLOUR, "width": 1.5},
         )  # fmt: skip
-
-
-def _text(metric: Metric) -> str:
-    """The metric with its interval."""
-    return f"{metric.text} {metric.unit}"
