@@ -131,7 +131,13 @@ def certify_matrix(
     record = _record(campaign, criteria, approach, forecasts)
     domain = Domain.of(campaign)
     verdicts = [
-        judge(forecasts[cell], cell.condition, criteria, domain.too_few_tests or domain.exceeded_by(cell.condition))
+        judge(
+            forecasts[cell],
+            cell.condition,
+            criteria,
+            domain.too_few_tests or domain.exceeded_by(cell.condition),
+            was_run=bool(campaign.tests_at(cell.condition)),
+        )
         for cell in cells
     ]
     for column, criterion in enumerate(criteria.items):

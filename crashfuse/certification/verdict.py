@@ -86,19 +86,33 @@ def beside_tests(verdict: Verdict, run: Mapping[str, float | None]) -> Verdict:
 
 
 def judge(
-    forecast: Forecast, condition: Condition, criteria: Criteria, outside: tuple[str, ...] = ()
+    forecast: Forecast,
+    condition: Condition,
+    criteria: Criteria,
+    outside: tuple[str, ...] = (),
+    *,
+    was_run: bool = False,
 ) -> tuple[Verdict, ...]:
-    """Verdicts on all criteria at a condition by its forecast; ``outside`` says why it is beyond what was checked."""
-    return tuple(_verdict(forecast, condition, criterion, criteria.confidence, outside) for criterion in criteria.items)
+    """Verdicts on all criteria at a condition by its forecast; ``outside`` says why it is beyond what was checked.
+
+    Where a test ``was_run``, an open verdict is on another test, and does not advise to test.
+    """
+    confidence = criteria.confidence
+    return tuple(_verdict(forecast, condition, own, confidence, outside, was_run) for own in criteria.items)
 
 
 def _verdict(
-    forecast: Forecast, condition: Condition, criterion: Criterion, confidence: float, outside: tuple[str, ...]
+    forecast: Forecast,
+    condition: Condition,
+    criterion: Criterion,
+    confidence: float,
+    outside: tuple[str, ...],
+    was_run: bool,
 ) -> Verdict:
     value, own = forecast.values[quantity(criterion)], forecast.distributions[quantity(criterion)]
     lower, upper = (None, None) if own is None else own.interval()
     probability = None if own is None else own.probability(criterion.at_least, criterion.at_most)
-    word, reason = _word(criterion, probability, confidence, (value, lower, upper))
+    word, reason = _word(criterion, probability, confidence, (value, lower, upper), was_run)
     if outside:
         word, reason = "outside", joined(outside)
     return Verdict(condition, criterion, value, lower, upper, probability, word, reason)
@@ -109,11 +123,13 @@ def _word(
     probability: float | None,
     confidence: float,
     found: _Found,
+    was_run: bool,
 ) -> tuple[Word, str]:
     if probability is None:
         return "open", f"The record is too short to predict the {criterion.label} here; only a longer one can tell."
     word: Word = "open"
-    came = f"met with probability {_share(probability)} only: test it, or redesign."
+    who, advice = (" by another test", "") if was_run else ("", ": test it, or redesign")
+    came = f"met{who} with probability {_share(probability)} only{advice}."
     if probability >= confidence:
         word, came = "met", f"met with probability {_share(probability)}."
     elif probability <= 1 - confidence:

@@ -80,6 +80,16 @@ def test_the_reason_gives_value_interval_limit_and_probability(campaign: Campaig
     assert (found.value, found.lower, found.upper) == pytest.approx((498.0, 480.4, 519.6), abs=0.01)
 
 
+def test_where_a_test_was_run_an_open_verdict_does_not_advise_to_test(campaign: Campaign) -> None:
+    """It is on another test there: what the first one measured is known."""
+    crush, here = Distribution(500.0, 10.0, FREE), campaign.tests[1].condition
+    judged = Forecast(np.zeros(1250), {"max_crush": 498.0}, {"max_crush": crush})
+    criteria = Criteria((Criterion("crush", "max_crush", at_most=510.0),))
+    [found] = judge(judged, here, criteria, was_run=True)
+    assert found.word == "open"
+    assert found.reason.endswith("the limit is at most 510 mm, met by another test with probability 0.841 only.")
+
+
 def test_an_interval_with_an_open_end_tells_the_other() -> None:
     """As tables of metrics do, in the reader's units; without any end it is a dash."""
     change = Criterion("change", "delta_v", at_most=64.0)

@@ -25,7 +25,7 @@ _CELL = "cell"
 _MEANINGS = {
     "met": "A test there would meet the criterion, with the confidence asked for: it need not be run.",
     "not met": "A test there would miss it, with the same confidence.",
-    "open": "Neither can be said with confidence: test it, or redesign.",
+    "open": "Neither can be said with confidence: test it if it was not run yet, or redesign.",
     "outside": "Beyond what the campaign's own tests check.",
 }
 
