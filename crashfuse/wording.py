@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Self
 
-from crashfuse.units import KPH, LB, MPH, G
+from crashfuse.units import KPH, LB, MPH, MS, G
 
 AccelerationUnit = Literal["g", "m/s²"]
 SpeedUnit = Literal["mph", "km/h"]
@@ -44,9 +44,19 @@ class UnitSystem:
         return IN_SI[unit] / IN_SI[self.unit(unit)] if unit in IN_SI else 1.0
 
 
+def number(value: float, form: str) -> str:
+    """A number for readers in a format (``".1f"``), with the minus sign of print."""
+    return f"{value:{form}}".replace("-", "−")
+
+
+def time_text(time_s: float, digits: int = 4) -> str:
+    """A time for readers, in ms to so many significant digits."""
+    return f"{number(time_s / MS, f'.{digits}g')} ms"
+
+
 def signed(value: float, digits: int) -> str:
-    """A difference for readers, with its sign, which is that of print."""
-    return f"{value:+z.{digits}f}".replace("-", "−")
+    """A difference for readers, with its sign."""
+    return number(value, f"+z.{digits}f")
 
 
 def unbroken(text: str) -> str:
@@ -83,10 +93,9 @@ class Quantity:
         return self._text(system.factor(self.unit), system.unit(self.unit))
 
     def _text(self, factor: float, unit: str) -> str:
-        told = [None if value is None else f"{value * factor:{self.form}}" for value in self.values]
-        numbers = ["–" if each is None else each.removesuffix(".").replace("-", "−") for each in told]
+        told = ["–" if value is None else number(value * factor, self.form) for value in self.values]
         known = any(value is not None for value in self.values)
-        return self.between.join(numbers) + (f" {unit}" if unit and known else "")
+        return self.between.join(each.removesuffix(".") for each in told) + (f" {unit}" if unit and known else "")
 
     def __str__(self) -> str:
         return self._text(1.0, self.unit)

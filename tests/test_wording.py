@@ -47,6 +47,7 @@ def test_sentences_travel_between_processes() -> None:
         (Quantity((650.0,), "mm"), "650.0 mm"),
         (Quantity((None,), "g"), "–"),
         (Quantity((0.8,), "", ".3f"), "0.800"),
+        (Quantity((-1.0,), "g", ".2f"), "−9.81 m/s²"),
     ],
 )
 def test_quantities_are_shown_in_the_readers_unit(quantity: Quantity, shown: str) -> None:

@@ -6,6 +6,7 @@ import pandas as pd
 
 from crashfuse.cae_library import CaeLibrary
 from crashfuse.run_quality import QUANTITIES, QualityLimits, RunQuality
+from crashfuse.wording import number
 
 _NAMED = 5  # runs in a sentence
 
@@ -84,7 +85,7 @@ class QualityVerdict:
         start = f"{name[0].upper()}{name[1:]}"
         if missing == self.runs:
             return f"{start}: not recorded for any run."
-        worst = f"at worst {100 * float(str(row['worst'])):.3g} % (run {row['worst_run']})"
+        worst = f"at worst {number(100 * float(str(row['worst'])), '.3g')} % (run {row['worst_run']})"
         judged = f"{row['passed']:,} pass, {row['failed']:,} fail; " if pd.notna(row["limit"]) else ""
         return f"{start}: {judged}{worst}; {unrecorded}."
 
@@ -132,4 +133,4 @@ def _row(name: str, judged: list[tuple[str, RunQuality]], limits: QualityLimits)
 
 
 def _beyond(quality: RunQuality, failed: tuple[str, ...]) -> str:
-    return ", ".join(f"{QUANTITIES[name]} {100 * getattr(quality, name):.3g} %" for name in failed)
+    return ", ".join(f"{QUANTITIES[name]} {number(100 * getattr(quality, name), '.3g')} %" for name in failed)

@@ -8,7 +8,8 @@ from crashfuse.campaign_folder.condition_tables import ConditionTable
 from crashfuse.campaign_folder.pulse_files import PulseFiles
 from crashfuse.errors import Problem
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, kinematics
-from crashfuse.units import KPH, LB, MPH, MS, G
+from crashfuse.units import KPH, LB, MPH, G
+from crashfuse.wording import signed, time_text
 
 STOPS: Mapping[str, tuple[float, float]] = {"tests": (0.8, 1.6), "cae": (0.3, 2.5)}
 """Limits of ΔV/v0. Tests: from "not yet stopped at 100 ms" to more rebound than any car has; one CAE run may be odd."""
@@ -39,12 +40,12 @@ def check_physics(role: str, table: ConditionTable, accel: FloatArray, problems:
         problems.append(Problem("cae.csv", expected, found, _likely_cause(typical, *_LIBRARY_STOPS)))
         return
     for row in np.flatnonzero(np.isnan(speed) & (biggest > CREEP_MPS)):
-        found = f"{biggest[row] / MPH:+z.1f} mph ({biggest[row] / KPH:+z.1f} km/h)"
+        found = f"{signed(biggest[row] / MPH, 1)} mph ({signed(biggest[row] / KPH, 1)} km/h)"
         advice, place = _likely_cause(-1.0, low, high), f"id {table.ids[row]}"
         problems.append(Problem(f"{role}.csv", "a pulse that brakes", found, advice, place, table.rows[row]))
     for row in np.flatnonzero(((ratio < low) | (ratio > high)) & moving):
         v0, delta_v = speed[row], biggest[row]
-        found = f"a change of {delta_v / MPH:+z.1f} mph ({delta_v / KPH:+z.1f} km/h)"
+        found = f"a change of {signed(delta_v / MPH, 1)} mph ({signed(delta_v / KPH, 1)} km/h)"
         expected = f"a change of velocity near the impact speed of {v0 / MPH:.1f} mph ({v0 / KPH:.1f} km/h)"
         cause, place = _likely_cause(float(ratio[row]), low, high), f"id {table.ids[row]}"
         problems.append(Problem(f"{role}.csv", expected, found, cause, place, table.rows[row]))
@@ -96,7 +97,7 @@ def check_ends(role: str, table: ConditionTable, accel: FloatArray, reader: Puls
         speed, end = table.conditions[row].speed_mps, reader.ends_s[run_id]
         velocity = np.interp(end, GRID_S, kinematics(accel[row], speed, DT_S).velocity_mps)
         if velocity > MOVING * speed:
-            found = f"{velocity / MPH:.1f} mph ({velocity / KPH:.1f} km/h) at its end, {end / MS:.4g} ms"
+            found = f"{velocity / MPH:.1f} mph ({velocity / KPH:.1f} km/h) at its end, {time_text(end)}"
             expected = "a record that lasts until the vehicle has stopped, or 100 ms"
             place, number = f"id {run_id}", table.rows[row]
             reader.problems.append(Problem(f"{role}.csv", expected, found, "export a longer record", place, number))

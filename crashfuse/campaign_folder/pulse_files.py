@@ -19,7 +19,7 @@ from crashfuse.errors import DataError, Problem, collecting, printable
 from crashfuse.files.csv_text import unreadable
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import GRID_S, N_SAMPLES, FloatArray
-from crashfuse.units import MS
+from crashfuse.wording import time_text
 
 _composed = partial(unicodedata.normalize, "NFC")
 _ENDINGS = (".csv", ".parquet")
@@ -186,8 +186,8 @@ class PulseFiles:
         early = ends_early(time)
         if early:
             self.warnings.append(
-                f"{where}: the record ends at {time[-1] / MS:.4g} ms; it goes on with no acceleration, which nobody "
-                f"measured: ratings over windows beyond {time[-1] / MS:.4g} ms mean nothing for it."
+                f"{where}: the record ends at {time_text(time[-1])}; it goes on with no acceleration, which nobody "
+                f"measured: ratings over windows beyond {time_text(time[-1])} mean nothing for it."
             )
         return np.interp(GRID_S, time, accel, right=0.0 if early else None)
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from crashfuse.errors import Problem
 from crashfuse.signals.pulse import GRID_S, FloatArray
 from crashfuse.units import MS
+from crashfuse.wording import number, time_text
 
 UNEVEN = 0.02
 """Allowed unevenness as a share of a time step: what rounding the times to a few digits can cause."""
@@ -55,14 +56,14 @@ def time_trouble(record: RecordedPulse, where: str) -> Problem | None:
     steps = np.diff(time)
     if steps.min() <= 0:
         at = int(np.argmax(steps <= 0))
-        found = f"{time[at + 1] / MS:.6g} ms after {time[at] / MS:.6g} ms"
+        found = f"{time_text(time[at + 1], 6)} after {time_text(time[at], 6)}"
         advice = "sort the rows by time" if steps[at] else "delete the duplicates, or export time with more digits"
         return Problem(where, "time that increases from row to row", found, advice, column, int(rows[at + 1]))
-    step = np.median(steps)
+    step = float(np.median(steps))
     off = np.abs(steps - step)
     if off.max() > UNEVEN * step:
         at = int(off.argmax())
-        found = f"a step of {steps[at] / MS:.4g} ms among steps of {step / MS:.4g} ms"
+        found = f"a step of {time_text(steps[at])} among steps of {time_text(step)}"
         return Problem(where, "evenly sampled time", found, "resample the record", column, int(rows[at + 1]))
     if step > SLOWEST_S:
         found = f"{1 / step:.0f} Hz"
@@ -81,6 +82,6 @@ def cover_trouble(record: RecordedPulse, where: str) -> Problem | None:
     step = time_s[1] - time_s[0]
     if time_s[0] <= step and time_s[-1] >= SHORTEST_S - step:
         return None
-    found = f"{time_s[0] / MS:.4g} to {time_s[-1] / MS:.4g} ms"
+    found = f"{number(time_s[0] / MS, '.4g')} to {time_text(time_s[-1])}"
     advice = "export the whole record, with time zero at first contact"
     return Problem(where, "a record from 0 to at least 60 ms (100 ms is best)", found, advice, record.time_column)

@@ -12,6 +12,7 @@ from crashfuse.campaign_folder.condition_tables import ConditionTable
 from crashfuse.campaign_folder.plausibility import CREEP_MPS, NEAR
 from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray
 from crashfuse.units import MS, G
+from crashfuse.wording import number, signed
 
 _ONSET = 0.02
 """Share of the impact speed that is gone when deceleration has begun; at CFC 60, or with 0.6 g of noise, as well."""
@@ -52,9 +53,9 @@ def unlike_others(tables: Mapping[str, ConditionTable], pulses: Mapping[str, Flo
             for i, off in _odd(onsets - usual_onsets, _LATE_S)
         ),
         *(
-            f"tests.csv, {ids[i]}: its mean acceleration over 0 to 100 ms is {means[i] / G:.1f} g, expected "
-            f"{(means[i] - off) / G:.1f} g {by}; check the zero of its sensor (off by {off / G:+.1f} g?), its time "
-            "zero, scale and speed."
+            f"tests.csv, {ids[i]}: its mean acceleration over 0 to 100 ms is {number(means[i] / G, '.1f')} g, expected "
+            f"{number((means[i] - off) / G, '.1f')} g {by}; check the zero of its sensor (off by "
+            f"{signed(off / G, 1)} g?), its time zero, scale and speed."
             for i, off in _odd(means - usual_means, _OFFSET_MPS2)
         ),
     ]

@@ -9,6 +9,7 @@ from crashfuse.campaign_folder.columns import listed
 from crashfuse.condition import Condition
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.readers.record import PartialCondition, Record
+from crashfuse.wording import number
 
 _LIGHTEST_KG, _HEAVIEST_KG, _LIGHTEST_AXLE_KG = 300.0, 60_000.0, 50.0
 _LEAST_SHARE, _MOST_SHARE = 0.2, 0.8  # of the mass on the front axle
@@ -81,7 +82,8 @@ def _sound(record: Record, known: PartialCondition, standstill: bool, also_missi
         raise DataError(missing)
     finite = bool(np.isfinite([speed, front, rear]).all())
     if not finite or front <= 0 or rear <= 0 or speed < 0 or (speed == 0 and not standstill):
-        expected, found = f"a speed and weights above 0 for {record.id}", f"{speed:g} m/s, {front:g} kg and {rear:g} kg"
+        expected = f"a speed and weights above 0 for {record.id}"
+        found = f"{number(speed, 'g')} m/s, {number(front, 'g')} kg and {number(rear, 'g')} kg"
         raise DataError(Problem(record.source, expected, found, "give the right ones"))
     if trouble := _weights_trouble(record, front, rear):
         raise DataError(trouble)

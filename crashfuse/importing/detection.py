@@ -12,6 +12,7 @@ from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import FloatArray, kinematics
 from crashfuse.units import KPH, MPH, MS, G
+from crashfuse.wording import number, signed, time_text
 
 _NO_SIGN = "let the record tell its sign (remove --deceleration-sign)"
 _DEFAULT_CFC = 60.0
@@ -63,7 +64,7 @@ def unit_and_sign(
         fits = f"check the unit: {fitting[0]} would fit (--unit)" if fitting else ""
         advice = fits or unlike_speed(record, "speed, unit, channels and time zero")
         expected = f"a change of velocity near the impact speed of {speed_text(speed_mps)}"
-        found = f"a change of {speed_text(change)} in {label}, in {(time_s[-1] - time_s[0]) / MS:.4g} ms"
+        found = f"a change of {speed_text(change)} in {label}, in {time_text(time_s[-1] - time_s[0])}"
         raise DataError(Problem(record.source, expected, found, advice))
     found = "negative" if gain <= 0 or not moving else "positive"
     sign = choices.deceleration_sign or found
@@ -88,22 +89,22 @@ def time_zero(
     """The time of first contact in the file's own time."""
     start, end = float(time_s[0]), float(time_s[-1])
     onset = _onset(time_s, accel)
-    began = "never passes 0.5 g" if onset is None else f"begins at {onset / MS:.4g} ms"
+    began = "never passes 0.5 g" if onset is None else f"begins at {time_text(onset)}"
     if choices.time_zero_s is not None:
         zero, why = float(choices.time_zero_s), "given by the user"
     elif record.own_time_zero:
         zero, why = 0.0, record.own_time_zero
     elif start < -MS:
-        zero, why = 0.0, f"the file's time begins before 0, at {start / MS:.4g} ms"
+        zero, why = 0.0, f"the file's time begins before 0, at {time_text(start)}"
     elif role == "cae" or onset is None or onset - start < _AT_ONCE_S:
         zero, why = start, "the record begins at contact"
     else:
         zero, why = onset, "deceleration begins there"
     if not start - step_of(time_s) <= zero <= end:
-        found = f"a record from {start / MS:.4g} to {end / MS:.4g} ms"
-        expected = f"time zero at {zero / MS:.4g} ms ({why})"
+        found = f"a record from {number(start / MS, '.4g')} to {time_text(end)}"
+        expected = f"time zero at {time_text(zero)} ({why})"
         raise DataError(Problem(record.source, expected, found, "give the time of first contact (--time-zero-ms)"))
-    steps.append(f"Time zero at {zero / MS:.4g} ms of the file: {why}; deceleration {began}.")
+    steps.append(f"Time zero at {time_text(zero)} of the file: {why}; deceleration {began}.")
     if onset is not None and abs(onset - zero) > _SUSPICIOUS_S and role == "tests":
         steps.append("Careful: deceleration begins far from time zero; check the time of first contact.")
     return zero
@@ -161,7 +162,7 @@ def offset_before(time_s: FloatArray, accel: FloatArray, zero_s: float, steps: l
     if zero_s - time_s[0] < _QUIET_S - step_of(time_s) or not before.any():
         return
     mean = float(accel[before].mean())
-    told = f"before contact it reads {mean / G:+z.2f} g on average"
+    told = f"before contact it reads {signed(mean / G, 2)} g on average"
     if abs(mean) > _OFFSET_MPS2:
         steps.append(f"Careful: {told}; if the vehicle did not brake then, export it with its zero corrected.")
     else:
@@ -182,4 +183,4 @@ def step_of(time_s: FloatArray) -> float:
 
 def speed_text(speed_mps: float) -> str:
     """Return a speed in km/h and mph."""
-    return f"{speed_mps / KPH:.1f} km/h ({speed_mps / MPH:.1f} mph)"
+    return f"{number(speed_mps / KPH, '.1f')} km/h ({number(speed_mps / MPH, '.1f')} mph)"

@@ -10,6 +10,7 @@ from crashfuse.importing.detection import delta_v, speed_text, step_of
 from crashfuse.readers.record import ACCELERATION_UNITS, Record
 from crashfuse.signals.pulse import GRID_S, FloatArray, Kinematics
 from crashfuse.units import MS, G
+from crashfuse.wording import number, time_text
 
 _LONGER = {
     "tests": "export the whole record; or check time zero",
@@ -25,7 +26,7 @@ def refuse_short(
     if lasts >= SHORTEST_S - step_of(time_s):
         return
     left = "" if unit is None else _left(speed_mps - abs(delta_v(time_s, values)) * ACCELERATION_UNITS[unit])
-    _refuse(record, f"{lasts / MS:.4g} ms{left}", role)
+    _refuse(record, f"{time_text(lasts)}{left}", role)
 
 
 def end_told(record: Record, end_s: float, motion: Kinematics, role: Role) -> list[str]:
@@ -43,7 +44,7 @@ def end_told(record: Record, end_s: float, motion: Kinematics, role: Role) -> li
     DataError
         If the record ends before 60 ms, or before 100 ms while the vehicle still moves.
     """
-    speed, last, end = float(motion.velocity_mps[0]), float(motion.velocity_mps[-1]), f"{end_s / MS:.4g} ms"
+    speed, last, end = float(motion.velocity_mps[0]), float(motion.velocity_mps[-1]), time_text(end_s)
     told = []
     if end_s < SHORTEST_S - motion.dt_s:
         _refuse(record, f"{end}{_left(last)}", role)
@@ -53,8 +54,9 @@ def end_told(record: Record, end_s: float, motion: Kinematics, role: Role) -> li
             found = f"{speed_text(last)} left at its end, {end}"
             raise DataError(Problem(record.source, expected, found, _LONGER[role]))
         told.append(
-            f"Careful: the record ends {end} after contact{_left(last)} and {motion.accel_mps2[-1] / G:+.2g} g; it "
-            f"goes on with no acceleration, which nobody measured. Better {_LONGER[role].partition(';')[0]}."
+            f"Careful: the record ends {end} after contact{_left(last)} and "
+            f"{number(motion.accel_mps2[-1] / G, '+.2g')} g; it goes on with no acceleration, which nobody measured. "
+            f"Better {_LONGER[role].partition(';')[0]}."
         )
     if motion.t0_s <= GRID_S[-1]:
         crush = f"{motion.displacement_m.max() / MS:.0f} mm"

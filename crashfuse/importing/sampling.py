@@ -8,7 +8,7 @@ from crashfuse.campaign_folder.recorded_pulse import UNEVEN
 from crashfuse.errors import DataError, Problem
 from crashfuse.readers.record import RecordedChannel
 from crashfuse.signals.pulse import FloatArray
-from crashfuse.units import MS
+from crashfuse.wording import time_text
 
 _LATEST_S = 1e9  # no clock counts farther
 _GAP = 3.0  # steps
@@ -36,7 +36,7 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
         raise DataError(_backwards(place, time, steps))
     step = float(np.median(steps))
     if steps.max() > _GAP * step:
-        found = f"a step of {steps.max() / MS:.4g} ms among steps of {step / MS:.4g} ms"
+        found = f"a step of {time_text(steps.max())} among steps of {time_text(step)}"
         raise DataError(Problem(place, "evenly sampled time", found, "export the record without gaps"))
     clock = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
     if clock.size == time.size and np.abs(steps - step).max() <= UNEVEN * step:
@@ -44,8 +44,8 @@ def even(channel: RecordedChannel, where: str) -> tuple[FloatArray, FloatArray, 
     lost = np.rint(steps / step).astype(int) - 1
     told = f"{channel.name} was sampled unevenly and is interpolated to {1 / step:.0f} Hz."
     if lost.any() and np.abs(steps - (lost + 1) * step).max() <= UNEVEN * step:
-        first_ms = time[int(np.argmax(lost > 0))] / MS
-        lacking = f"{channel.name} lacks {lost.sum()} of {clock.size} samples, the first after {first_ms:.6g} ms"
+        first_s = time[int(np.argmax(lost > 0))]
+        lacking = f"{channel.name} lacks {lost.sum()} of {clock.size} samples, the first after {time_text(first_s, 6)}"
         told = f"Careful: {lacking}; they are interpolated."
     return clock, np.interp(clock, time, values), told
 
@@ -55,10 +55,10 @@ def _backwards(place: str, time: FloatArray, steps: FloatArray) -> Problem:
     expected = "time that increases from sample to sample"
     if steps.min() < 0:
         sample = int(np.argmax(steps < 0)) + 1
-        found = f"{time[sample] / MS:.6g} ms after {time[sample - 1] / MS:.6g} ms"
+        found = f"{time_text(time[sample], 6)} after {time_text(time[sample - 1], 6)}"
         return Problem(place, expected, found, "sort the record by time")
     twice = int(np.argmax(steps == 0))
-    found = f"duplicate times: {time[twice] / MS:.6g} ms in samples {twice + 1} and {twice + 2}"
+    found = f"duplicate times: {time_text(time[twice], 6)} in samples {twice + 1} and {twice + 2}"
     count = int((steps == 0).sum())
     found += f", and {count - 1} more" if count > 1 else ""
     return Problem(place, expected, found, "delete the duplicates, or export time with more digits")
@@ -78,5 +78,5 @@ def on_one_clock(channels: Sequence[RecordedChannel], where: str, steps: list[st
         if abs(time[0] - first[0]) > tolerance or abs(time[size - 1] - first[size - 1]) > tolerance:
             found = f"{channel.name} on a clock of its own"
             raise DataError(Problem(where, "channels sampled alike to average", found, "choose some of them"))
-    steps.append(f"Recorded at {(first.size - 1) / (first[-1] - first[0]):.6g} Hz from {first[0] / MS:.6g} ms.")
+    steps.append(f"Recorded at {(first.size - 1) / (first[-1] - first[0]):.6g} Hz from {time_text(first[0], 6)}.")
     return first[:size], np.array([values[:size] for _, values, _ in evens])

@@ -32,6 +32,7 @@ from crashfuse.readers.record import ACCELERATION_UNITS, Record, RecordedChannel
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import DT_S, FloatArray, Pulse, kinematics
+from crashfuse.wording import number
 
 _LONGEST_S = 0.2
 _DISSENT = 0.2  # of the larger ΔV of two
@@ -175,7 +176,8 @@ def _channels(record: Record, choices: Choices, speed_mps: float, steps: list[st
         return chosen
     factor = ACCELERATION_UNITS.get(units.pop() or "")
     told = [
-        f"{channel.name}: {f'{gain:.4g} of its unit times s' if factor is None else speed_text(gain * factor)}"
+        f"{channel.name}: "
+        + (f"{number(gain, '.4g')} of its unit times s" if factor is None else speed_text(gain * factor))
         for channel, gain in zip(chosen, gains.tolist(), strict=True)
     ]
     if choices.channels:

@@ -6,6 +6,7 @@ import numpy as np
 
 from crashfuse.run_quality import QUANTITIES, RunQuality
 from crashfuse.signals.pulse import FloatArray
+from crashfuse.wording import number
 
 _OF = {
     "energy_change": "the energy at the start",
@@ -63,7 +64,7 @@ def completed(quality: RunQuality, by: RunQuality) -> RunQuality:
 def quality_sentence(quality: RunQuality, source: str) -> str:
     """What a source says of a run."""
     parts = [
-        f"{QUANTITIES[name]} {100 * value:.3g} % of {of}"
+        f"{QUANTITIES[name]} {number(100 * value, '.3g')} % of {of}"
         if (value := getattr(quality, name)) is not None
         else f"{QUANTITIES[name]} not recorded"
         for name, of in _OF.items()

@@ -3,6 +3,7 @@
 import pandas as pd
 
 from crashfuse.cae.quality import QualityVerdict
+from crashfuse.wording import number
 
 _OF = {
     "energy change": "energy at the start",
@@ -21,7 +22,7 @@ def quality_table(verdict: QualityVerdict) -> pd.DataFrame:
             "Limit (%)": "none" if pd.isna(row["limit"]) else _limit(row),
             **({"Pass": f"{row['passed']:,}", "Fail": f"{row['failed']:,}"} if judged else {}),
             "Not recorded": f"{row['not_recorded']:,}",
-            "At worst (%)": "–" if pd.isna(row["worst"]) else f"{100 * row['worst']:.3g}",
+            "At worst (%)": "–" if pd.isna(row["worst"]) else number(100 * row["worst"], ".3g"),
             "In run": row["worst_run"] or "–",
         }
         for row in verdict.table.to_dict("records")

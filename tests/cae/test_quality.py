@@ -61,7 +61,7 @@ def test_the_verdict_reads_as_sentences(library: CaeLibrary) -> None:
     assert judge_quality(library, EURO_NCAP).sentences == (
         "CAE runs by Euro NCAP virtual testing 2025 (hourglass energy below 10 %, added mass below 5 %): 19 of 24 "
         "pass, 2 fail, 3 cannot be judged, for not everything is recorded.",
-        "Energy change: at worst -2 % (run C00); not recorded for 3 of 24 runs.",
+        "Energy change: at worst −2 % (run C00); not recorded for 3 of 24 runs.",
         "Hourglass energy: 19 pass, 2 fail; at worst 12.3 % (run C03); not recorded for 3 of 24 runs.",
         "Added mass: 21 pass, 1 fail; at worst 5 % (run C04); not recorded for 2 of 24 runs.",
         "Runs that fail: C03 (hourglass energy 12.3 %), C04 (hourglass energy 10 %, added mass 5 %). They are used all "

@@ -61,7 +61,7 @@ def test_an_offset_of_the_sensor_is_told_of(few: Path, test_id: str, offset_g: f
     """The one test whose sensor does not read zero at rest is named, with about the offset."""
     (told,) = [sentence for sentence in changed(few, test_id, offset_g=offset_g) if "mean acceleration" in sentence]
     assert told.startswith(f"tests.csv, {test_id}:")
-    assert float(told.partition("off by ")[2].partition(" g")[0]) == pytest.approx(offset_g, abs=0.7)
+    assert float(told.partition("off by ")[2].partition(" g")[0].replace("−", "-")) == pytest.approx(offset_g, abs=0.7)
 
 
 def test_an_offset_so_large_that_the_speed_looks_wrong_is_one_sentence(few: Path) -> None:

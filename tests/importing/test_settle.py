@@ -1,5 +1,6 @@
 """From record to pulse: what is found is true, what a user says overrules it, and every step is told."""
 
+import re
 from dataclasses import replace
 from typing import Literal
 
@@ -12,6 +13,7 @@ from crashfuse.readers.record import PartialCondition, RecordedChannel
 from crashfuse.signals.filters import cfc_filter
 from crashfuse.signals.pulse import Kinematics
 from crashfuse.units import KPH, MS, G
+from crashfuse.wording import signed
 from tests.importing.crashes import (
     CONDITION,
     CRUSH_M,
@@ -159,7 +161,7 @@ def test_what_reads_something_before_contact_is_pointed_out() -> None:
         time_s = clock(-0.02, 0.1)
         settled = settle(record(RecordedChannel("X", "X", time_s, -(half_sine_g(time_s) + offset_g), "g")))
         (told,) = [step for step in settled.steps if "before contact it reads" in step]
-        assert f"{offset_g:+.2f} g" in told
+        assert f"{signed(offset_g, 2)} g" in told
         assert told.startswith("Careful") == careful
     assert not any("before contact it reads" in step for step in settle(record(channel(start_s=-0.005))).steps)
 
@@ -213,7 +215,7 @@ def test_channels_without_a_majority_are_refused_until_the_user_chooses(scales: 
     channels = [channel(f"C{number}", scale) for number, scale in enumerate(scales)]
     with pytest.raises(DataError, match=r"agree in their change of velocity, found C0: .* km/h .* C1: .*--channel"):
         settle(record(*channels))
-    with pytest.raises(DataError, match=r"agree in their change of velocity, found C0: -?[0-9.]+ of its unit times s"):
+    with pytest.raises(DataError, match=r"agree in their change of velocity, found C0: −?[0-9.]+ of its unit times s"):
         settle(record(*(replace(one, unit=None) for one in channels)))
     assert settle(record(*channels), Choices(channels=("C1",))).channels == ("C1",)
 
@@ -255,13 +257,23 @@ def test_what_fits_two_channels_is_no_name() -> None:
         record(*both).chosen(["Sill"])
 
 
+def test_numbers_below_zero_have_the_minus_sign_of_print() -> None:
+    """Times before contact, offsets and changes of velocity: no sentence has a hyphen before a number."""
+    time_s = clock(-0.02, 0.1)
+    settled = settle(record(RecordedChannel("X", "X", time_s, half_sine_g(time_s) - 0.1, "g")))
+    told = " ".join(settled.steps)
+    assert not re.search(r"(?<!\w)-\d", told)
+    assert "from −20 ms" in told
+    assert re.search(r"change of velocity is −\d", told)
+
+
 def test_channels_that_disagree_are_averaged_only_with_a_warning() -> None:
     """Chosen by the user, two of unlike change of velocity are the pulse, and the steps say Careful twice."""
     both = settle(record(channel("L", 0.7), channel("R", 1.1)), Choices(channels=("L", "R")))
     assert both.pulse.accel_mps2.min() == pytest.approx(-0.9 * PEAK_MPS2, rel=1e-3)
     careful = [step for step in both.steps if step.startswith("Careful")]
-    assert "L: -43.1 km/h" in careful[0]
-    assert "R: -67.8 km/h" in careful[0]
+    assert "L: −43.1 km/h" in careful[0]
+    assert "R: −67.8 km/h" in careful[0]
     assert careful[1].startswith("Careful: the vehicle does not stop within 100 ms; it has moved ")
 
 
@@ -313,7 +325,7 @@ def test_uneven_sampling_is_made_even_and_gaps_are_refused() -> None:
     with pytest.raises(DataError, match=r"expected times of a crash, found 1e\+306 s; repair"):
         settle(record(RecordedChannel("X", "X", late, half_sine_g(time_s), "g")))
     rounded = np.round(time_s, 3)
-    with pytest.raises(DataError, match=r"found duplicate times: -50 ms in samples 1 and 2, and \d+ more; delete"):
+    with pytest.raises(DataError, match=r"found duplicate times: −50 ms in samples 1 and 2, and \d+ more; delete"):
         settle(record(RecordedChannel("X", "X", rounded, half_sine_g(time_s), "g")))
 
 
@@ -363,7 +375,7 @@ def test_a_record_that_ends_after_the_stop_is_taken_with_a_warning() -> None:
     """Thrown back at 5.0 km/h, pushed with 6.7 g, both in closed form: what is taken for the rest is told."""
     (told,) = [step for step in settle(record(channel(end_s=0.075)), role="cae").steps if "record ends" in step]
     assert told == (
-        "Careful: the record ends 75 ms after contact with -5.0 km/h (-3.1 mph) left at its end and -6.7 g; it goes on "
+        "Careful: the record ends 75 ms after contact with −5.0 km/h (−3.1 mph) left at its end and −6.7 g; it goes on "
         "with no acceleration, which nobody measured. Better let the run go on to 100 ms, and copy all of its files."
     )
     assert not [step for step in settle(record(channel(end_s=0.1)), role="cae").steps if "record ends" in step]

@@ -43,7 +43,7 @@ def test_quality_is_that_of_glstat_in_any_form(tmp_path: Path, form: str) -> Non
     assert found.hourglass_share == pytest.approx(0.05)
     assert found.added_mass_share == pytest.approx(0.025)
     assert (
-        "Run quality (glstat, matsum): energy change -4 % of the energy at the start, hourglass energy 5 % of the "
+        "Run quality (glstat, matsum): energy change −4 % of the energy at the start, hourglass energy 5 % of the "
         "largest internal energy, added mass 2.5 % of the mass at the start."
     ) in record.steps
     assert settle(record, WEIGHTS, role="cae").quality == found
