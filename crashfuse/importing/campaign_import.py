@@ -17,9 +17,10 @@ from crashfuse.importing.detection import UnknownUnit, delta_v, speed_text
 from crashfuse.importing.joined_tables import ColumnChoice, OneCrashOrSeveral
 from crashfuse.importing.roles import check_names, role_of, which_are_tests
 from crashfuse.importing.settle import Settled, settle
-from crashfuse.importing.sources import Reading, each_record
+from crashfuse.importing.sources import Reading, each_record, format_of
 from crashfuse.importing.unpacking import is_archive
 from crashfuse.readers.axes import Travel
+from crashfuse.readers.formats import FORMATS
 from crashfuse.readers.record import Record
 from crashfuse.units import MS
 
@@ -52,7 +53,7 @@ def import_source(
     choices : Choices
         Settings that replace detection; they apply to every record of the source.
     role : {"tests", "cae"}, optional
-        What the records are. By default tests, which is asked if some files look like CAE runs beside others.
+        What the records are. By default tests, which is asked if some files look like CAE runs, or all do.
     cae : sequence of str
         Names of the files in the source whose records are CAE runs, whatever the others are.
     fmt : str, optional
@@ -99,8 +100,10 @@ def import_source(
     except DataError as error:
         problems = [*error.problems, *problems]
     check_names(cae, sources)
-    if role is None and not cae:
-        refuse(which_are_tests(source.name, sources), source.name)  # what each lacks as a test may be no question then
+    if role is None and not cae and sources:
+        usual = FORMATS[fmt or format_of(source)].role
+        # what each lacks as a test may be no question then
+        refuse(which_are_tests(source.name, sources, usual), source.name)
     alone = source.is_file() and not is_archive(source.name) and conditions is None
     if alone and any(_COLUMNS.search(problem.advice) for problem in problems):
         # the condition of a single table can only be given: ask for it along with its columns, and once

@@ -1,4 +1,4 @@
-"""Which files of a source are CAE runs, where tests and CAE runs lie together."""
+"""Which files of a source are CAE runs, where nobody has said it."""
 
 import re
 from collections import Counter
@@ -28,26 +28,31 @@ def role_of(source: str, role: Role, cae: Sequence[str]) -> Role:
 
 
 def look_like_cae(sources: Iterable[str]) -> tuple[str, ...]:
-    """Files that look like CAE runs, by name or number of records, beside others that do not; else none.
+    """Files that look like CAE runs, by name or number of records; ``sources`` has that of each record."""
+    files = Counter(map(file_of, sources))
+    return tuple(name for name, n in files.items() if not _TEST.search(name) and (_CAE.search(name) or n >= _MANY))
+
+
+def which_are_tests(source: str, records: Sequence[str], usual: Role) -> list[Problem]:
+    """The question which files are CAE runs, if any look like them.
 
     Parameters
     ----------
-    sources : iterable of str
+    source : str
+        Its name.
+    records : sequence of str
         The source of each record.
+    usual : {"tests", "cae"}
+        What files of this format are.
     """
-    files = Counter(map(file_of, sources))
-    found = tuple(name for name, n in files.items() if not _TEST.search(name) and (_CAE.search(name) or n >= _MANY))
-    return found if len(found) < len(files) else ()
-
-
-def which_are_tests(source: str, records: Sequence[str]) -> list[Problem]:
-    """The question which files are CAE runs, if some look like them and others do not; ``records`` are sources."""
-    if not (found := look_like_cae(records)):
+    files = tuple(dict.fromkeys(map(file_of, records)))
+    found = files if usual == "cae" else look_like_cae(records)
+    if not found:
         return []
-    names, others = (
-        listed(found),
-        listed(dict.fromkeys(name for each in records if (name := file_of(each)) not in found)),
-    )
+    names, others = listed(found), listed([name for name in files if name not in found])
+    if not others:
+        advice = "say that they are (--as cae), or that they are tests (--as tests)"
+        return [Problem(source, "tests", f"nothing but what looks like CAE runs ({names})", advice)]
     advice = (
         f"name the files of CAE runs (--cae {' '.join(map(quoted, found))}), or say that all are tests (--as tests)"
     )

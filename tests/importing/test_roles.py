@@ -7,10 +7,12 @@ import pytest
 
 from crashfuse.campaign_folder.history import undo
 from crashfuse.errors import DataError, UsageError
-from crashfuse.importing import import_source
+from crashfuse.importing import Choices, import_source
 from crashfuse.importing.roles import look_like_cae
+from crashfuse.readers.record import PartialCondition
 from tests.importing.crash_files import german, write
 from tests.importing.crashes import clock, half_sine_g, scatter_g
+from tests.readers.lsdyna_files import Run
 
 
 @pytest.mark.parametrize(
@@ -20,11 +22,11 @@ from tests.importing.crashes import clock, half_sine_g, scatter_g
         ({"sim 12.csv": 1, "run07.csv": 1, "Versuch_3.csv": 1}, ("sim 12.csv", "run07.csv")),
         ({"export.csv": 72, "a.xlsx: Sheet1": 1, "a.xlsx: Sheet2": 1}, ("export.csv",)),
         ({"simca test.csv": 1, "CAE test 3.csv": 30, "B.csv": 1}, ()),
-        ({"run1.csv": 1, "run2.csv": 1}, ()),
+        ({"run1.csv": 1, "run2.csv": 1}, ("run1.csv", "run2.csv")),
     ],
 )
 def test_a_name_or_a_number_of_records_looks_like_cae(files: dict[str, int], found: tuple[str, ...]) -> None:
-    """Beside others that do not; a name that says test is none, and where all look alike nothing is said."""
+    """Beside others that do not, or alone; a name that says test is none."""
     assert look_like_cae(source for source, n in files.items() for _ in range(n)) == found
 
 
@@ -48,6 +50,23 @@ def test_a_mixture_is_asked_about_and_nothing_written(mixed: Path, tmp_path: Pat
     )
     assert not (tmp_path / "out").exists()
     assert len(import_source(mixed, tmp_path / "all tests", role="tests")) == 4
+
+
+def test_where_all_look_like_cae_runs_it_is_asked(tmp_path: Path) -> None:
+    """By name, or by a format of solvers: nothing is written before they are said to be CAE runs, or tests."""
+    time_s = clock()
+    content = {"sim_1.csv": german(time_s, half_sine_g(time_s)), "sim_2.csv": german(time_s, half_sine_g(time_s))}
+    runs, solver = write(tmp_path / "sims", content), write(tmp_path / "lib", {"r1/binout": Run().binout()})
+    for source, names in ((runs, "sim_1.csv, sim_2.csv"), (solver, "lib")):
+        with pytest.raises(DataError) as caught:
+            import_source(source, tmp_path / "out")
+        assert str(caught.value) == (
+            f"{source.name}: expected tests, found nothing but what looks like CAE runs ({names}); "
+            "say that they are (--as cae), or that they are tests (--as tests)."
+        )
+    assert not (tmp_path / "out").exists()
+    given = Choices(condition=PartialCondition(speed_mps=56 / 3.6, front_weight_kg=900.0, rear_weight_kg=700.0))
+    assert {one.role for one in import_source(runs, tmp_path / "out", given, role="cae")} == {"cae"}
 
 
 def test_files_that_are_cae_runs_go_where_they_belong_in_one_change(mixed: Path, tmp_path: Path) -> None:

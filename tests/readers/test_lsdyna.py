@@ -219,7 +219,9 @@ def test_a_folder_of_runs_becomes_a_library_with_conditions_from_a_table(tmp_pat
     table.write_text("id,front_weight_lb,rear_weight_lb\n" + rows)
     assert [record.id for record in read_lsdyna(tmp_path / "doe")] == ids
     import_source(tmp_path / "doe.zip", tmp_path / "campaign", role="cae", conditions=table)
-    import_source(saved(tmp_path / "test", nodout=run.nodout()), tmp_path / "campaign", WEIGHTS, record_id="T1")
+    import_source(
+        saved(tmp_path / "test", nodout=run.nodout()), tmp_path / "campaign", WEIGHTS, role="tests", record_id="T1"
+    )
     campaign = load_campaign(tmp_path / "campaign")
     assert list(campaign.cae.ids) == ids
     assert [round(c.front_weight_kg / LB) for c in campaign.cae.conditions] == list(range(2000, 2010))

@@ -549,8 +549,25 @@ def test_cae_files_dropped_beside_tests_are_told_apart(visit: Visit, tmp_path: P
     table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"{i},56,900,700" for i in names)])
     session = drop(visit(), **files, conditions_csv=table.encode())
     assert field(session, "Of these files").value == ["CAE1.csv"]
-    assert "CAE1.csv: taken as CAE runs" in session.words
+    assert "By its name or number of records CAE1.csv looks like CAE runs" in session.words
     session = into(session, tmp_path / "both")
     session.press("Add 1 CAE run and 2 tests")
     assert (tmp_path / "both" / "cae" / "CAE1.csv").is_file()
     assert sorted(path.name for path in (tmp_path / "both" / "tests").iterdir()) == ["T1.csv", "T2.csv"]
+
+
+@pytest.mark.slow
+def test_files_that_all_look_like_cae_runs_are_proposed_as_such(visit: Visit, tmp_path: Path) -> None:
+    """It is said why, and can be changed: then all are tests."""
+    time_s = clock()
+    files = {f"sim{i}_csv": german(time_s, half_sine_g(time_s) + scatter_g(time_s, float(i))) for i in (1, 2)}
+    table = "\n".join(["id,speed [km/h],front [kg],rear [kg]", *(f"sim{i},56,900,700" for i in (1, 2))])
+    session = drop(visit(), **files, conditions_csv=table.encode())
+    assert field(session, "Take it as").value == "cae"
+    assert "of records sim1.csv, sim2.csv look like CAE runs" in session.words
+    assert "Add 2 CAE runs" in session.buttons
+    field(session, "Take it as").set_value("tests")
+    assert field(session.run(), "Of these files").value == []
+    into(session, tmp_path / "tests alone").press("Add 2 tests")
+    assert added(tmp_path / "tests alone") == ["sim1", "sim2"]
+    assert (tmp_path / "tests alone" / "tests" / "sim1.csv").is_file()

@@ -59,12 +59,11 @@ def _show_step(source: Source, view: frame.View | None) -> None:
     st.button("Back without importing", icon=":material/arrow_back:", on_click=leave)
     left, right = st.columns([2, 3], gap="large")
     with left:
-        role = _role(source)
-        beside = st.container()  # which files are of the other kind is known once all are read
+        taken_as = st.container()  # what files look like is known once all are read
         reading = reading_of(source)
         records, unread = records_of(source, reading)
-        with beside:
-            cae = _cae_files(source, records) if role == "tests" else ()
+        with taken_as:
+            role, cae = _roles(source, records)
     with right:
         first = _looked_at(source, records)
     if first is None:
@@ -92,33 +91,30 @@ def _show_step(source: Source, view: frame.View | None) -> None:
     show_add_form(source, reading, choices, role, cae, settled)
 
 
-def _role(source: Source) -> Role:
+def _roles(source: Source, records: Sequence[Record]) -> tuple[Role, tuple[str, ...]]:
+    """Ask what the records are, and which files with tests are CAE runs; what looks like it is filled in, and said."""
+    files = list(dict.fromkeys(file_of(record.source) for record in records))
+    found = look_like_cae(record.source for record in records)
+    usual: Role = "cae" if files and len(found) == len(files) else FORMATS[source.fmt].role
     role: Role = st.segmented_control(
         "Take it as",
         list(WHAT),
-        default=st.session_state.get(NEXT_ROLE) or FORMATS[source.fmt].role,
+        default=st.session_state.get(NEXT_ROLE) or usual,
         required=True,
         format_func={"tests": "Tests", "cae": "CAE runs"}.__getitem__,
         key=f"{source.key} role",
         persist_state="session",
     )
-    return role
-
-
-def _cae_files(source: Source, records: Sequence[Record]) -> tuple[str, ...]:
-    """Ask which of several files with tests are CAE runs; those that look like it are filled in, and said to be."""
-    files = list(dict.fromkeys(file_of(record.source) for record in records))
-    if len(files) < 2:
-        return ()
-    found = look_like_cae(record.source for record in records)
-    chosen = st.multiselect(
-        "Of these files, CAE runs are in", files, default=found, placeholder="none", key=f"{source.key} cae",
-        persist_state="session",
-    )  # fmt: skip
-    if found:
-        named = "their names or numbers" if len(found) > 1 else "its name or number"
-        st.caption(f"{plain(listed(found))}: taken as CAE runs for {named} of records, unlike the other files.")
-    return tuple(chosen)
+    chosen: list[str] = []
+    if role == "tests" and len(files) > 1:
+        chosen = st.multiselect(
+            "Of these files, CAE runs are in", files, default=found if len(found) < len(files) else [],
+            placeholder="none", key=f"{source.key} cae", persist_state="session",
+        )  # fmt: skip
+    if found and (role == "tests" or len(found) == len(files)):
+        by, look = ("their names or numbers", "look") if len(found) > 1 else ("its name or number", "looks")
+        st.caption(f"By {by} of records {plain(listed(found))} {look} like CAE runs; change it if that is wrong.")
+    return role, tuple(chosen)
 
 
 def _looked_at(source: Source, records: Sequence[Record]) -> Record | None:
