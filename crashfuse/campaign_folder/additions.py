@@ -1,7 +1,7 @@
 """Adding pulses to a campaign folder: all of them or none, to be undone at will.
 
-A pulse belongs to a campaign once its row is in the condition table, which is written last: an interruption before
-that leaves the campaign unchanged.
+A pulse belongs to a campaign once its row is in the condition table. Those of tests and CAE runs are written last, and
+together: an interruption before that leaves the campaign unchanged.
 """
 
 import csv
@@ -9,11 +9,13 @@ import io
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from crashfuse.campaign_folder.added import WHAT, Added, named
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.condition_tables import TABLES, ConditionTable, Role, read_conditions
 from crashfuse.campaign_folder.copies import check_tests_differ
@@ -24,18 +26,15 @@ from crashfuse.campaign_folder.settings import read_settings
 from crashfuse.campaign_folder.tidy_tables import append_to_table
 from crashfuse.campaign_folder.writer import check_ids, pulse_csv, quality_columns, table_row
 from crashfuse.condition import Condition
-from crashfuse.errors import DataError, Problem, collecting, printable
-from crashfuse.files.atomic import new_folder, write_atomically
+from crashfuse.errors import DataError, Problem, collecting
+from crashfuse.files.atomic import new_folder, replacing, write_atomically
 from crashfuse.files.csv_output import csv_text
 from crashfuse.files.toml_text import toml_text
 from crashfuse.run_quality import RunQuality
 from crashfuse.signals.pulse import Pulse
 
 Told = Mapping[str, str | float | Sequence[str]]
-WHAT: Mapping[Role, tuple[str, str]] = {"tests": ("test", "tests"), "cae": ("CAE run", "CAE runs")}
-"""One and many of each role, in words."""
 _SAME = 1e-5  # relative: a table may keep float32
-_NAMED = 5  # ids
 _MARKS = (*TABLES, "campaign.toml")  # any of these marks a campaign folder
 
 
@@ -48,32 +47,6 @@ class Addition:
     pulse: Pulse
     told: Told = field(default_factory=dict)
     quality: RunQuality = field(default_factory=RunQuality)
-
-
-@dataclass(frozen=True, slots=True)
-class Added:
-    """What an addition came to: the ids that are new, and those that were there already, with the same pulse."""
-
-    role: Role
-    ids: tuple[str, ...]
-    there: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        """Such as ``Added: 2 tests (T12, T13); 3 were there already``."""
-        told = f"Added: {counted(len(self.ids), self.role)} ({named(self.ids)})"
-        count = len(self.there)
-        return told + (f"; {count} {'was' if count == 1 else 'were'} there already" if count else "")
-
-
-def counted(number: int, role: Role) -> str:
-    """A count of tests or CAE runs as text."""
-    return f"{number:,} {WHAT[role][number != 1]}"
-
-
-def named(ids: Sequence[str]) -> str:
-    """Ids as text, the first and the last of many."""
-    shown = [printable(run_id, 60) for run_id in (ids if len(ids) <= _NAMED else [ids[0], ids[-1]])]
-    return (", " if len(ids) <= _NAMED else " to ").join(shown)
 
 
 def add_to_campaign(folder: Path, role: Role, additions: Sequence[Addition]) -> Added:
@@ -129,42 +102,53 @@ def _add(folder: Path, additions: Mapping[Role, Sequence[Addition]]) -> tuple[Ad
         new[role] = [addition for addition in own if addition.id not in there]
         added.append(Added(role, tuple(addition.id for addition in new[role]), there))
     with changing(folder, ". ".join(map(str, added))) as keep:
+        contents = _contents(folder, tables, new)
         for role, fresh in new.items():
-            _write(folder, role, tables[role], fresh, keep)
+            _write_pulses(folder, role, fresh, keep)
+        for path in contents:
+            keep(path)
+        with ExitStack() as together:  # all are on the disk before the first, which is entered last, gets its name
+            for path, text in reversed(contents.items()):
+                together.enter_context(replacing(path)).write_bytes(text.encode())
         if "tests" in new:
             _check_differ(folder)
     return tuple(added)
 
 
-def _write(
-    folder: Path,
-    role: Role,
-    known: ConditionTable | None,
-    additions: Sequence[Addition],
-    keep: Callable[[Path], None],
-) -> None:
-    table = folder / f"{role}.csv"
-    text, header = _table_to_extend(table, known, additions)
-    settings = _settings_with(folder / "campaign.toml", role, additions)
-    rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in additions]
-    content = text + csv_text(rows)
-    _check_readable({table.name: content, "campaign.toml": settings}, role)
+def _contents(
+    folder: Path, tables: Mapping[Role, ConditionTable | None], additions: Mapping[Role, Sequence[Addition]]
+) -> dict[Path, str]:
+    """What campaign.toml, which records the additions at its end, and the condition tables become, in this order."""
+    path = folder / "campaign.toml"
+    settings = path.read_bytes().decode(errors="surrogateescape") if path.is_file() else ""
+    contents = {}
+    for role, own in additions.items():
+        table = folder / f"{role}.csv"
+        text, header = _table_to_extend(table, tables[role], own)
+        rows = [table_row(header, addition.id, addition.condition, addition.quality) for addition in own]
+        contents[table] = text + csv_text(rows)
+        for addition in own:
+            told = {"id": addition.id, "as": role, **addition.told}
+            lines = [f"{key} = {toml_text(value)}" for key, value in told.items()]
+            settings += ("\n" if settings else "") + "\n".join(["[[imported]]", *lines]) + "\n"
+        _check_readable({table.name: contents[table], path.name: settings}, role)
+    return {path: settings, **contents}
+
+
+def _write_pulses(folder: Path, role: Role, additions: Sequence[Addition], keep: Callable[[Path], None]) -> None:
     tables = [path for ending in ("parquet", "csv") if (path := folder / f"{role}_pulses.{ending}").is_file()]
     if tables:
         keep(tables[0])
         append_to_table(tables[0], [(addition.id, addition.pulse) for addition in additions])
-    else:
-        for addition in additions:
-            path = folder / role / f"{addition.id}.csv"
-            pulse = pulse_csv(addition.pulse).encode()
-            if path.exists() and path.read_bytes() != pulse:
-                found, advice = "another pulse there, without a row in the table", "rename or remove the file"
-                raise DataError(Problem(f"{role}/{path.name}", "no such file yet", found, advice))
-            keep(path)
-            write_atomically(path, pulse)
-    for path, new in ((folder / "campaign.toml", settings), (table, content)):
+        return
+    for addition in additions:
+        path = folder / role / f"{addition.id}.csv"
+        pulse = pulse_csv(addition.pulse).encode()
+        if path.exists() and path.read_bytes() != pulse:
+            found, advice = "another pulse there, without a row in the table", "rename or remove the file"
+            raise DataError(Problem(f"{role}/{path.name}", "no such file yet", found, advice))
         keep(path)
-        write_atomically(path, new.encode())
+        write_atomically(path, pulse)
 
 
 def _known(table: Path, role: Role) -> ConditionTable | None:
@@ -251,13 +235,3 @@ def _refuse(problems: Sequence[Problem]) -> None:
     """Raise the problems of files as they would become, if there are any."""
     if problems:
         raise DataError([replace(problem, where=f"{problem.where} as it would become") for problem in problems])
-
-
-def _settings_with(path: Path, role: str, additions: Sequence[Addition]) -> str:
-    """The text of campaign.toml with the additions recorded at its end."""
-    text = path.read_bytes().decode(errors="surrogateescape") if path.is_file() else ""
-    for addition in additions:
-        told = {"id": addition.id, "as": role, **addition.told}
-        lines = [f"{key} = {toml_text(value)}" for key, value in told.items()]
-        text += ("\n" if text else "") + "\n".join(["[[imported]]", *lines]) + "\n"
-    return text

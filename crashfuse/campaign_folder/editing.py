@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from crashfuse.campaign_folder.additions import named
+from crashfuse.campaign_folder.added import named
 from crashfuse.campaign_folder.condition_tables import read_what_can_be
 from crashfuse.campaign_folder.history import changing, taking_turns
 from crashfuse.campaign_folder.settings import read_settings

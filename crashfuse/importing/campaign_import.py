@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from crashfuse.campaign_folder.additions import Added, Addition, add_each
+from crashfuse.campaign_folder.added import Added
+from crashfuse.campaign_folder.additions import Addition, add_each
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.campaign_folder.settings import own_filter_class
 from crashfuse.errors import DataError, Problem, UsageError

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import streamlit as st
 
-from crashfuse.campaign_folder.additions import WHAT
+from crashfuse.campaign_folder.added import WHAT
 from crashfuse.campaign_folder.columns import listed
 from crashfuse.campaign_folder.condition_tables import Role
 from crashfuse.errors import Problem
