@@ -64,13 +64,11 @@ def compare_two(studies: list[PastResult], display: Display) -> None:
     latest, *others = sorted(studies, key=lambda result: len(result.tests), reverse=True)  # of the largest ones
     before = next((result for result in others if result.fingerprint == latest.fingerprint), others[0])
     chosen = []
-    for column, label, key, usual in zip(
-        st.columns(2), ("First study", "Second study"), ("first", "second"), (before, latest), strict=True
-    ):
+    for label, key, usual in (("First study", "first", before), ("Second study", "second", latest)):
         if st.session_state.get(key) not in by_id:
             st.session_state[key] = usual.id
             address.publish()  # the next result would be another default
-        name = column.selectbox(
+        name = st.selectbox(  # over the whole width: a description ends with the campaign's name
             label, list(by_id), format_func=lambda name: described(by_id[name], display), key=key,
             persist_state="session",
         )  # fmt: skip

@@ -93,7 +93,10 @@ def test_the_report_of_a_study_shows_the_chosen_tests_in_the_units_of_the_page(
 
 
 def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server", user: "User") -> None:
-    """Two seeds: a row for each, means and differences, a table to take along; a row opens its study."""
+    """Two seeds: a row for each, means and differences, a table to take along; a row opens its study.
+
+    A study can be chosen by a campaign's name of 80 letters.
+    """
     user.sits_at(1440, 1000)
     study(user, small_server)
     study(user, small_server, seed="4")
@@ -104,6 +107,15 @@ def test_two_studies_are_compared_and_one_is_opened_again(small_server: "Server"
     table = user.sees("T4", TABLE)
     assert "Mean" in table
     assert "first=" in user.browser.current_url
+    widths = (
+        "const box = arguments[0], pen = document.createElement('canvas').getContext('2d');"
+        "pen.font = getComputedStyle(box).font; return [box.clientWidth, pen.measureText(arguments[1]).width]"
+    )
+    box = user.find('input[aria-label^="First study"]')
+    told = (box.get_attribute("value") or "").rpartition(" · ")[0]
+    room_px, text_px = user.browser.execute_script(widths, box, f"{told} · {'facelift 2' * 8}")
+    assert told
+    assert text_px <= room_px
     written = user.downloads_file("comparison.csv")
     assert written.startswith("left_out,held_out,approach,window_ms,first,second,difference")
     grid = user.find('[data-testid="stDataFrame"] canvas')

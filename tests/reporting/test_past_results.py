@@ -67,6 +67,16 @@ def test_the_figure_shows_every_difference_and_the_mean_with_two_standard_errors
     assert np.round(fused.x).tolist() == [0, 1, 2, 3]
     assert fused.error_y.array[-1] == pytest.approx(2 * np.std(gains, ddof=1) / np.sqrt(3))
     assert not any(fused.error_y.array[:-1])
+    assert figure.layout.yaxis.range is None
+
+
+@pytest.mark.parametrize(("gain", "said"), [(0.0, True), (1e-9, True), (0.003, False)])
+def test_studies_that_hardly_differ_are_drawn_on_a_narrow_axis_and_that_is_said(gain: float, said: bool) -> None:
+    """An axis from -1 to 1 would look as if anything was possible, one of 1e-9 as if everything differed."""
+    other = study({test: rating + gain for test, rating in FIRST.items()}, config=StudyConfig(seed=7))
+    figure = rating_differences(StudyComparison(study(FIRST), other), 60.0, "test")
+    assert figure.layout.yaxis.range == (-0.01, 0.01)
+    assert any("the same in both" in each.text for each in figure.layout.annotations) == said
 
 
 def test_the_report_tells_what_differs_and_what_the_studies_are(compared: StudyComparison) -> None:

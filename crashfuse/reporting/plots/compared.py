@@ -10,6 +10,7 @@ from crashfuse.study.comparison import StudyComparison
 from crashfuse.wording import signed
 
 _APART = 0.14  # of the distance between two tests
+_SMALL, _NONE = 0.01, 5e-4  # differences: no axis is drawn narrower, and none is shown
 
 
 def rating_differences(compared: StudyComparison, window_ms: float, left_out: str) -> go.Figure:
@@ -38,4 +39,10 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
     figure.add_vline(x=len(tests) - 0.5, line={"color": AXIS, "width": 1, "dash": "dot"})
     name_tests(figure, [*map(tick_name, tests), "<b>Mean</b>"])
     figure.update_yaxes(title="Rating, second minus first")
+    largest = float(table["difference"].abs().max())
+    if largest < _SMALL:
+        figure.update_yaxes(range=[-_SMALL, _SMALL])
+    if largest < _NONE:
+        words = "Every test is rated the same in both studies."
+        figure.add_annotation(text=words, x=0.5, y=0.88, xref="paper", yref="paper", showarrow=False)
     return figure
