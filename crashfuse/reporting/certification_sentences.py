@@ -1,7 +1,6 @@
 """A certification in words: what came of the matrix, what the record says, and every exception to it."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import islice
 
 import numpy as np
 
@@ -43,7 +42,9 @@ def matrix_sentence(certification: Certification) -> str:
 def to_test(certification: Certification) -> Iterator[str]:
     """Which conditions need no test, which would miss a criterion, which need a test, and which lie outside."""
     rows, run = {word: _by_condition(certification, word) for word in WORDS}, certification.run
-    yield from (f"{i} was run: it is test {' and '.join(tests)}." for i, tests in islice(run.items(), _NAMED))
+    if run:
+        there = [f"{i} (test {' and '.join(tests)})" for i, tests in run.items()]
+        yield f"Run already: {_listed(there)}."
     if waived := certification.waived:
         least = [f"{i} ({np.floor(1000 * low + 1e-9) / 1000:.3f})" for i, (low, _) in waived.items()]
         yield (

@@ -18,6 +18,7 @@ from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.figures import choose, show_cached_figure
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
+from crashfuse.wording import unbroken
 
 _MEASURED, _RELIABILITY = "What left-out tests showed", "Are the probabilities right?"
 
@@ -89,7 +90,7 @@ def _counts(certification: Certification, display: Display) -> pd.DataFrame:
                 "Criterion": criterion.name,
                 "Limit": display.words(criterion.limits),
                 **{word.capitalize(): _said(counts[word]) for word in ("met", "not met", "open", "outside")},
-                "Wrong at most (95 %)": "–" if bound is None else f"{100 * float(str(bound)):.0f} %",
+                unbroken("Wrong at most (95 %)"): "–" if bound is None else f"{100 * float(str(bound)):.0f} %",
                 "What this record supports": support_sentence(record, criterion, certification.criteria.confidence),
             }
         )
