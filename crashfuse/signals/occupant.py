@@ -81,7 +81,8 @@ def occupant_load_criterion(
     Returns
     -------
     ndarray, shape (...)
-        In m/s², positive; NaN where the record ends before t2, unless the vehicle is free, or before t1.
+        In m/s², positive; NaN where the record ends before t2, unless the vehicle is free, or before t1, and where a
+        free vehicle, as some draw of a slow crash, leaves no slower than it came.
 
     References
     ----------
@@ -95,8 +96,9 @@ def occupant_load_criterion(
     t1 = first_reached(flown, free_flight_m)[..., None] * dt_s
     way = (speed + velocity_mps) / 2 * (time - t1) - (displacement_m - (speed * t1 - free_flight_m))
     end, last = first_reached(way, restraint_m), velocity_mps.shape[-1] - 1
-    closing = (speed - velocity_mps[..., -1:])[..., 0] / 2 * dt_s
-    end = np.where(free & np.isnan(end), last + (restraint_m - way[..., -1]) / closing, end)
+    closing, rest = (speed[..., 0] - velocity_mps[..., -1]) / 2 * dt_s, restraint_m - way[..., -1]
+    later = np.divide(rest, closing, out=np.full_like(rest, np.nan), where=closing > 0)
+    end = np.where(free & np.isnan(end), last + later, end)
     return np.asarray((speed[..., 0] - value_at(velocity_mps, np.minimum(end, last))) / (end * dt_s - t1[..., 0]))
 
 

@@ -155,3 +155,13 @@ def test_record_that_ends_too_early_has_no_number(measure: Measure) -> None:
     assert first > 0
     assert known[first:].all()
     np.testing.assert_allclose(found[first:], measure(pulse), rtol=1e-12)
+
+
+def test_an_occupant_whom_a_free_vehicle_outruns_has_no_olc() -> None:
+    """A draw of a slow crash may leave faster than it came, or as fast: nothing ever stops the occupant there."""
+    dip = 0.8 * (1 - np.linspace(-1, 1, 1250) ** 2)
+    velocity = np.array([0.9 - dip + gain for gain in (np.linspace(0, 0.3, 1250), np.zeros(1250))])
+    displacement = np.cumsum(velocity, axis=-1) * DT_S
+    free = np.ones(2, dtype=bool)
+    occupant = OccupantModel(olc_free_flight_mm=20, olc_restraint_mm=235)
+    assert np.isnan(occupant_load_criterion(velocity, displacement, DT_S, occupant, free)).all()
