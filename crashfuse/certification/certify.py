@@ -78,6 +78,21 @@ class Certification:
         rows = zip(self.matrix.ids, self.verdicts, strict=True)
         return {i: all_met(row) for i, row in rows if all(own.word == "met" and not own.run for own in row)}
 
+    @property
+    def run_first(self) -> str | None:
+        """The fastest of two or more conditions that only a test can settle: afterwards others may need none; or None.
+
+        Not settled is a condition that was not run, misses no criterion, and has an open one that a test can tell.
+        """
+        unsettled = [
+            (row[0].condition.speed_mps, i)
+            for i, row in zip(self.matrix.ids, self.verdicts, strict=True)
+            if not row[0].run
+            and all(own.word != "not met" for own in row)
+            and any(own.word == "open" and own.probability is not None for own in row)
+        ]
+        return max(unsettled)[1] if len(unsettled) > 1 else None
+
 
 def certify_matrix(
     campaign: Campaign,

@@ -34,6 +34,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "domain": _domain(certification.domain),
         "verdicts": verdict_counts(certification),
         "waived": {i: {"at_least": low, "at_most": high} for i, (low, high) in certification.waived.items()},
+        "run_first": certification.run_first,
         "track_record": {
             **record_counts(record),
             "waived": {"left_out": left_out, "n": saved, "wrong": wrong, "wrong_at_most": bound(wrong, saved)},

@@ -61,6 +61,8 @@ def to_test(certification: Certification) -> Iterator[str]:
     ):
         if some:
             yield f"{told}: {_listed([f'{i} ({_names(own)})' for i, own in some.items()])}."
+    if first := certification.run_first:
+        yield f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
     if certification.domain.too_few_tests:
         yield from certification.domain.too_few_tests
     elif rows["outside"]:

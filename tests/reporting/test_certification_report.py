@@ -13,8 +13,9 @@ from crashfuse.certification.certify import Certification, certify_matrix
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
-from crashfuse.certification.verdict import Word
+from crashfuse.certification.verdict import Verdict, Word
 from crashfuse.execution.cache import Cache
+from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_sentences import (
     brier_sentence,
     domain_sentences,
@@ -210,6 +211,31 @@ def test_the_summary_says_where_to_test(certification: Certification) -> None:
     assert f"To be tested, or redesigned: {second_id} ({undecided.criterion.name})." in said
     met = tuple(tuple(replace(own, word="met") for own in row) for row in certification.verdicts)
     assert "No condition of the matrix needs a test." in summary(replace(certification, verdicts=met))
+
+
+def test_of_conditions_to_be_tested_the_fastest_is_run_first(certification: Certification) -> None:
+    """Said if a test can settle two or more: not one that was run, misses a criterion, or whose record is too short."""
+    assert certification.run_first is None  # the record is too short for one, the other is outside
+    ids = certification.matrix.ids
+    rows = certification.verdicts
+    undecided = tuple(tuple(replace(own, word="open", probability=0.5) for own in row) for row in rows)
+    speeds = [row[0].condition.speed_mps for row in undecided]
+    assert speeds == sorted(speeds)
+
+    def first(*rows: tuple[Verdict, ...]) -> str | None:
+        return replace(certification, verdicts=rows).run_first
+
+    assert first(*undecided) == ids[2]
+    one, two, three = undecided
+    missed = (replace(three[0], word="not met"), *three[1:])
+    assert first(one, two, missed) == ids[1]
+    assert first(one, two, tuple(replace(own, run={"T01": 1.0}) for own in three)) == ids[1]
+    assert first(one, two, tuple(replace(own, probability=None) for own in three)) == ids[1]
+    assert first(one, tuple(replace(own, word="met") for own in two), missed) is None
+    told = replace(certification, verdicts=undecided)
+    expected = f"Run {ids[2]} first, the fastest that a test can settle, and certify again: others may then need none."
+    assert expected in summary(told)
+    assert certification_record(told)["run_first"] == ids[2]
 
 
 def test_the_domain_is_told_in_numbers(certification: Certification) -> None:

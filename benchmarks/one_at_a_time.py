@@ -1,0 +1,140 @@
+"""How many planned tests have to be run, if each is followed by new verdicts: ``python benchmarks/one_at_a_time.py``.
+
+Each seed is a vehicle of any kind (``benchmarks/vehicles.py``), tested at four speeds evenly over its range; twelve
+further tests are planned. As long as any of them neither need not be run, as every criterion is met, nor is known to
+miss one, the next is run, and all others are judged anew: the fastest or the slowest of those left, or the one that is
+most probable to meet all criteria. The limits on peak, crush, SM25, OLC and VPI are such that a part of 60 further
+conditions meets each. Every answer is compared with the test itself. Of a campaign four of its own tests, evenly over
+speed, have been run, all others are planned, and the limits are such that a part of all tests meets each.
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from vehicles import World
+
+from crashfuse.cae_library import CaeLibrary
+from crashfuse.campaign import Campaign
+from crashfuse.campaign_folder.load import load_campaign
+from crashfuse.certification.certify import certify_matrix
+from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.verdict import Verdict, all_met
+from crashfuse.crash_test import CrashTest
+from crashfuse.execution.cache import Cache
+from crashfuse.signals.metrics import metric_values
+from crashfuse.study.subsets import subsets
+
+_LIMITED = ("peak", "max_crush", "sm25", "olc", "vpi")
+_SHARES = (0.6, 0.9)
+_RUN, _PLANNED, _FURTHER = 4, 12, 60
+
+Row = tuple[Verdict, ...]
+_FIRST: dict[str, Callable[[Row], float]] = {
+    "fastest": lambda row: row[0].condition.speed_mps,
+    "slowest": lambda row: -row[0].condition.speed_mps,
+    "most probable": lambda row: all_met(row)[0],
+}
+
+
+def _measured(tests: tuple[CrashTest, ...]) -> pd.DataFrame:
+    rows = [metric_values(test.pulse.accel_mps2, test.condition.speed_mps) for test in tests]
+    return pd.DataFrame([{name: float(row[name]) for name in _LIMITED} for row in rows], [test.id for test in tests])
+
+
+class _Plan(NamedTuple):
+    """Tests that have been run, those that are planned, and what tests of the vehicle show."""
+
+    name: str
+    cae: CaeLibrary
+    begun: tuple[CrashTest, ...]
+    planned: tuple[CrashTest, ...]
+    shown: pd.DataFrame
+
+
+def _vehicle(seed: int) -> _Plan:
+    world, rng = World.any(seed), np.random.default_rng([seed, 9])
+    begun = world.test(world.over_speed(rng, _RUN), first=0)
+    planned = world.test(world.over_speed(rng, _PLANNED), first=1000)
+    further = world.test(world.conditions(rng, _FURTHER), first=2000)
+    return _Plan(f"Vehicle {seed}", world.library((*begun, *planned)), begun, planned, _measured(further))
+
+
+def _campaign(folder: Path) -> _Plan:
+    campaign = load_campaign(folder)
+    [own, *_] = (each for each in subsets(campaign, repeats=0, seed=0) if len(each.chosen) == _RUN)
+    begun, planned = campaign.without(own.held_out(campaign)).tests, campaign.without(own.chosen).tests
+    return _Plan(campaign.name, campaign.cae, begun, planned, _measured(campaign.tests))
+
+
+def _settled(plan: _Plan) -> list[dict[str, object]]:
+    """How many tests are run and need not be, by limits and by which is run first."""
+    matrix = Matrix(tuple(test.id for test in plan.planned), tuple(test.condition for test in plan.planned))
+    rows = []
+    for share in _SHARES:
+        limits = plan.shown[np.isfinite(plan.shown).all(axis=1)].quantile(share)
+        criteria = Criteria(tuple(Criterion(name, name, at_most=float(limits[name])) for name in _LIMITED))
+        meets = (_measured(plan.planned) <= limits).all(axis=1)
+        for first, key in _FIRST.items():
+
+            def judged(run: tuple[CrashTest, ...], criteria: Criteria = criteria) -> dict[str, Row]:
+                campaign = Campaign(plan.name, plan.cae, (*plan.begun, *run))
+                found = certify_matrix(campaign, criteria, matrix, cache=Cache(), workers=1)
+                rows = zip(matrix.ids, found.verdicts, strict=True)
+                return {i: row for i, row in rows if i not in found.run}
+
+            run = tuple(_needed(plan.planned, judged, key))
+            words = {i: [own.word for own in row] for i, row in judged(run).items()}
+            saved = [i for i, own in words.items() if all(word == "met" for word in own)]
+            missing = [i for i, own in words.items() if "not met" in own]
+            rows.append(
+                {"limits": share, "first": first, "planned": len(plan.planned), "would meet all": int(meets.sum())}
+                | {"run": len(run), "need not be run": len(saved), "missed one": int((~meets[saved]).sum())}
+                | {"said to miss one": len(missing), "missed none": int(meets[missing].sum())}
+            )
+            print(plan.name, rows[-1], flush=True)
+    return rows
+
+
+def _needed(
+    planned: tuple[CrashTest, ...],
+    judged: Callable[[tuple[CrashTest, ...]], dict[str, Row]],
+    key: Callable[[Row], float],
+) -> Iterator[CrashTest]:
+    """Tests that are run, one after the other, until nothing is open."""
+    run: tuple[CrashTest, ...] = ()
+    while unsettled := {
+        i: row
+        for i, row in judged(run).items()
+        if any(own.word != "met" for own in row) and all(own.word != "not met" for own in row)
+    }:
+        chosen = max(unsettled, key=lambda i: key(unsettled[i]))
+        [test] = [test for test in planned if test.id == chosen]
+        run = (*run, test)
+        yield test
+
+
+def main() -> None:
+    """Run the tests of some vehicles one at a time and print the sums."""
+    parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
+    parser.add_argument("--vehicles", type=int, default=6)
+    parser.add_argument("--first", type=int, default=701, help="seed of the first vehicle")
+    parser.add_argument(
+        "--campaign", type=Path, nargs="+", default=[], help="campaign folders instead: their own tests"
+    )
+    parser.add_argument("--workers", type=int, default=2)
+    given = parser.parse_args()
+    seeds = range(given.first, given.first + given.vehicles)
+    plans = [_campaign(folder) for folder in given.campaign] or [_vehicle(seed) for seed in seeds]
+    tables = Parallel(given.workers)(delayed(_settled)(plan) for plan in plans)
+    table = pd.DataFrame(row for rows in tables for row in rows)
+    print(table.groupby(["limits", "first"], sort=False).sum().to_string())
+
+
+if __name__ == "__main__":
+    main()
