@@ -80,16 +80,17 @@ class Certification:
 
     @property
     def run_first(self) -> str | None:
-        """The fastest of two or more conditions that only a test can settle: afterwards others may need none; or None.
+        """The fastest of two or more conditions that a test can settle, after which others may need none; or None.
 
-        Not settled is a condition that was not run, misses no criterion, and has an open one that a test can tell.
+        It was not run, misses no criterion, and has open ones, of which none takes a longer record to tell.
         """
         unsettled = [
             (row[0].condition.speed_mps, i)
             for i, row in zip(self.matrix.ids, self.verdicts, strict=True)
             if not row[0].run
             and all(own.word != "not met" for own in row)
-            and any(own.word == "open" and own.probability is not None for own in row)
+            and (undecided := [own for own in row if own.word == "open"])
+            and all(own.probability is not None for own in undecided)
         ]
         return max(unsettled)[1] if len(unsettled) > 1 else None
 

@@ -53,9 +53,10 @@ def to_test(certification: Certification) -> Iterator[str]:
         )
         yield from waived_sentence(certification.record, certification.criteria.items)
     known = _open(certification, known=True)
+    to_run = {i: own for i, own in known.items() if i not in run and i not in rows["not met"]}
     for told, some in (
         ("A test would miss", rows["not met"]),
-        ("To be tested, or redesigned", {i: own for i, own in known.items() if i not in run}),
+        ("To be tested, or redesigned", to_run),
         ("Run, yet open for another test", {i: own for i, own in known.items() if i in run}),
         ("The record is too short to tell", _open(certification, known=False)),
     ):
@@ -67,7 +68,7 @@ def to_test(certification: Certification) -> Iterator[str]:
         yield from certification.domain.too_few_tests
     elif rows["outside"]:
         yield f"Outside what the tests check: {_listed(list(rows['outside']))}."
-    if not (rows["open"].keys() | rows["outside"].keys()) - run.keys():
+    if not (rows["open"].keys() | rows["outside"].keys()) - run.keys() - rows["not met"].keys():
         yield "No condition of the matrix needs a test."
 
 
