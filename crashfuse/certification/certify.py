@@ -120,7 +120,7 @@ def certify_matrix(
     Raises
     ------
     UsageError
-        If the campaign has no test, or a criterion cannot be judged at any condition.
+        If the campaign has no test.
     DataError
         If a test's record is shorter than the window of a rating.
     Cancelled
@@ -156,12 +156,6 @@ def certify_matrix(
         )
         for cell in cells
     ]
-    for column, criterion in enumerate(criteria.items):
-        if not domain.too_few_tests and all(row[column].probability is None for row in verdicts):
-            raise UsageError(
-                f"The criterion {criterion.name} cannot be judged: at every condition the record is too short for the "
-                f"{criterion.label}; remove the criterion, or take other conditions."
-            )
     supported = tuple(
         tuple(_beside_tests(_supported(own, record, criteria.confidence), campaign, record) for own in row)
         for row in verdicts

@@ -14,6 +14,7 @@ from crashfuse.errors import DataError, UsageError
 from crashfuse.reporting.certification_record import certification_record
 from crashfuse.reporting.certification_sentences import to_test
 from crashfuse.reporting.certification_tables import certification_table
+from crashfuse.reporting.report import certification_report
 from crashfuse.signals.metrics import metric_values
 from crashfuse.signals.pulse import GRID_S, Pulse
 from crashfuse.signals.rating import rate_windows
@@ -128,13 +129,24 @@ def test_three_tests_or_fewer_give_no_verdict(campaign: Campaign, n: int) -> Non
     assert {trial.held_out for trial in found.record.trials} == (set(few.test_ids) if n > 1 else set())
 
 
+def test_a_metric_that_no_pulse_is_long_enough_for_leaves_the_others_judged(campaign: Campaign) -> None:
+    """An occupant who flies 3 m meets no restraint in 100 ms: OLC is open, and said to be so, beside a crush."""
+    campaign = replace(campaign, occupant=replace(campaign.occupant, olc_free_flight_mm=3000.0))
+    both = Criteria((Criterion("slow", "olc", at_most=10.0), Criterion("wide", "max_crush", at_most=5000.0)), 0.8)
+    found = certify_matrix(campaign, both, matrix(campaign, 20.0), CONFIG, workers=1)
+    [[slow, wide]] = found.verdicts
+    assert (slow.word, slow.probability, wide.word) == ("open", None, "met")
+    assert slow.reason.startswith("The record is too short to predict the OLC")
+    assert (found.waived, found.run_first) == ({}, None)
+    [condition] = found.matrix.ids
+    assert f"The record is too short to tell: {condition} (slow)." in to_test(found)
+    assert "OLC" in certification_report(found)
+
+
 def test_what_cannot_be_judged_is_refused(campaign: Campaign) -> None:
-    """No test, a metric that no pulse here is long enough for, a window longer than a record."""
+    """No test, or a window longer than a record."""
     with pytest.raises(UsageError, match="this campaign has none"):
         certify_matrix(replace(campaign, tests=()), CRITERIA, matrix(campaign, 20.0), CONFIG)
-    slow = Criteria((Criterion("slow", "olc", at_most=10.0),))
-    with pytest.raises(UsageError, match="criterion slow cannot be judged: at every condition the record is too short"):
-        certify_matrix(campaign, slow, matrix(campaign, 5.0), CONFIG, workers=1)
     short = replace(campaign, tests=(replace(campaign.tests[0], recorded_s=0.05), *campaign.tests[1:]))
     with pytest.raises(DataError, match="a record over 0–60 ms, found 50 ms"):
         certify_matrix(short, CRITERIA, matrix(campaign, 20.0), CONFIG)

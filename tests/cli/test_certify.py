@@ -170,11 +170,6 @@ def test_a_limit_that_no_test_comes_near_has_no_record(
         (["--speed-mph", "20", "20", *GRID], 2, "A grid takes each speed once, as a number above 0."),
         (["--speed-mph", "2000", *GRID], 2, "No barrier test is made at 2000.0 mph"),
         (["--speed-mph", "20", *GRID, "--factor", "fuel=gas"], 2, "No test has the factor 'fuel=gas'; the tests have"),
-        (
-            ["--criteria", "{tmp}/olc.toml", "--speed-mph", "1", *GRID],
-            2,
-            "The criterion olc cannot be judged: at ",
-        ),
     ],
 )
 def test_what_cannot_be_certified_is_one_sentence_and_leaves_nothing(
@@ -189,7 +184,6 @@ def test_what_cannot_be_certified_is_one_sentence_and_leaves_nothing(
             pulse[pulse["time_ms"] <= 80].to_csv(path, index=False)
     limit = "at_least = 0.5\n"
     (tmp_path / "hic.toml").write_text(f'[[criterion]]\nmetric = "hic"\n{limit}', encoding="utf-8")
-    (tmp_path / "olc.toml").write_text(f'[[criterion]]\nmetric = "olc"\n{limit}', encoding="utf-8")
     (tmp_path / "long.toml").write_text(f'[[criterion]]\nmetric = "rating"\nwindow_ms = 100\n{limit}', encoding="utf-8")
     (tmp_path / "empty.csv").write_text(f"{HEADER}\n", encoding="utf-8")
     (tmp_path / "twice.csv").write_text(f"{HEADER}\nA,20,2040,1500,FWD\nB,20,2040,1500,FWD\n", encoding="utf-8")
