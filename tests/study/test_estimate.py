@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from crashfuse.approaches.time_domain.approach import TimeDomain
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.errors import UsageError
+from crashfuse.execution.cache import Cache
 from crashfuse.signals.pulse import DT_S, kinematics
 from crashfuse.study.config import StudyConfig
 from crashfuse.study.estimate import Fit, estimates_at
@@ -49,19 +51,19 @@ def test_far_beyond_the_library_the_vehicle_still_stops(campaign: Campaign, appr
 
 @pytest.mark.slow
 def test_a_fit_is_kept_in_the_cache_by_all_that_decides_it(
-    campaign: Campaign, fitting_is_an_error: Callable[[], None]
+    campaign: Campaign, fitting_is_an_error: Callable[[], None], tmp_path: Path
 ) -> None:
     """The second fit learns nothing; with one test less it has to."""
     condition = campaign.tests[1].condition
-    config = StudyConfig(approaches=("displacement_domain",))
-    first = Fit.of(campaign, "displacement_domain", config).estimate(condition)
+    config, cache = StudyConfig(approaches=("displacement_domain",)), Cache(tmp_path)  # where no other test fitted
+    first = Fit.of(campaign, "displacement_domain", config, cache=cache).estimate(condition)
     fitting_is_an_error()
-    again = Fit.of(campaign, "displacement_domain", config).estimate(condition)
+    again = Fit.of(campaign, "displacement_domain", config, cache=cache).estimate(condition)
     assert again.prediction.accel_mps2.tobytes() == first.prediction.accel_mps2.tobytes()
     with pytest.raises(AssertionError, match="fitted again"):
-        Fit.of(campaign.without(["T3"]), "displacement_domain", config)
+        Fit.of(campaign.without(["T3"]), "displacement_domain", config, cache=cache)
     with pytest.raises(AssertionError, match="fitted again"):
-        Fit.of(campaign, "displacement_domain", replace(config, seed=1))
+        Fit.of(campaign, "displacement_domain", replace(config, seed=1), cache=cache)
 
 
 @pytest.mark.slow
