@@ -47,7 +47,8 @@ def test_of_two_studies_into_one_folder_the_second_is_refused(campaign_on_disk: 
     command = [sys.executable, "-m", "crashfuse", "study", str(campaign_on_disk), "--out", str(out)]
     command += ["--approach", "cae", "--workers", "1"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as first:
-        while first.poll() is None and not list(out.glob(".in-use")):
+        lock = out / ".in-use"  # named by who holds it, once it is held
+        while first.poll() is None and not (lock.is_file() and lock.stat().st_size):
             time.sleep(0.001)
         first.send_signal(signal.SIGSTOP)
         try:
