@@ -10,6 +10,7 @@ band, the probabilities in bins, and seconds.
 
 import argparse
 import time
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -34,7 +35,7 @@ from crashfuse.units import LB, MPH
 
 _N_NEW = 60
 _METRICS = tuple(METRIC_LABELS)
-_LIMITED = ("peak", "max_crush", "sm25", "olc", "vpi")
+LIMITED = ("peak", "max_crush", "sm25", "olc", "vpi")
 """What is limited where whole tests are counted."""
 
 _QUANTILES = (0.5, 0.75, 0.9)
@@ -57,6 +58,21 @@ def _vehicle(seed: int, n_tests: int, any_kind: bool) -> tuple[Campaign, tuple[C
 def _measured(test: CrashTest) -> dict[str, float]:
     values = metric_values(test.pulse.accel_mps2, test.condition.speed_mps)
     return {name: float(value) for name, value in values.items()}
+
+
+def shown(tests: Iterable[CrashTest]) -> pd.DataFrame:
+    """What tests show of :data:`LIMITED`, by their ids."""
+    return pd.DataFrame({test.id: _measured(test) for test in tests}).T[list(LIMITED)]
+
+
+def limits(by: pd.DataFrame, share: float) -> pd.Series:
+    """Limits that this share of some tests meets, each."""
+    return by[np.isfinite(by).all(axis=1)].quantile(share)
+
+
+def limiting(limits: pd.Series) -> Criteria:
+    """Criteria that limit from above."""
+    return Criteria(tuple(Criterion(name, name, at_most=float(limits[name])) for name in LIMITED))
 
 
 def _judged(
@@ -105,13 +121,11 @@ def _whole_tests(
     campaign: Campaign, new: tuple[CrashTest, ...], matrix: Matrix, config: StudyConfig
 ) -> list[dict[str, float]]:
     """How many tests need not be run, and how many of these miss a criterion, by how high the limits are."""
-    measured = pd.DataFrame([_measured(test) for test in new], index=matrix.ids)[list(_LIMITED)]
-    found = []
+    measured, found = shown(new), []
     for share in _QUANTILES:
-        limits = measured[np.isfinite(measured).all(axis=1)].quantile(share)
-        criteria = Criteria(tuple(Criterion(name, name, at_most=float(limits[name])) for name in _LIMITED))
-        waived = certify_matrix(campaign, criteria, matrix, config, cache=Cache()).waived
-        met = (measured <= limits).all(axis=1)
+        at_most = limits(measured, share)
+        waived = certify_matrix(campaign, limiting(at_most), matrix, config, cache=Cache()).waived
+        met = (measured <= at_most).all(axis=1)
         risks = 1 - np.array(list(waived.values())).reshape(-1, 2)
         missed, (most, least) = int((~met[list(waived)]).sum()), risks.sum(axis=0)
         row = {"limits": share, "tests": len(new), "would meet all": int(met.sum()), "need not be run": len(waived)}

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from certification import limiting, limits, shown
 from joblib import Parallel, delayed
 from vehicles import World
 
@@ -22,15 +23,13 @@ from crashfuse.cae_library import CaeLibrary
 from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.certify import certify_matrix
-from crashfuse.certification.criteria import Criteria, Criterion
+from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.verdict import Verdict, all_met
 from crashfuse.crash_test import CrashTest
 from crashfuse.execution.cache import Cache
-from crashfuse.signals.metrics import metric_values
 from crashfuse.study.subsets import subsets
 
-_LIMITED = ("peak", "max_crush", "sm25", "olc", "vpi")
 _SHARES = (0.6, 0.9)
 _RUN, _PLANNED, _FURTHER = 4, 12, 60
 
@@ -40,11 +39,6 @@ _FIRST: dict[str, Callable[[Row], float]] = {
     "slowest": lambda row: -row[0].condition.speed_mps,
     "most probable": lambda row: all_met(row)[0],
 }
-
-
-def _measured(tests: tuple[CrashTest, ...]) -> pd.DataFrame:
-    rows = [metric_values(test.pulse.accel_mps2, test.condition.speed_mps) for test in tests]
-    return pd.DataFrame([{name: float(row[name]) for name in _LIMITED} for row in rows], [test.id for test in tests])
 
 
 class _Plan(NamedTuple):
@@ -62,14 +56,14 @@ def _vehicle(seed: int) -> _Plan:
     begun = world.test(world.over_speed(rng, _RUN), first=0)
     planned = world.test(world.over_speed(rng, _PLANNED), first=1000)
     further = world.test(world.conditions(rng, _FURTHER), first=2000)
-    return _Plan(f"Vehicle {seed}", world.library((*begun, *planned)), begun, planned, _measured(further))
+    return _Plan(f"Vehicle {seed}", world.library((*begun, *planned)), begun, planned, shown(further))
 
 
 def _campaign(folder: Path) -> _Plan:
     campaign = load_campaign(folder)
     [own, *_] = (each for each in subsets(campaign, repeats=0, seed=0) if len(each.chosen) == _RUN)
     begun, planned = campaign.without(own.held_out(campaign)).tests, campaign.without(own.chosen).tests
-    return _Plan(campaign.name, campaign.cae, begun, planned, _measured(campaign.tests))
+    return _Plan(campaign.name, campaign.cae, begun, planned, shown(campaign.tests))
 
 
 def _settled(plan: _Plan) -> list[dict[str, object]]:
@@ -77,9 +71,8 @@ def _settled(plan: _Plan) -> list[dict[str, object]]:
     matrix = Matrix(tuple(test.id for test in plan.planned), tuple(test.condition for test in plan.planned))
     rows = []
     for share in _SHARES:
-        limits = plan.shown[np.isfinite(plan.shown).all(axis=1)].quantile(share)
-        criteria = Criteria(tuple(Criterion(name, name, at_most=float(limits[name])) for name in _LIMITED))
-        meets = (_measured(plan.planned) <= limits).all(axis=1)
+        at_most = limits(plan.shown, share)
+        criteria, meets = limiting(at_most), (shown(plan.planned) <= at_most).all(axis=1)
         for first, key in _FIRST.items():
 
             def judged(run: tuple[CrashTest, ...], criteria: Criteria = criteria) -> dict[str, Row]:

@@ -27,6 +27,7 @@ from crashfuse.signals.pulse import DT_S, GRID_S, FloatArray, Pulse, kinematics
 from crashfuse.signals.pulse import motion as integrals
 from crashfuse.signals.rating_scores import INNER_CORRIDOR, OUTER_CORRIDOR
 from crashfuse.units import MS
+from crashfuse.wording import number
 
 _GRID_MS = GRID_S / MS
 _MM = 1e-3
@@ -260,4 +261,4 @@ def _join_hover(figure: go.Figure, display: Display) -> None:
 def _said(values: FloatArray, digits: int) -> np.ndarray[tuple[int, ...], np.dtype[np.str_]]:
     """Numbers as the cursor reads them, with a minus sign; Plotly would format them with a hyphen."""
     different, place = np.unique(np.round(values, digits) + 0.0, return_inverse=True)  # each is written once
-    return np.array([f"{own:.{digits}f}".replace("-", "\N{MINUS SIGN}") for own in different.tolist()])[place]
+    return np.array([number(own, f".{digits}f") for own in different.tolist()])[place]
