@@ -75,7 +75,7 @@ def test_compare_shows_its_figure_on_the_first_screen_and_one_tab_at_a_time(pred
     predicted.browser.switch_to.active_element.send_keys(Keys.ESCAPE)
     predicted.open_tab("Ratings and metrics")
     predicted.sees("Single draws", TABLE)  # among the details
-    crush = predicted.all(f"{MAIN} {TABLE} td", " [")[0]
+    crush = predicted.find(f"{MAIN} {TABLE} td", " [")  # the details are drawn before the metrics
     interval = crush.find_element(By.TAG_NAME, "span")
     assert crush.value_of_css_property("text-align") == "right"
     assert interval.value_of_css_property("color") != crush.value_of_css_property("color")
