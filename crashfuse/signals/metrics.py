@@ -113,8 +113,8 @@ def _sm25(motion: Kinematics) -> FloatArray:
 
 
 def _olc(motion: Kinematics, occupant: OccupantModel) -> FloatArray:
-    """Occupant load criterion; counts as smaller if the record ends before it, and before the vehicle is free."""
-    free = pulse_shape.has_left(motion)
+    """Occupant load criterion; counts as smaller if the record ends before it, and before the vehicle moves freely."""
+    free = pulse_shape.moves_freely(motion)
     olc = occupant_load_criterion(motion.velocity_mps, motion.displacement_m, motion.dt_s, occupant, free)
     return np.where(np.isnan(olc), -np.inf, olc)
 
@@ -156,7 +156,7 @@ _READINGS: Mapping[str, _Reading] = {
     "sm25": _Reading("SM25, largest mean over 25 ms", _sm25, "g", G, "25 ms are over"),
     "olc": _Reading(
         "OLC, occupant load criterion", _olc, "g", G,
-        "the OLC's restraint is over, or the vehicle has left the barrier", occupant="olc_words",
+        "the OLC's restraint is over, or the vehicle moves freely", occupant="olc_words",
     ),
     "vpi": _Reading(
         "VPI, vehicle pulse index", _vpi, "g", G, "the occupant's deceleration has peaked", occupant="vpi_words"
@@ -274,7 +274,8 @@ def pulse_metrics(
     certainty. One that has lost three quarters of its impact speed goes on with half of its mean deceleration so far;
     one that is faster counts as larger than any that stops in t0 and max_crush, and as smaller in mean.
     One whose occupant is still moving forward counts as smaller in olc, as the same loss of speed takes longer, unless
-    the vehicle has left the barrier: then it moves on at its last velocity, which tells olc all the same.
+    the vehicle moves freely by then (:func:`crashfuse.signals.pulse_shape.moves_freely`): it goes on at its last
+    velocity, which tells olc all the same.
     One whose vpi has yet to peak counts as smaller at the lower end and as larger at the upper. An end is thus None if
     more than one draw in forty is missing there. Interval ends are draws themselves, rounded outward.
     """

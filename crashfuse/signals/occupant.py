@@ -75,8 +75,8 @@ def occupant_load_criterion(
     occupant : OccupantModel
         Its distances.
     free : ndarray of bool, shape (...)
-        Whether the vehicle has left the barrier within the record: then it moves on at its last velocity, which tells a
-        later t2 as well.
+        Whether the vehicle moves freely when the record ends: it then goes on at its last velocity, which tells a later
+        t2, too.
 
     Returns
     -------

@@ -20,6 +20,7 @@ from crashfuse.units import G
 _BROKEN_OFF_MPS2 = 1.0 * G  # a pulse that falls from more than this to exact zeros was cut and padded
 _INSTANT_S = 1e-9
 _QUIET_MPS2, _QUIET_S = 0.5 * G, 2e-3  # when nothing throws the vehicle back any more
+_FREE_SHARE, _FREE_S = 0.05, 10e-3  # of all speed lost, so little is lost in the last 10 ms by one that is free
 
 
 T = TypeVar("T")
@@ -157,9 +158,18 @@ def static_crush(motion: Kinematics) -> FloatArray:
     return np.where(left, crush, np.where(motion.t0_s <= motion.end_s, -np.inf, np.nan))
 
 
-def has_left(motion: Kinematics) -> npt.NDArray[np.bool_]:
-    """Whether the vehicle leaves the barrier within the record: what moves it after that is over."""
-    return np.asarray(_separation(motion)[0], dtype=np.bool_)
+def moves_freely(motion: Kinematics) -> npt.NDArray[np.bool_]:
+    """Whether the vehicle hardly changes its velocity any more when the record ends, though it may still ring.
+
+    It stopped 10 ms before or earlier, and lost less than 5 % of all the speed that it has lost in the last 10 ms.
+    Ringing takes no speed in the mean; what throws the vehicle off the barrier does. Zeros in place of a cut record do
+    not count, as for the rebound.
+    """
+    velocity = motion.velocity_mps
+    then = _last_sample(motion.accel_mps2) - round(_FREE_S / motion.dt_s)
+    lately = value_at(velocity, np.maximum(then, 0)) - velocity[..., -1]
+    lost = velocity[..., 0] - velocity[..., -1]
+    return np.asarray((motion.t0_s <= then * motion.dt_s) & (lately < _FREE_SHARE * lost))
 
 
 @_once
@@ -169,12 +179,17 @@ def _separation(motion: Kinematics) -> tuple[FloatArray, npt.NDArray[np.int_]]:
     length = max(round(_QUIET_S / motion.dt_s), 1)
     if size <= length:
         return np.zeros(accel.shape[:-1], dtype=bool), np.zeros(accel.shape[:-1], dtype=np.int_)
-    last = size - 1 - (accel[..., ::-1] != 0).argmax(axis=-1)
-    before = np.take_along_axis(accel, last[..., None], axis=-1)[..., 0]
-    end = np.where((last < size - 1) & (np.abs(before) > _BROKEN_OFF_MPS2), last, size - 1)
     loud = np.cumsum(accel < -_QUIET_MPS2, axis=-1)
     quiet = loud[..., length:] == loud[..., :-length]  # from the next sample on
     sample = np.arange(1, quiet.shape[-1] + 1)
     stopped = sample * motion.dt_s >= np.where(np.isnan(motion.t0_s), np.inf, motion.t0_s)[..., None]
-    free = quiet & stopped & (sample + length - 1 <= end[..., None])
+    free = quiet & stopped & (sample + length - 1 <= _last_sample(accel)[..., None])
     return free.any(axis=-1), sample[free.argmax(axis=-1)]
+
+
+def _last_sample(accel: FloatArray) -> npt.NDArray[np.int_]:
+    """The last sample of each record, before the zeros with which a cut one was padded."""
+    size = accel.shape[-1]
+    last = size - 1 - (accel[..., ::-1] != 0).argmax(axis=-1)
+    broken_off = np.abs(np.take_along_axis(accel, last[..., None], axis=-1)[..., 0]) > _BROKEN_OFF_MPS2
+    return np.asarray(np.where(broken_off, last, size - 1))

@@ -162,9 +162,39 @@ def test_many_pulses_have_the_shapes_of_each() -> None:
     draws = np.array([half_sine(1.1), haversine(1.2), half_sine(0.5)])
     together = moved(draws)
     names = ("equivalent_square_wave", "centroid_time", "first_step", "second_step", "step_time", "loading_ratio")
-    for name in (*names, "static_crush", "rebound_velocity", "restitution"):
+    for name in (*names, "static_crush", "rebound_velocity", "restitution", "moves_freely"):
         of = getattr(pulse_shape, name)
         np.testing.assert_array_equal(of(together), [of(moved(draw)) for draw in draws])
+
+
+@pytest.mark.parametrize(("share_of_limit", "free"), [(0.0, True), (0.99, True), (1.01, False)])
+def test_a_vehicle_moves_freely_if_it_loses_less_than_a_twentieth_of_its_loss_in_the_last_10_ms(
+    share_of_limit: float, free: bool
+) -> None:
+    """Stopped at 50 ms, braked by d until 100 ms: 10 ms · d is less than 5 % of v0 + 50 ms · d if d < v0/150 ms."""
+    later = share_of_limit * SPEED_MPS / 0.15 + 1e-6  # exact zeros would be no record
+    accel = np.where(np.arange(10_001) < 5000, -SPEED_MPS / 0.05, -later)
+    accel[5000] = -(SPEED_MPS / 0.05 + later) / 2  # so that the trapezoidal rule is exact at the step
+    assert pulse_shape.moves_freely(moved(accel, dt_s=1e-5)) == free
+
+
+def test_a_vehicle_moves_freely_10_ms_after_its_stop_at_the_earliest() -> None:
+    """Braked at 25 g it stops at 61.2 ms; what brakes it until 61.5 ms is little."""
+    accel = np.where(GRID_S < 0.0615, -25 * G, -1e-6)
+    stop = SPEED_MPS / (25 * G)
+    for end_s, free in ((0.001, False), (0.0615, False), (stop + 0.0098, False), (stop + 0.0102, True), (0.1, True)):
+        assert pulse_shape.moves_freely(moved(accel[: 1 + round(end_s / DT_S)])) == free, end_s
+    assert not pulse_shape.moves_freely(moved(accel[:700], speed_mps=1.01 * SPEED_MPS))
+
+
+def test_ringing_leaves_a_vehicle_free_and_what_throws_it_off_does_not() -> None:
+    """A half sine with ±10 g at 300 Hz, never quiet for 2 ms: free. Cut while it is thrown off, or padded then: not."""
+    ringing = 10 * G * np.sin(2 * np.pi * 300 * GRID_S)
+    motion = moved(half_sine(1.15) + ringing)
+    assert pulse_shape.rebound_velocity(motion) == np.inf
+    assert pulse_shape.moves_freely(motion)
+    assert not pulse_shape.moves_freely(moved(half_sine(1.15)[: round(0.076 / DT_S)]))
+    assert not pulse_shape.moves_freely(moved(np.where(GRID_S < 0.074, half_sine(1.15), 0.0)))
 
 
 @needs_shared
