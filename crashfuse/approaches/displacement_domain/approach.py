@@ -43,9 +43,9 @@ _CHECK_DRAWS = 200  # for each test used to check the band
 
 def measured_bias(test: CrashTest, model: CaeModel, step_m: float = 0.002) -> BiasPoints:
     """The CAE model's error in a test over displacement: the hierarchical model's input at finer steps."""
-    condition = test.condition
-    phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
-    return uniform_points(condition, phase, model.loading_curve(condition), step_m, HierarchicalBias.end_share)
+    condition, speed = test.condition, test.condition.speed_mps
+    phase = loading_phase(test.pulse.accel_mps2, speed)
+    return uniform_points(condition, phase, model.loading_curve(condition), step_m / speed, HierarchicalBias.end_share)
 
 
 class DisplacementDomain(Approach):
@@ -158,8 +158,7 @@ class DisplacementDomain(Approach):
         phase = loading_phase(test.pulse.accel_mps2, condition.speed_mps)
         if self.config.bias == "table 4":
             return bijective_projection(condition, phase, curve, self.config.projected_points)
-        step = max(self.config.step_s * condition.speed_mps, phase.crush_m / self._most_points)
-        return uniform_points(condition, phase, curve, step, self.bias_.end_share)
+        return uniform_points(condition, phase, curve, self.config.step_s, self.bias_.end_share, self._most_points)
 
     def expected_points(self, condition: Condition) -> BiasPoints:
         """Points at which a test here would show the bias if it crushed like the CAE model; their bias is zero."""

@@ -1,5 +1,6 @@
 """The bias of the CAE model over displacement: training points of a bias model, and functions drawn from one."""
 
+import math
 from dataclasses import dataclass
 from functools import partial
 
@@ -91,16 +92,32 @@ def bijective_projection(condition: Condition, test: LoadingPhase, curve: Loadin
 
 
 def uniform_points(
-    condition: Condition, test: LoadingPhase, curve: LoadingCurve, step_m: float, end_share: float
+    condition: Condition,
+    test: LoadingPhase,
+    curve: LoadingCurve,
+    step_s: float,
+    end_share: float,
+    most: float = math.inf,
 ) -> BiasPoints:
-    """Sample the bias at even steps in displacement, from contact to the test's maximum crush.
+    """Sample the bias from contact to the test's maximum crush: evenly in displacement, while it stops in time.
 
-    Points evenly spaced in time would pile up at maximum crush, where the bias is many-valued in displacement. They are
-    at most ``step_m`` apart. Below ``end_share`` of its impact speed a vehicle counts as stopping; the stopping phase
-    of the CAE vehicle is then aligned with that of the test.
+    Points are as far apart as the vehicle comes at impact speed in ``step_s``, or farther, for about ``most`` in all.
+    Evenly in time they would pile up as the vehicle slows down. But below ``end_share`` of its impact speed it counts
+    as stopping: there acceleration changes while displacement hardly grows, so points lie as far apart in time; the
+    stopping phase of the CAE vehicle is aligned with that of the test.
     """
-    displacement = np.linspace(0.0, test.crush_m, max(int(np.ceil(test.crush_m / step_m)), 1) + 1)
+    slow_m = test.displacement_at_speed(end_share)
+    slow_s, fast_s = float(np.interp(slow_m, test.displacement_m, test.time_s)), slow_m / condition.speed_mps
+    step_s = max(step_s, (fast_s + test.end_s - slow_s) / (most - 1))
+    fast = _evenly(0.0, slow_m, step_s * condition.speed_mps)
+    slow = np.interp(_evenly(slow_s, test.end_s, step_s), test.time_s, test.displacement_m)
+    displacement = np.unique(np.concatenate([fast, slow]))
     shares = np.interp(displacement, test.displacement_m, test.speed_share)
     cae = CaeForce.at(displacement, partial(curve.accel_at, end_share=end_share))
     cae = cae._replace(accel_mps2=cae.accel_mps2 + curve.stopping_accel(shares, end_share))
     return BiasPoints(condition, displacement, shares, cae, test.accel_at(displacement) - cae.accel_mps2)
+
+
+def _evenly(first: float, last: float, step: float) -> FloatArray:
+    """Both ends, and points between them at most a step apart."""
+    return np.linspace(first, last, math.ceil((last - first) / step) + 1)

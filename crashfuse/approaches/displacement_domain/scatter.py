@@ -109,8 +109,7 @@ class Scatter:
         speed, end_share = test.condition.speed_mps, _ScatterBias.end_share
         phase = loading_phase(test.pulse.accel_mps2, speed)
         most = max(self.config.max_points // n_tests, LEAST_POINTS)
-        step = max(self.config.step_s * speed, phase.crush_m / most)
-        points = uniform_points(test.condition, phase, view.curve, step, end_share)
+        points = uniform_points(test.condition, phase, view.curve, self.config.step_s, end_share, most)
         kept = points.speed_share >= end_share
         names = ("displacement_m", "speed_share", "bias_mps2")
         cae = CaeForce(*(values[kept] for values in points.cae))
