@@ -46,7 +46,7 @@ def to_test(certification: Certification) -> Iterator[str]:
         there = [f"{i} (test {' and '.join(tests)})" for i, tests in run.items()]
         yield f"Run already: {_listed(there)}."
     if waived := certification.waived:
-        least = [f"{i} ({np.floor(1000 * low + 1e-9) / 1000:.3f})" for i, (low, _) in waived.items()]
+        least = [f"{i} ({least_text(bounds)})" for i, bounds in waived.items()]
         yield (
             "Need not be run, as every criterion is met (in brackets the probability that all are, at least): "
             f"{_listed(least)}."
@@ -72,6 +72,11 @@ def to_test(certification: Certification) -> Iterator[str]:
         yield "No condition of the matrix needs a test."
 
 
+def least_text(all_met: tuple[float, float]) -> str:
+    """The least probability that a test meets all criteria, rounded down."""
+    return f"{np.floor(1000 * all_met[0] + 1e-9) / 1000:.3f}"
+
+
 def record_sentence(record: TrackRecord) -> str:
     """How often the verdicts on left-out tests were wrong, with the exact bound."""
     if not record.trials:
@@ -80,10 +85,16 @@ def record_sentence(record: TrackRecord) -> str:
     if not decided:
         return f"None of the {_count(len(record.counted), 'verdict')} on left-out tests was met or not met: no record."
     undecided = len(record.counted) - decided
-    return (
+    said = (
         f"Record of left-out tests: {_count(decided, 'verdict')} met or not met, {wrong} wrong "
-        f"(at most {100 * largest_share(wrong, decided):.1f} %, exact 95 % bound); {undecided} open or outside."
+        f"({_at_most(wrong, decided)}, exact 95 % bound); {undecided} open or outside."
     )
+    telling, missed = record.telling.decided
+    if telling == decided:
+        return said
+    rest = f"without them, {missed} of {telling} wrong ({_at_most(missed, telling)})" if telling else "none is left"
+    rest_of = f"{decided - telling} of the {decided} show nothing more, on a metric a second time or on limits that no"
+    return f"{said} {rest_of} left-out test came near: {rest}."
 
 
 def waived_sentence(record: TrackRecord, criteria: Sequence[Criterion]) -> Iterator[str]:
@@ -91,16 +102,27 @@ def waived_sentence(record: TrackRecord, criteria: Sequence[Criterion]) -> Itera
     left_out, saved, wrong = record.waived(criteria)
     if not left_out:
         return
-    tests = f"Of {_count(left_out, 'left-out test')}, alone or with their speed group,"
+    tests = _count(len({trial.held_out for trial in record.trials}), "test")
+    times = f"{tests}, left out {_count(left_out, 'time')}, alone or with the speed group:"
     if saved:
         yield (
-            f"{tests} {saved} need not have been run, as every criterion was met; {wrong} of these missed one all the "
-            f"same (at most {100 * largest_share(wrong, saved):.1f} %, exact 95 % bound)."
+            f"{times} {_count(saved, 'time')} the test need not have been run, as every criterion was met; in {wrong} "
+            f"of these it missed one all the same ({_at_most(wrong, saved)}, exact 95 % bound)."
         )
     else:
         yield (
-            f"{tests} none had every criterion met: how often a test that need not be run would miss one, this record "
-            "cannot say."
+            f"{times} at no time was every criterion met. How often a test that need not be run would miss one, this "
+            "record cannot say."
+        )
+
+
+def interval_sentence(record: TrackRecord) -> Iterator[str]:
+    """How many intervals held what left-out tests measured, if there are any."""
+    inside, n = record.intervals
+    if n:
+        yield (
+            f"{inside} of {_count(n, 'interval')} held what the left-out test measured ({100 * inside / n:.0f} %; made "
+            "to hold 95 % of single tests), of left-out tests inside what the others check."
         )
 
 
@@ -174,6 +196,10 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
         "No record": () if record.trials else (record_sentence(record),),
     }
     return {subject: sentences for subject, sentences in found.items() if sentences}
+
+
+def _at_most(wrong: int, n: int) -> str:
+    return f"at most {100 * largest_share(wrong, n):.1f} %"
 
 
 def _grouped(sentences: Mapping[str, str]) -> tuple[str, ...]:
