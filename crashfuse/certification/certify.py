@@ -151,7 +151,7 @@ def certify_matrix(
             forecasts[cell],
             cell.condition,
             criteria,
-            domain.too_few_tests or domain.exceeded_by(cell.condition),
+            domain.outside(cell.condition),
             was_run=bool(campaign.tests_at(cell.condition)),
         )
         for cell in cells

@@ -59,7 +59,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
 
 
 def _domain(domain: Domain) -> dict[str, object]:
-    low, high = domain.masses_kg
+    low, high = domain.checked_masses_kg
     return {
         "tests": domain.n_tests,
         "speeds_mph": [speed / MPH for speed in domain.speeds_mps],

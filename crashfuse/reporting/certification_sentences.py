@@ -153,7 +153,7 @@ def domain_sentences(domain: Domain) -> tuple[str, ...]:
     if not domain.speed_ranges_mps:
         return domain.too_few_tests or ("Nothing is checked: no test lies within the speeds of the CAE runs.",)
     speeds = joined([Sentence("{}", speed(*ends, between=" to ")) for ends in domain.speed_ranges_mps], " and ")
-    masses = weight(*domain.masses_kg, between=" to ")
+    masses = weight(*domain.checked_masses_kg, between=" to ")
     factors = "; ".join(f"{name} {', '.join(values)}" for name, values in domain.factors.items())
     return (
         Sentence(

@@ -90,7 +90,8 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
             **display.columns(condition),
             **dict(condition.factors),
             **({"Run as test": ", ".join(certification.run.get(i, ()))} if certification.run else {}),
-            "Validated domain": "outside" if certification.domain.exceeded_by(condition) else "inside",
+            "Validated domain": "outside" if domain.outside(condition) else "inside",
+            "Need not be run, all met": f"≥ {least_text(waived[i])}" if i in waived else "–",
         }
         for i, condition in zip(matrix.ids, matrix.conditions, strict=True)
     )
