@@ -22,7 +22,7 @@ from crashfuse.reporting.certification_sentences import (
     support_sentence,
     waived_sentence,
 )
-from crashfuse.reporting.certification_tables import counts_table, record_counts
+from crashfuse.reporting.certification_tables import counts_table, probability_text, record_counts
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.page import render
@@ -131,7 +131,7 @@ def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:
             "Condition": i,
             "Criterion": own.criterion.name,
             "Expected, 95 % of tests": _predicted(own, display),
-            "Probability": _probability(own.probability),
+            "Probability": probability_text(own.probability),
             "Verdict": own.word,
             "Reason": display.words(own.reason),
         }
@@ -147,7 +147,7 @@ def _trials(record: TrackRecord, display: Display) -> pd.DataFrame:
             "Criterion": own.criterion.name,
             "Expected": _together(display.words(own.criterion.shown(own.value))),
             "95 % of tests": _interval(own, display),
-            "Probability": _probability(own.probability),
+            "Probability": probability_text(own.probability),
             "Verdict": own.word,
             "Measured": _together(display.words(own.criterion.shown(trial.measured))),
             "The test": _together(("met it" if trial.met else "missed it") + ", wrong" * trial.wrong),
@@ -198,7 +198,7 @@ def _open_cells(certification: Certification, display: Display) -> pd.DataFrame:
             "Expected": _together(display.words(own.criterion.shown(own.value))),
             "Distance": _together(display.words(own.criterion.shown(margin))),
             "In half widths of the interval": f"{margin / half_width:.2f}" if half_width else "–",
-            "Probability": _probability(own.probability),
+            "Probability": probability_text(own.probability),
         }
         rows.append((margin / half_width if half_width else 0.0, row))
     return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))
@@ -217,9 +217,3 @@ def _interval(verdict: Verdict, display: Display) -> str:
 def _together(text: str) -> str:
     """The text without a place to break the line."""
     return text.replace(" ", "\N{NO-BREAK SPACE}")
-
-
-def _probability(probability: float | None) -> str:
-    if probability is None:
-        return "–"
-    return ">0.999" if probability > 0.999 else "<0.001" if probability < 0.001 else f"{probability:.3f}"

@@ -74,8 +74,8 @@ def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(th
     assert list(heat.y) == ["slow · 20.0 mph", "fast · 30.0 mph", "far · 70.0 mph"]
     assert list(heat.x) == ["<b>crush</b><br>at most 500\N{NO-BREAK SPACE}mm", "<b>rating</b><br>at least 0.80"]
     assert [list(row) for row in heat.text] == [
-        ["met >0.99", "met >0.99"],
-        ["not met 0.03", "open 0.50"],
+        ["met 0.998", "met 0.998"],
+        ["not met 0.031", "open 0.500"],
         ["outside", "outside"],
     ]
     words = [WORDS[name] for name in ("slow", "fast", "far")]
