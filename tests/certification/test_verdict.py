@@ -115,6 +115,20 @@ def test_without_a_value_the_interval_is_told_alone() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("metric", "limit", "said"),
+    [
+        ("rating", 0.805, "0.805"),
+        ("rating", 0.8, "0.80"),
+        ("max_crush", 600.45, "600.45 mm"),
+        ("esw", 12000.0, "12000 g"),
+    ],
+)
+def test_a_limit_stands_with_all_its_digits(metric: str, limit: float, said: str) -> None:
+    """A rating of 0.805 is not one of 0.81."""
+    assert Criterion("own", metric, at_most=limit).limits == f"at most {said}"
+
+
 def test_round_values_keep_their_digits() -> None:
     """A value of 30 g stands as exactly as one of 26.52 g; a limit as it was declared."""
     peak = Criterion("peak", "peak", at_most=40.0)

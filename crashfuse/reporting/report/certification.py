@@ -98,9 +98,17 @@ def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
 
 
 def _criteria(criteria: Sequence[Criterion], display: Display) -> pd.DataFrame:
-    return pd.DataFrame(
-        {"Criterion": own.name, "Quantity": own.label, "Limit": display.words(own.limits)} for own in criteria
+    """The criteria; if the reader's units are not those that limits are declared in, in both."""
+    table = pd.DataFrame(
+        {
+            "Criterion": own.name,
+            "Quantity": own.label,
+            "Limit": display.words(own.limits),
+            "As declared": str(own.limits),
+        }
+        for own in criteria
     )
+    return table if (table["Limit"] != table["As declared"]).any() else table.drop(columns="As declared")
 
 
 def _matrix_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:
