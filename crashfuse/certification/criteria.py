@@ -8,6 +8,8 @@ from crashfuse.wording import Quantity, Sentence, joined
 
 RATING = "rating"
 CONFIDENCE = 0.95
+WINDOW_MS = 60.0
+"""Window of a rating if none is named."""
 
 
 @dataclass(frozen=True, slots=True)

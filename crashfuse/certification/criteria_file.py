@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria, Criterion
+from crashfuse.certification.criteria import CONFIDENCE, RATING, WINDOW_MS, Criteria, Criterion
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.toml_text import read_toml, shown, toml_text
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
 
-_WINDOW_MS = 60.0
 _MOST_CRITERIA = 100
 _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
 
@@ -120,7 +119,7 @@ class _Check:
         return float(limit)
 
     def _window(self, item: dict[str, Any], metric: str) -> float | None:
-        window = item.get("window_ms", _WINDOW_MS if metric == RATING else None)
+        window = item.get("window_ms", WINDOW_MS if metric == RATING else None)
         if metric == RATING and (not _is_number(window) or not 10 <= window <= 100):
             self.wrong("a window_ms from 10 to 100", window, "correct the window")
             return None

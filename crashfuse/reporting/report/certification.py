@@ -34,13 +34,12 @@ _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
 _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # in a figure at the height it has on paper; of several, two fill a page
 _CRITERIA_A_FIGURE = 2
 _MOST_FIGURES = 20
-_WINDOW_MS = 60.0  # of the rating of a repeat, if no criterion names one
 
 
 def certification_report(certification: Certification, display: Display = DEFAULT) -> str:
     """HTML report of a certification, made for paper."""
     campaign, criteria, record = certification.campaign, certification.criteria, certification.record
-    shown, windows_ms = Verdicts(certification), criteria.windows_ms or (_WINDOW_MS,)
+    shown, windows_ms = Verdicts(certification), certification.config.windows_ms
     repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)
     return render(
         "certification",
@@ -83,7 +82,7 @@ def _shortened(table: pd.DataFrame, file: str) -> dict[str, object]:
 
 
 def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
-    matrix = certification.matrix
+    matrix, domain, waived = certification.matrix, certification.domain, certification.waived
     return pd.DataFrame(
         {
             "Condition": i,
