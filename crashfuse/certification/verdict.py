@@ -13,8 +13,8 @@ from crashfuse.wording import Sentence, joined
 _Found = tuple[float | None, float | None, float | None]  # value, lower and upper end
 Word = Literal["met", "not met", "open", "outside"]
 WORDS: tuple[Word, ...] = get_args(Word)
-"""A test there would meet the criterion, or not, with the confidence asked for; the interval straddles the limit, so
-only a test or another design can tell; the condition is beyond what the campaign's tests check."""
+"""A test there would meet the criterion, or not, with the confidence asked for; neither, so only a test
+or another design can tell; the condition is beyond what the campaign's tests check."""
 
 
 @dataclass(frozen=True, slots=True)

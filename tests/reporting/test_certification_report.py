@@ -24,10 +24,12 @@ from crashfuse.reporting.certification_sentences import (
     summary,
     waived_sentence,
 )
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report import certification_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import MPH
+from crashfuse.wording import KPH_KG
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -128,7 +130,7 @@ def test_exceptions_are_all_named(certification: Certification) -> None:
     [untouched] = found["Criteria whose limit no left-out test came near"]
     assert untouched.startswith("rating: No left-out test came near")
     few = exceptions(certification)["Criteria whose own record is too short"]
-    told = "crush: No left-out verdict of its own; with those on other criteria, 0 of 4 are wrong."
+    told = "crush: No left-out verdict of its own; with those on other criteria, 0 of 4 wrong."
     assert few == (told,)
     assert told in summary(certification)
 
@@ -162,14 +164,14 @@ def test_what_need_not_be_run_is_told_with_its_record_of_whole_tests(certificati
     one = [trial for trial in trials if (trial.held_out, trial.left_out) == (fast, "test")]
     assert len(one) == len(items)
     told: dict[Word, str] = {
-        "met": "Of 1 left-out test, alone or with their speed group, 1 need not have been run, as ",
-        "open": "Of 1 left-out test, alone or with their speed group, none had every criterion met: ",
+        "met": "1 test, left out 1 time, alone or with the speed group: 1 time the test need not have been run, as ",
+        "open": "1 test, left out 1 time, alone or with the speed group: at no time was every criterion met. ",
     }
     for word, said in told.items():
         record = TrackRecord(tuple(replace(trial, verdict=replace(trial.verdict, word=word)) for trial in one))
         [sentence] = waived_sentence(record, items)
         assert sentence.startswith(said)
-        assert ("of these missed one all the same (at most " in sentence) is (word == "met")
+        assert ("of these it missed one all the same (at most " in sentence) is (word == "met")
     waived = tuple(
         replace(own, word="met", probability=p)
         for own, p in zip(certification.verdicts[0], (0.9, 0.99, 1), strict=True)
@@ -178,6 +180,19 @@ def test_what_need_not_be_run_is_told_with_its_record_of_whole_tests(certificati
     at = sentences.index(_NOT_RUN.format(certification.matrix.ids[0], "0.890"))
     assert sentences[at + 1] == next(waived_sentence(certification.record, items))
     assert list(waived_sentence(TrackRecord(()), items)) == []
+
+
+def test_every_condition_that_need_not_be_run_has_its_probability_in_the_dossier(certification: Certification) -> None:
+    """The summary names twenty; the table of conditions has all of them, rounded down."""
+    many = matrix(certification.campaign, *(20 + i / 10 for i in range(30)))
+    met = tuple(
+        replace(own, word="met", probability=p)
+        for own, p in zip(certification.verdicts[0], (0.9, 0.9996, 1), strict=True)
+    )
+    found = replace(certification, matrix=many, verdicts=(met,) * 30)
+    assert any(sentence.endswith("(0.899) and 10 more.") for sentence in summary(found))
+    assert certification_report(found).count("<td>≥ 0.899</td>") == 30
+    assert "<td>≥" not in certification_report(certification).partition("<section id=method>")[0]
 
 
 def test_a_brier_score_is_never_zero_beside_a_wrong_verdict_on_a_rating(certification: Certification) -> None:
@@ -260,6 +275,48 @@ def test_a_single_test_makes_a_dossier_that_says_so(campaign: Campaign, shared_c
     assert "There is no record: with a single test, none can be left out." in text
     assert "How well tests repeat" not in headings(text)
     assert "One test is too few to check verdicts" in text
+    assert "Data: 1 test, 24 CAE runs" in headings(text)
+    assert "With 1 test, no calibration" in text
+    assert "Each test was left out in turn" not in text
+    assert ">outside</td>" in text
+    assert ">inside</td>" not in text
+
+
+def test_the_bound_does_not_rest_on_limits_that_no_test_came_near(certification: Certification) -> None:
+    """They are told apart, with the bound without them."""
+    record = certification.record
+    (decided, _), (telling, _) = record.decided, record.telling.decided
+    assert 0 < telling < decided
+    said = record_sentence(record)
+    far = "show nothing more, on a metric a second time or on limits that no left-out test came near"
+    assert f"{decided - telling} of the {decided} {far}" in said
+    assert f"without them, 0 of {telling} wrong (at most {100 * (1 - 0.05 ** (1 / telling)):.1f} %)." in said
+    near = record_sentence(record.telling)
+    assert near.endswith(" open or outside.")
+
+
+def test_the_dossier_says_what_its_bounds_and_intervals_rest_on(certification: Certification, text: str) -> None:
+    """How many intervals held, that verdicts in one test hang together, and what lies beyond the counts."""
+    inside, n = certification.record.intervals
+    assert n > 0
+    assert f"{inside} of {n} intervals held what the left-out test measured" in text
+    assert certification_record(certification)["track_record"]["intervals"] == {"n": n, "inside": inside}  # type: ignore[index]
+    words = " ".join(text.split())
+    assert "as if verdicts were independent. They are not" in words
+    assert "take errors to be distributed as Student's t" in words
+    assert "Intervals hold 95 %" not in words
+
+
+def test_limits_stand_as_declared_beside_the_readers_units(certification: Certification) -> None:
+    """48 km/h, not 29.83 mph alone; where the reader's units are those of the criteria, once."""
+    limit = Criterion("change", "delta_v", at_most=48.0)
+    criteria = replace(certification.criteria, items=(*certification.criteria.items[:2], limit))
+    rows = tuple((*row[:2], replace(row[0], criterion=limit)) for row in certification.verdicts)
+    found = replace(certification, criteria=criteria, verdicts=rows)
+    assert "<td>at most 29.83 mph</td><td>at most 48 km/h</td>" in certification_report(found)
+    metric = certification_report(found, Display(system=KPH_KG))
+    assert "at most 48 km/h" in metric
+    assert "As declared" not in metric
 
 
 def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certification) -> None:

@@ -23,7 +23,7 @@ from crashfuse.ui.text import plain
 
 _CELL = "cell"
 _MEANINGS = {
-    "met": "A test there would meet the criterion, with the confidence asked for: it need not be run.",
+    "met": "A test there would meet the criterion, with the confidence asked for.",
     "not met": "A test there would miss it, with the same confidence.",
     "open": "Neither can be said with confidence: test it if it was not run yet, or redesign.",
     "outside": "Beyond what the campaign's own tests check.",
