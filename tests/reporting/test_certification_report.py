@@ -147,6 +147,15 @@ def test_open_cells_say_how_far_their_limit_is(certification: Certification, tex
     assert f"<td>{verdict.value - 430:.4g}\N{NO-BREAK SPACE}mm</td><td>{share:.2f}</td>" in section
 
 
+def test_open_cells_whose_interval_has_an_open_end_are_among_them(certification: Certification) -> None:
+    """Without a share of the interval, behind those that have one."""
+    first, (crush, *others), third = certification.verdicts
+    ended = replace(crush, lower=None)
+    text = certification_report(replace(certification, verdicts=(first, (ended, *others), third)))
+    section = text[text.index("how far the limit is") :]
+    assert "mm</td><td>–</td>" in section
+
+
 def test_the_record_is_told_with_its_exact_bound(certification: Certification) -> None:
     """1 of 9 wrong: at most 42.9 %, for with that share one or none of nine is wrong in 5 % of cases."""
     record = wrong(certification).record
@@ -291,8 +300,9 @@ def test_the_bound_does_not_rest_on_limits_that_no_test_came_near(certification:
     far = "show nothing more, on a metric a second time or on limits that no left-out test came near"
     assert f"{decided - telling} of the {decided} {far}" in said
     assert f"without them, 0 of {telling} wrong (at most {100 * (1 - 0.05 ** (1 / telling)):.1f} %)." in said
-    near = record_sentence(record.telling)
-    assert near.endswith(" open or outside.")
+    assert record_sentence(record.telling).endswith(" open or outside.")
+    told = certification_record(certification)["track_record"]["telling"]  # type: ignore[index]
+    assert told == {"n": telling, "wrong": 0, "wrong_at_most": pytest.approx(1 - 0.05 ** (1 / telling), abs=1e-4)}
 
 
 def test_the_dossier_says_what_its_bounds_and_intervals_rest_on(certification: Certification, text: str) -> None:

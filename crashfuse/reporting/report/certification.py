@@ -1,5 +1,6 @@
 """Report of a certification: what a review asks for, from the intended use to the signatures."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -195,19 +196,21 @@ def _open_cells(certification: Certification, display: Display) -> pd.DataFrame:
     """Open verdicts with the distance of the limit from the expected value, the nearest limit first."""
     rows = []
     for i, own in certification.cells:
-        if own.word != "open" or own.value is None or own.lower is None or own.upper is None:
+        if own.word != "open" or own.probability is None:
             continue
-        margin, half_width = own.criterion.margin(own.value), (own.upper - own.lower) / 2
+        margin = None if own.value is None else own.criterion.margin(own.value)
+        half_width = None if own.lower is None or own.upper is None else (own.upper - own.lower) / 2
+        share = margin / half_width if margin is not None and half_width else float("inf")
         row = {
             "Condition": i,
             "Criterion": own.criterion.name,
             "Limit": display.words(own.criterion.limits),
             "Expected": _together(display.words(own.criterion.shown(own.value))),
             "Distance": _together(display.words(own.criterion.shown(margin))),
-            "In half widths of the interval": f"{margin / half_width:.2f}" if half_width else "–",
+            "In half widths of the interval": f"{share:.2f}" if math.isfinite(share) else "–",
             "Probability": probability_text(own.probability),
         }
-        rows.append((margin / half_width if half_width else 0.0, row))
+        rows.append((share, row))
     return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))
 
 
