@@ -315,6 +315,7 @@ def test_the_dossier_says_what_its_bounds_and_intervals_rest_on(certification: C
     assert "as if verdicts were independent. They are not" in words
     assert "take errors to be distributed as Student's t" in words
     assert "Intervals hold 95 %" not in words
+    assert "whatever the probability, it is open, too, where the record of left-out tests does not support" in words
 
 
 def test_limits_stand_as_declared_beside_the_readers_units(certification: Certification) -> None:

@@ -23,6 +23,7 @@ _MOST_WORDS = 200  # conditions; of more, only colours can be made out
 _ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
 _LETTER_PX, _LINE_PX = 7, 19  # of names beside and above the cells, rather more than they take
 _HEADER_CHARACTERS = 65  # of all columns together, on paper
+_LETTERS = 104  # size in px, times the columns, with which "not met <0.001" fits into a cell
 _WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
 _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "triangle-up"}
 _MAX_RUNS = 600  # more points only fill the same cloud
@@ -59,7 +60,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
         figure.update_traces(
             text=[[_cell(verdict) for verdict in row] for row in rows],
             texttemplate="%{text}",
-            textfont={"color": MEASURED_COLOUR, "size": 12},
+            textfont={"color": MEASURED_COLOUR, "size": min(12, max(_LETTERS // len(names), 6))},
             hoverinfo="skip",
         )
         cells = [cell_name(i, verdict) for i, row in zip(ids, rows, strict=True) for verdict in row]
