@@ -170,7 +170,9 @@ class Support:
         if self.own_decided:
             count = f"{self.own_decided} left-out verdict{'s' * (self.own_decided > 1)}"
             most = f"at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %"
-            own = f"Only {count} of its own, {self.own_wrong} wrong ({most}): too few to support the confidence"
+            own = f"Only {count} of its own, 0 wrong ({most}): too few to support the confidence"
+        if self.own_wrong:
+            own = f"{self.own_wrong} of its own {count} wrong ({most}): too many to support the confidence"
         return f"{own}; with those on other criteria, {self.wrong} of {self.decided} wrong."
 
 

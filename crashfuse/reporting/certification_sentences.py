@@ -15,7 +15,7 @@ from crashfuse.wording import Sentence, joined, speed, weight
 _NAMED = 20  # conditions in a sentence
 _UNSUPPORTED = "Criteria whose record does not support the confidence"
 _UNTOUCHED = "Criteria whose limit no left-out test came near"
-_FEW = "Criteria whose own record is too short"
+_FEW = "Criteria whose own record does not support the confidence alone"
 
 
 def summary(certification: Certification) -> tuple[str, ...]:
@@ -190,6 +190,13 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
             if (notes := certification.campaign.cae.extrapolation(test.condition))
         ),
         "Wrong verdicts on left-out tests": tuple(_wrong(record)),
+        "Probabilities that left-out tests contradict": tuple(
+            f"{own.low:g} to {own.high:g}, {own.probability:.3f} on average: {round(own.met * own.n)} of {own.n} met "
+            f"it (exact 95 % bounds {own.lower:.3f} to {own.upper:.3f})."
+            for own in record.reliability
+            if not own.holds
+        ),
+        "Probabilities no better than those of the raw CAE": tuple(brier_sentence(record)) if _no_gain(record) else (),
         _UNSUPPORTED: _grouped(short),
         _UNTOUCHED: _grouped({name: s for name, s in weak.items() if record.trials and not supports[name].near}),
         _FEW: _grouped({name: s for name, s in weak.items() if name not in short and supports[name].near}),
@@ -208,6 +215,10 @@ def _grouped(sentences: Mapping[str, str]) -> tuple[str, ...]:
     for name, sentence in sentences.items():
         names.setdefault(sentence, []).append(name)
     return tuple(joined([", ".join(own), sentence], ": ") for sentence, own in names.items())
+
+
+def _no_gain(record: TrackRecord) -> bool:
+    return record.brier is not None and record.brier[0] >= record.brier[1]
 
 
 def _wrong(record: TrackRecord) -> Iterator[str]:

@@ -220,6 +220,11 @@ def test_few_verdicts_of_its_own_are_told_with_what_they_can_show() -> None:
     none = Support(50, 0, own_decided=0, own_wrong=0, near=True).reservation(0.95)
     assert none == "No left-out verdict of its own; with those on other criteria, 0 of 50 wrong."
     assert Support(50, 0, own_decided=9, own_wrong=0, near=True).reservation(0.95) is None
+    many = Support(200, 3, own_decided=30, own_wrong=3, near=True).reservation(0.95)
+    assert many is not None
+    assert many.startswith(
+        "3 of its own 30 left-out verdicts wrong (at most 24 %): too many to support the confidence;"
+    )
 
 
 def test_near_means_within_one_width_of_the_interval() -> None:

@@ -129,7 +129,7 @@ def test_exceptions_are_all_named(certification: Certification) -> None:
     assert "left-out verdicts with no more than" in unsupported
     [untouched] = found["Criteria whose limit no left-out test came near"]
     assert untouched.startswith("rating: No left-out test came near")
-    few = exceptions(certification)["Criteria whose own record is too short"]
+    few = exceptions(certification)["Criteria whose own record does not support the confidence alone"]
     told = "crush: No left-out verdict of its own; with those on other criteria, 0 of 4 wrong."
     assert few == (told,)
     assert told in summary(certification)
@@ -212,6 +212,27 @@ def test_a_brier_score_is_never_zero_beside_a_wrong_verdict_on_a_rating(certific
     assert sentence.startswith(
         "Brier score of the probabilities of metrics, ratings aside (0 is perfect): below 0.0001; "
     )
+
+
+def test_probabilities_that_did_not_come_true_or_gain_nothing_are_exceptions(certification: Certification) -> None:
+    """A bin outside its bounds, and a Brier score that is not below that of the raw CAE."""
+    [first, *_] = [trial for trial in certification.record.trials if trial.cae_probability is not None]
+    said, ours = (
+        replace(first.verdict, probability=0.9, word="open"),
+        "Probabilities no better than those of the raw CAE",
+    )
+    limit = first.verdict.criterion.at_most
+    assert limit is not None
+    for measured, cae, contradicted, worse in ((limit + 1, 0.8, True, True), (limit - 1, 0.8, False, False)):
+        trials = tuple(
+            replace(first, held_out=f"T{i}", verdict=said, measured=measured, cae_probability=cae) for i in range(9)
+        )
+        found = exceptions(replace(certification, record=TrackRecord(trials)))
+        told = found.get("Probabilities that left-out tests contradict", ())
+        assert told == (
+            ("0.75 to 0.95, 0.900 on average: 0 of 9 met it (exact 95 % bounds 0.000 to 0.336).",) * contradicted
+        )
+        assert (ours in found) is worse
 
 
 def test_the_summary_says_where_to_test(certification: Certification) -> None:
