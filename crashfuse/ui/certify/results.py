@@ -39,11 +39,12 @@ def show(judgement: Judgement) -> None:
         column.metric(
             word.capitalize(), f"{counts[word]:,}", share, delta_color="off", delta_arrow="off", help=_MEANINGS[word]
         )
-    decided, wrong = certification.record.decided
+    decided, wrong = certification.record.telling.decided
     columns[-1].metric(
         "Wrong left-out verdicts", f"{wrong} of {decided}" if decided else "–",
         f"at most {100 * largest_share(wrong, decided):.1f} %" if decided else None, delta_color="off",
-        delta_arrow="off", help="Of verdicts met and not met; with the exact one-sided 95 % bound of their share.",
+        delta_arrow="off", help="Of verdicts met and not met, one a metric of a test, on limits that some test came "
+        "near; with the exact one-sided 95 % bound of their share.",
     )  # fmt: skip
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
     n = len(certification.matrix.ids)
