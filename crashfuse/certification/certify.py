@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from crashfuse.approaches.fused.about import AboutFused
 from crashfuse.approaches.registry import BASELINE
 from crashfuse.campaign import Campaign
-from crashfuse.certification.criteria import Criteria
+from crashfuse.certification.criteria import WINDOW_MS, Criteria
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecast import Forecast, quantity
 from crashfuse.certification.forecasts import Asked, Forecasts
@@ -34,7 +34,8 @@ class Certification:
     Attributes
     ----------
     config : StudyConfig
-        With the approach whose predictions were judged as its only one.
+        With the approach whose predictions were judged as its only one, the windows of the criteria, and both ways of
+        leaving tests out.
     verdicts : tuple of tuple of Verdict
         By condition of the matrix, then by criterion.
     record : TrackRecord
@@ -128,7 +129,9 @@ def certify_matrix(
     """
     if not campaign.tests:
         raise UsageError("A verdict takes a test at least; this campaign has none.")
-    config = replace(config, approaches=config.approaches[:1])
+    config = replace(
+        config, approaches=config.approaches[:1], windows_ms=criteria.windows_ms or (WINDOW_MS,), leave_out="both"
+    )
     config.check()
     for window in criteria.windows_ms:
         for test in campaign.tests:
@@ -151,7 +154,7 @@ def certify_matrix(
             forecasts[cell],
             cell.condition,
             criteria,
-            domain.too_few_tests or domain.exceeded_by(cell.condition),
+            domain.outside(cell.condition),
             was_run=bool(campaign.tests_at(cell.condition)),
         )
         for cell in cells

@@ -8,6 +8,8 @@ from crashfuse.wording import Quantity, Sentence, joined
 
 RATING = "rating"
 CONFIDENCE = 0.95
+WINDOW_MS = 60.0
+"""Window of a rating if none is named."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +45,20 @@ class Criterion:
 
     @property
     def limits(self) -> str:
-        """The limits in words, such as ``at most 650 mm``."""
+        """The limits in words, such as ``at most 650 mm``, with all the digits that were declared."""
         ends = (("at least", self.at_least), ("at most", self.at_most))
-        form = ".4g" if self.unit else ".2f"
-        known = [Sentence("{} {}", word, Quantity((end,), self.unit, form)) for word, end in ends if end is not None]
+        known = [
+            Sentence("{} {}", word, Quantity((end,), self.unit, self._form(f"{end:.10g}")))
+            for word, end in ends
+            if end is not None
+        ]
         return joined(known, " and ")
+
+    def _form(self, declared: str) -> str:
+        """Format of a limit: four digits, of one without a unit two behind the point, or as many as it has."""
+        if self.unit:
+            return f".{max(len(declared.replace('.', '').lstrip('0')), 4)}g"
+        return f".{max(len(declared.partition('.')[2]), 2)}f"
 
     def shown(self, *values: float | None) -> Quantity:
         """Values of the metric as displayed, with its unit; several are the ends of a range."""

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from crashfuse.certification.criteria import CONFIDENCE, RATING, Criteria, Criterion
+from crashfuse.certification.criteria import CONFIDENCE, RATING, WINDOW_MS, Criteria, Criterion
 from crashfuse.errors import DataError, Problem, printable
 from crashfuse.files.toml_text import read_toml, shown, toml_text
 from crashfuse.signals.metrics import METRIC_LABELS, METRIC_UNITS
 
-_WINDOW_MS = 60.0
 _MOST_CRITERIA = 100
 _KEYS = ("name", "metric", "window_ms", "at_least", "at_most", "unit")
 
@@ -53,7 +52,7 @@ def criteria_text(criteria: Criteria) -> str:
 def _checked(items: list[dict[str, Any]], confidence: object, where: str, problems: list[Problem]) -> Criteria:
     if not _is_number(confidence) or not 0.5 <= confidence < 1:
         expected, advice = "a confidence from 0.5 to below 1", "0.95 is usual; no prediction is certain"
-        problems.append(Problem(where, expected, _shown(confidence), advice))
+        problems.append(Problem(where, expected, shown(confidence), advice))
     if not items:
         problems.append(Problem(where, "at least one criterion", "none", "add a table [[criterion]]"))
     if len(items) > _MOST_CRITERIA:
@@ -115,14 +114,14 @@ class _Check:
         if not _is_number(limit) or not 0 <= limit <= highest:
             unit = METRIC_UNITS.get(metric, "")
             scale = f", in {unit}" if unit else ", up to 1" * (metric == RATING)
-            self.wrong(f"a number of 0 or more for {key}{scale}", limit, "correct the limit")
+            self.wrong(f"a number of 0 or more for {key}{scale}", shown(limit), "correct the limit")
             return None
         return float(limit)
 
     def _window(self, item: dict[str, Any], metric: str) -> float | None:
-        window = item.get("window_ms", _WINDOW_MS if metric == RATING else None)
+        window = item.get("window_ms", WINDOW_MS if metric == RATING else None)
         if metric == RATING and (not _is_number(window) or not 10 <= window <= 100):
-            self.wrong("a window_ms from 10 to 100", window, "correct the window")
+            self.wrong("a window_ms from 10 to 100", shown(window), "correct the window")
             return None
         if metric != RATING and window is not None:
             self.wrong(

@@ -89,12 +89,22 @@ class Domain:
         return tuple(found)
 
     @property
+    def checked_masses_kg(self) -> tuple[float, float]:
+        """Smallest and largest mass that counts as checked, within the CAE runs'."""
+        lightest, heaviest = (float(end[1:].sum()) for end in self.cae.range)
+        return max(self.masses_kg[0], lightest), min(self.masses_kg[1], heaviest)
+
+    @property
     def too_few_tests(self) -> tuple[str, ...]:
         """A sentence if there are too few tests to check any condition."""
         if self.n_tests >= _FEWEST_TESTS:
             return ()
         n = "One test is" if self.n_tests == 1 else f"{self.n_tests} tests are"
         return (f"{n} too few to check verdicts by leaving tests out, which takes {_FEWEST_TESTS}.",)
+
+    def outside(self, condition: Condition) -> tuple[str, ...]:
+        """Sentences on why no verdict is given at a condition: too few tests, or it lies outside; empty if it is."""
+        return self.too_few_tests or self.exceeded_by(condition)
 
     def exceeded_by(self, condition: Condition) -> tuple[str, ...]:
         """Sentences on why a condition lies outside; empty if it lies inside."""

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.special import betaincinv
 
 from crashfuse.certification.criteria import Criterion
+from crashfuse.certification.forecast import quantity
 from crashfuse.certification.verdict import WORDS, Verdict
 
 LeftOut = Literal["test", "speed group"]
@@ -71,6 +72,12 @@ class Trial:
         return self.verdict.decided and (self.verdict.word == "met") != self.met
 
     @property
+    def held(self) -> bool:
+        """Whether the measured value lies in the 95 % interval."""
+        lower, upper = self.verdict.lower, self.verdict.upper
+        return (lower is None or lower <= self.measured) and (upper is None or self.measured <= upper)
+
+    @property
     def near(self) -> bool:
         """Whether the measured value lies within one width of the 95 % interval of the limit."""
         lower, upper = self.verdict.lower, self.verdict.upper
@@ -80,6 +87,12 @@ class Trial:
 def _decided(trials: tuple[Trial, ...]) -> tuple[int, int]:
     """Number of verdicts *met* and *not met*, and of the wrong ones."""
     return sum(trial.verdict.decided for trial in trials), sum(trial.wrong for trial in trials)
+
+
+def _one_a_metric(trials: Sequence[Trial]) -> tuple[Trial, ...]:
+    """Of the verdicts on one metric of a left-out test a wrong one, if there is any, or else a decided one."""
+    worst_last = sorted(trials, key=lambda trial: (trial.wrong, trial.verdict.decided))
+    return tuple({(t.held_out, t.left_out, quantity(t.verdict.criterion)): t for t in worst_last}.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +125,8 @@ class Bin:
 class Support:
     """What the record says of one criterion, from its own trials and those of all criteria with a test near the limit.
 
+    Of several criteria on one metric one verdict a left-out test counts, a wrong one first.
+
     Attributes
     ----------
     decided, wrong : int
@@ -138,9 +153,10 @@ class Support:
         if _reaches(self.confidence, confidence):
             return None
         needed = int(np.ceil((self.wrong + 0.5) / (1 - confidence) - 1 - 1e-9))
+        supported = np.floor(1000 * self.confidence + 1e-9) / 1000  # rounded up, it would reach what it falls short of
         of = f"{self.wrong} of {self.decided} left-out verdicts wrong" if self.decided else "no left-out verdict"
         return (
-            f"The campaign's record ({of}) supports a confidence of {self.confidence:.2f}, not {confidence:g}; "
+            f"The campaign's record ({of}) supports a confidence of {supported:g}, not {confidence:g}; "
             f"it would take {needed} left-out verdicts with no more than {self.wrong} wrong."
         )
 
@@ -154,8 +170,10 @@ class Support:
         if self.own_decided:
             count = f"{self.own_decided} left-out verdict{'s' * (self.own_decided > 1)}"
             most = f"at most {100 * largest_share(self.own_wrong, self.own_decided):.0f} %"
-            own = f"Only {count} of its own, {self.own_wrong} wrong ({most}): too few to support the confidence"
-        return f"{own}; with those on other criteria, {self.wrong} of {self.decided} are wrong."
+            own = f"Only {count} of its own, 0 wrong ({most}): too few to support the confidence"
+        if self.own_wrong:
+            own = f"{self.own_wrong} of its own {count} wrong ({most}): too many to support the confidence"
+        return f"{own}; with those on other criteria, {self.wrong} of {self.decided} wrong."
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,6 +219,18 @@ class TrackRecord:
         """Number of verdicts *met* and *not met*, and of the wrong ones."""
         return _decided(self.counted)
 
+    @property
+    def telling(self) -> "TrackRecord":
+        """What shows something: verdicts on limits that some left-out test came near, one a metric of a test."""
+        names = {trial.verdict.criterion.name for trial in self.counted if trial.near}
+        return TrackRecord(_one_a_metric([t for t in self.counted if t.verdict.criterion.name in names]))
+
+    @property
+    def intervals(self) -> tuple[int, int]:
+        """How many 95 % intervals held what was measured, and of how many; two criteria on one metric share theirs."""
+        known = _one_a_metric([trial for trial in self._inside if trial.verdict.probability is not None])
+        return sum(trial.held for trial in known), len(known)
+
     def waived(self, criteria: Sequence[Criterion]) -> tuple[int, int, int]:
         """How often a test was left out, how often it need not have been run, and how often it then missed a criterion.
 
@@ -218,9 +248,8 @@ class TrackRecord:
     def support(self, criterion: Criterion) -> Support:
         """What the record says of a criterion."""
         own = self.of(criterion)
-        names = {trial.verdict.criterion.name for trial in self.counted if trial.near}
-        others = [t for t in self.counted if t.verdict.criterion != criterion and t.verdict.criterion.name in names]
-        return Support(*_decided((*own, *others)), *_decided(own), any(trial.near for trial in own))
+        every = _one_a_metric((*own, *self.telling.trials))
+        return Support(*_decided(every), *_decided(own), any(trial.near for trial in own))
 
     @property
     def brier(self) -> tuple[float, float] | None:

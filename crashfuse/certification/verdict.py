@@ -1,5 +1,6 @@
 """The verdict on one criterion at one condition, with its reason."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
@@ -12,8 +13,8 @@ from crashfuse.wording import Sentence, joined
 _Found = tuple[float | None, float | None, float | None]  # value, lower and upper end
 Word = Literal["met", "not met", "open", "outside"]
 WORDS: tuple[Word, ...] = get_args(Word)
-"""A test there would meet the criterion, or not, with the confidence asked for; the interval straddles the limit, so
-only a test or another design can tell; the condition is beyond what the campaign's tests check."""
+"""A test there would meet the criterion, or not, with the confidence asked for; neither, so only a test
+or another design can tell; the condition is beyond what the campaign's tests check."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +68,12 @@ def all_met(verdicts: Sequence[Verdict]) -> tuple[float, float]:
     """
     each = [verdict.probability or 0.0 for verdict in verdicts]
     return max(1 - sum(1 - own for own in each), 0.0), min(each)
+
+
+def towards_half(probability: float) -> float:
+    """A probability to three digits, rounded towards one half, so that it never seems to reach a confidence."""
+    each = 1000 * probability
+    return (math.ceil(each - 1e-9) if probability < 0.5 else math.floor(each + 1e-9)) / 1000
 
 
 def beside_tests(verdict: Verdict, run: Mapping[str, float | None]) -> Verdict:
@@ -138,4 +145,4 @@ def _word(
 
 
 def _share(probability: float) -> str:
-    return "over 0.999" if probability > 0.999 else f"{probability:.3f}"
+    return "over 0.999" if probability > 0.999 else f"{towards_half(probability):.3f}"

@@ -15,6 +15,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
     campaign, record, config = certification.campaign, certification.record, certification.config
     criteria, counts = certification.criteria, counts_table(certification).set_index("criterion")
     brier, (left_out, saved, wrong) = record.brier, record.waived(criteria.items)
+    (inside, intervals), (telling, missed) = record.intervals, record.telling.decided
     return {
         **provenance(campaign, campaign.test_ids, config),
         "command": certify_command(config, campaign.units),
@@ -38,6 +39,8 @@ def certification_record(certification: Certification) -> dict[str, object]:
         "track_record": {
             **record_counts(record),
             "waived": {"left_out": left_out, "n": saved, "wrong": wrong, "wrong_at_most": bound(wrong, saved)},
+            "telling": {"n": telling, "wrong": missed, "wrong_at_most": bound(missed, telling)},
+            "intervals": {"n": intervals, "inside": inside},
             "brier": None if brier is None else brier[0],
             "brier_raw_cae": None if brier is None else brier[1],
             "reliability": [{**asdict(own), "holds": own.holds} for own in record.reliability],
@@ -57,7 +60,7 @@ def certification_record(certification: Certification) -> dict[str, object]:
 
 
 def _domain(domain: Domain) -> dict[str, object]:
-    low, high = domain.masses_kg
+    low, high = domain.checked_masses_kg
     return {
         "tests": domain.n_tests,
         "speeds_mph": [speed / MPH for speed in domain.speeds_mps],

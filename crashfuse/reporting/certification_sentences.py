@@ -15,7 +15,7 @@ from crashfuse.wording import Sentence, joined, speed, weight
 _NAMED = 20  # conditions in a sentence
 _UNSUPPORTED = "Criteria whose record does not support the confidence"
 _UNTOUCHED = "Criteria whose limit no left-out test came near"
-_FEW = "Criteria whose own record is too short"
+_FEW = "Criteria whose own record does not support the confidence alone"
 
 
 def summary(certification: Certification) -> tuple[str, ...]:
@@ -46,7 +46,7 @@ def to_test(certification: Certification) -> Iterator[str]:
         there = [f"{i} (test {' and '.join(tests)})" for i, tests in run.items()]
         yield f"Run already: {_listed(there)}."
     if waived := certification.waived:
-        least = [f"{i} ({np.floor(1000 * low + 1e-9) / 1000:.3f})" for i, (low, _) in waived.items()]
+        least = [f"{i} ({least_text(bounds)})" for i, bounds in waived.items()]
         yield (
             "Need not be run, as every criterion is met (in brackets the probability that all are, at least): "
             f"{_listed(least)}."
@@ -72,6 +72,11 @@ def to_test(certification: Certification) -> Iterator[str]:
         yield "No condition of the matrix needs a test."
 
 
+def least_text(all_met: tuple[float, float]) -> str:
+    """The least probability that a test meets all criteria, rounded down."""
+    return f"{np.floor(1000 * all_met[0] + 1e-9) / 1000:.3f}"
+
+
 def record_sentence(record: TrackRecord) -> str:
     """How often the verdicts on left-out tests were wrong, with the exact bound."""
     if not record.trials:
@@ -80,10 +85,16 @@ def record_sentence(record: TrackRecord) -> str:
     if not decided:
         return f"None of the {_count(len(record.counted), 'verdict')} on left-out tests was met or not met: no record."
     undecided = len(record.counted) - decided
-    return (
+    said = (
         f"Record of left-out tests: {_count(decided, 'verdict')} met or not met, {wrong} wrong "
-        f"(at most {100 * largest_share(wrong, decided):.1f} %, exact 95 % bound); {undecided} open or outside."
+        f"({_at_most(wrong, decided)}, exact 95 % bound); {undecided} open or outside."
     )
+    telling, missed = record.telling.decided
+    if telling == decided:
+        return said
+    rest = f"without them, {missed} of {telling} wrong ({_at_most(missed, telling)})" if telling else "none is left"
+    rest_of = f"{decided - telling} of the {decided} show nothing more, on a metric a second time or on limits that no"
+    return f"{said} {rest_of} left-out test came near: {rest}."
 
 
 def waived_sentence(record: TrackRecord, criteria: Sequence[Criterion]) -> Iterator[str]:
@@ -91,16 +102,27 @@ def waived_sentence(record: TrackRecord, criteria: Sequence[Criterion]) -> Itera
     left_out, saved, wrong = record.waived(criteria)
     if not left_out:
         return
-    tests = f"Of {_count(left_out, 'left-out test')}, alone or with their speed group,"
+    tests = _count(len({trial.held_out for trial in record.trials}), "test")
+    times = f"{tests}, left out {_count(left_out, 'time')}, alone or with the speed group:"
     if saved:
         yield (
-            f"{tests} {saved} need not have been run, as every criterion was met; {wrong} of these missed one all the "
-            f"same (at most {100 * largest_share(wrong, saved):.1f} %, exact 95 % bound)."
+            f"{times} {_count(saved, 'time')} the test need not have been run, as every criterion was met; in {wrong} "
+            f"of these it missed one all the same ({_at_most(wrong, saved)}, exact 95 % bound)."
         )
     else:
         yield (
-            f"{tests} none had every criterion met: how often a test that need not be run would miss one, this record "
-            "cannot say."
+            f"{times} at no time was every criterion met. How often a test that need not be run would miss one, this "
+            "record cannot say."
+        )
+
+
+def interval_sentence(record: TrackRecord) -> Iterator[str]:
+    """How many intervals held what left-out tests measured, if there are any."""
+    inside, n = record.intervals
+    if n:
+        yield (
+            f"{inside} of {_count(n, 'interval')} held what the left-out test measured ({100 * inside / n:.0f} %; made "
+            "to hold 95 % of single tests), of left-out tests inside what the others check."
         )
 
 
@@ -131,7 +153,7 @@ def domain_sentences(domain: Domain) -> tuple[str, ...]:
     if not domain.speed_ranges_mps:
         return domain.too_few_tests or ("Nothing is checked: no test lies within the speeds of the CAE runs.",)
     speeds = joined([Sentence("{}", speed(*ends, between=" to ")) for ends in domain.speed_ranges_mps], " and ")
-    masses = weight(*domain.masses_kg, between=" to ")
+    masses = weight(*domain.checked_masses_kg, between=" to ")
     factors = "; ".join(f"{name} {', '.join(values)}" for name, values in domain.factors.items())
     return (
         Sentence(
@@ -168,6 +190,13 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
             if (notes := certification.campaign.cae.extrapolation(test.condition))
         ),
         "Wrong verdicts on left-out tests": tuple(_wrong(record)),
+        "Probabilities that left-out tests contradict": tuple(
+            f"{own.low:g} to {own.high:g}, {own.probability:.3f} on average: {round(own.met * own.n)} of {own.n} met "
+            f"it (exact 95 % bounds {own.lower:.3f} to {own.upper:.3f})."
+            for own in record.reliability
+            if not own.holds
+        ),
+        "Probabilities no better than those of the raw CAE": tuple(brier_sentence(record)) if _no_gain(record) else (),
         _UNSUPPORTED: _grouped(short),
         _UNTOUCHED: _grouped({name: s for name, s in weak.items() if record.trials and not supports[name].near}),
         _FEW: _grouped({name: s for name, s in weak.items() if name not in short and supports[name].near}),
@@ -176,12 +205,20 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
     return {subject: sentences for subject, sentences in found.items() if sentences}
 
 
+def _at_most(wrong: int, n: int) -> str:
+    return f"at most {100 * largest_share(wrong, n):.1f} %"
+
+
 def _grouped(sentences: Mapping[str, str]) -> tuple[str, ...]:
     """Each sentence once, after the names that it is about."""
     names: dict[str, list[str]] = {}
     for name, sentence in sentences.items():
         names.setdefault(sentence, []).append(name)
     return tuple(joined([", ".join(own), sentence], ": ") for sentence, own in names.items())
+
+
+def _no_gain(record: TrackRecord) -> bool:
+    return record.brier is not None and record.brier[0] >= record.brier[1]
 
 
 def _wrong(record: TrackRecord) -> Iterator[str]:

@@ -9,7 +9,7 @@ from crashfuse.certification.certify import Certification
 from crashfuse.certification.criteria import RATING, Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord, largest_share
-from crashfuse.certification.verdict import WORDS
+from crashfuse.certification.verdict import WORDS, towards_half
 from crashfuse.condition import Condition
 from crashfuse.units import LB, MPH
 from crashfuse.wording import MPH_LB, UnitSystem, said
@@ -47,9 +47,11 @@ def certification_table(certification: Certification) -> pd.DataFrame:
     ).astype(dict.fromkeys(_NUMBERS, float))  # also where all are unknown
 
 
-def probability_text(probability: float) -> str:
-    """A probability to two digits; never 0 or 1."""
-    return ">0.99" if probability > 0.995 else "<0.01" if probability < 0.005 else f"{probability:.2f}"
+def probability_text(probability: float | None) -> str:
+    """A probability to three digits, towards one half; never 0 or 1, a dash if it is not known."""
+    if probability is None:
+        return "–"
+    return ">0.999" if probability > 0.999 else "<0.001" if probability < 0.001 else f"{towards_half(probability):.3f}"
 
 
 def _bases(campaign: Campaign) -> dict[str, str]:

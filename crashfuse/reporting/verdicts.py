@@ -84,7 +84,7 @@ class Verdicts:
                 "Criterion": f"{own.criterion.name} {display.words(own.criterion.limits)}",
                 "Expected": display.words(own.criterion.shown(own.value)),
                 "95 % of tests": display.words(own.criterion.interval(own.lower, own.upper)),
-                "Probability": "–" if own.probability is None else probability_text(own.probability),
+                "Probability": probability_text(own.probability),
                 "Verdict": own.word,
             }
             for i, own in self.certification.cells

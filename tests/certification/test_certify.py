@@ -143,6 +143,14 @@ def test_a_metric_that_no_pulse_is_long_enough_for_leaves_the_others_judged(camp
     assert "OLC" in certification_report(found)
 
 
+def test_the_settings_are_those_that_were_used(campaign: Campaign) -> None:
+    """Tests are left out both ways, and ratings are over the windows of the criteria, 60 ms if these have none."""
+    twenty = replace(RATING, window_ms=20.0)
+    for items, windows in (((CRUSH, twenty), (20.0,)), ((CRUSH,), (60.0,))):
+        config = certified(campaign, Criteria(items)).config
+        assert (config.windows_ms, config.leave_out) == (windows, "both")
+
+
 def test_what_cannot_be_judged_is_refused(campaign: Campaign) -> None:
     """No test, or a window longer than a record."""
     with pytest.raises(UsageError, match="this campaign has none"):

@@ -78,7 +78,7 @@ CRUSH = '[[criterion]]\nmetric = "max_crush"\n'
             "expected limits of max_crush in mm, found m; convert the limits to mm.",
         ),
         (f"{CRUSH}at_most_m = 0.65", "found at_most_m; write at_most, with the limit in the metric's own unit."),
-        (f'{CRUSH}at_most = "650 mm"', "expected a number of 0 or more for at_most, in mm, found 650 mm; correct"),
+        (f'{CRUSH}at_most = "650 mm"', "expected a number of 0 or more for at_most, in mm, found '650 mm'; correct"),
         (f"{CRUSH}at_most = true", "expected a number of 0 or more for at_most, in mm, found True; correct the limit."),
         (f"{CRUSH}at_most = inf", "expected a number of 0 or more for at_most, in mm, found inf; correct the limit."),
         (f"{CRUSH}at_most = 0x1{'0' * 5000}", "for at_most, in mm, found a value of type int; correct the limit."),
@@ -96,7 +96,8 @@ CRUSH = '[[criterion]]\nmetric = "max_crush"\n'
         ('[[criterion]]\nmetric = "rating"\nwindow_ms = 150\nat_least = 0.8', "expected a window_ms from 10 to 100"),
         (f"confidence = 1\n{CRUSH}at_most = 650", "expected a confidence from 0.5 to below 1, found 1; 0.95 is usual"),
         (f"confidence = 0.4\n{CRUSH}at_most = 650", "expected a confidence from 0.5 to below 1, found 0.4"),
-        (f'confidence = "high"\n{CRUSH}at_most = 650', "expected a confidence from 0.5 to below 1, found high"),
+        (f'confidence = "0.95"\n{CRUSH}at_most = 650', "from 0.5 to below 1, found '0.95'"),
+        (f'confidence = "high"\n{CRUSH}at_most = 650', "expected a confidence from 0.5 to below 1, found 'high'"),
         (
             f"sure = 0.95\n{CRUSH}at_most = 650",
             "expected confidence and [[criterion]], found sure; remove or rename it.",

@@ -88,6 +88,14 @@ def test_beyond_the_cae_runs_is_outside(campaign: Campaign) -> None:
     assert any("front weight 2300 lb" in said for said in Domain.of(campaign).exceeded_by(condition))
 
 
+def test_masses_are_checked_only_where_the_cae_model_was_run(campaign: Campaign) -> None:
+    """Tests of 3450 to 3720 lb reach to 3180 and 3990 lb; the CAE runs end before."""
+    domain = Domain.of(campaign)
+    low, high = (float(end[1:].sum()) for end in campaign.cae.range)
+    assert domain.masses_kg[0] < low < high < domain.masses_kg[1]
+    assert domain.checked_masses_kg == (low, high)
+
+
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_three_tests_check_nothing(campaign: Campaign, n: int) -> None:
     """Leaving one out of three leaves two to learn from; four check."""
@@ -95,3 +103,5 @@ def test_three_tests_check_nothing(campaign: Campaign, n: int) -> None:
     own = "One test is" if n == 1 else f"{n} tests are"
     assert Domain.of(few).too_few_tests == (f"{own} too few to check verdicts by leaving tests out, which takes 4.",)
     assert Domain.of(campaign).too_few_tests == ()
+    inside = campaign.tests[0].condition
+    assert (len(Domain.of(few).outside(inside)), Domain.of(campaign).outside(inside)) == (1, ())

@@ -161,6 +161,54 @@ def test_a_criterion_counts_on_others_only_if_a_test_came_near_their_limits() ->
     assert record.support(PEAK) == Support(12, 0, 7, 0, near=False)
 
 
+@pytest.mark.parametrize(("decided", "wrong", "confidence"), [(47, 0, 0.99), (8, 0, 0.95), (28, 1, 0.95)])
+def test_the_confidence_that_falls_short_is_never_shown_as_the_one_asked_for(
+    decided: int, wrong: int, confidence: float
+) -> None:
+    """47 verdicts without a wrong one support 0.9896, which rounds to the 0.99 that they do not support."""
+    said = Support(decided, wrong, decided, wrong, near=True).shortfall(confidence)
+    assert said is not None
+    shown = float(said.partition("supports a confidence of ")[2].partition(", not")[0])
+    assert shown <= 1 - (wrong + 0.5) / (decided + 1) < shown + 0.001
+
+
+def test_verdicts_on_limits_that_no_test_came_near_are_told_apart() -> None:
+    """Whoever adds trivial criteria does not lower the bound of the others."""
+    near = tuple(trial("met", 495.0, held_out=f"N{i}") for i in range(5))
+    far = tuple(trial("met", 5.0, held_out=f"F{i}", criterion=PEAK, interval=(4.0, 6.0)) for i in range(7))
+    assert TrackRecord((*near, *far)).decided == (12, 0)
+    assert TrackRecord((*near, *far)).telling.decided == TrackRecord(near).decided == (5, 0)
+
+
+def test_a_criterion_under_a_second_name_supports_nothing_more() -> None:
+    """Nor do two limits on one metric: one verdict a left-out test counts, a wrong one first."""
+    first = tuple(trial("met", 495.0, held_out=f"T{i}") for i in range(6))
+    again = Criterion("again", "max_crush", at_most=498.0)
+    second = tuple(trial("met", 495.0, held_out=f"T{i}", criterion=again) for i in range(6))
+    record = TrackRecord((*first, *second))
+    assert record.decided == (12, 0)
+    assert record.telling.decided == (6, 0)
+    assert record.support(CRUSH) == Support(6, 0, 6, 0, near=True)
+    strict = Criterion("strict", "max_crush", at_most=490.0)
+    wrong = trial("met", 495.0, held_out="T0", criterion=strict)
+    assert TrackRecord((*first, wrong)).support(CRUSH) == Support(6, 1, 6, 0, near=True)
+
+
+def test_intervals_that_held_what_was_measured_are_counted_once_a_metric() -> None:
+    """Both ends count; an end beyond the record holds anything, and two limits on one metric share an interval."""
+    again = Criterion("window", "max_crush", at_least=100.0)
+    record = TrackRecord(
+        (
+            *(trial("met", measured, held_out=f"T{measured}") for measured in (479.0, 480.0, 520.0, 521.0)),
+            trial("met", 480.0, held_out="T480.0", criterion=again),
+            trial("met", 900.0, held_out="A", interval=(480.0, None)),
+            trial("outside", 900.0, held_out="B"),
+            trial("open", 900.0, None, held_out="C", interval=(None, None)),
+        )
+    )
+    assert record.intervals == (3, 5)
+
+
 def test_few_verdicts_of_its_own_are_told_with_what_they_can_show() -> None:
     """Two right ones do not support 0.95, though with fifty on other criteria they do; nine do, alone."""
     said = Support(52, 0, own_decided=2, own_wrong=0, near=True).reservation(0.95)
@@ -168,10 +216,15 @@ def test_few_verdicts_of_its_own_are_told_with_what_they_can_show() -> None:
     assert said.startswith(
         "Only 2 left-out verdicts of its own, 0 wrong (at most 78 %): too few to support the confidence"
     )
-    assert said.endswith("; with those on other criteria, 0 of 52 are wrong.")
+    assert said.endswith("; with those on other criteria, 0 of 52 wrong.")
     none = Support(50, 0, own_decided=0, own_wrong=0, near=True).reservation(0.95)
-    assert none == "No left-out verdict of its own; with those on other criteria, 0 of 50 are wrong."
+    assert none == "No left-out verdict of its own; with those on other criteria, 0 of 50 wrong."
     assert Support(50, 0, own_decided=9, own_wrong=0, near=True).reservation(0.95) is None
+    many = Support(200, 3, own_decided=30, own_wrong=3, near=True).reservation(0.95)
+    assert many is not None
+    assert many.startswith(
+        "3 of its own 30 left-out verdicts wrong (at most 24 %): too many to support the confidence;"
+    )
 
 
 def test_near_means_within_one_width_of_the_interval() -> None:

@@ -10,7 +10,7 @@ from crashfuse.campaign import Campaign
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.domain import Domain
 from crashfuse.certification.forecast import Forecast
-from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge
+from crashfuse.certification.verdict import Verdict, all_met, beside_tests, judge, towards_half
 from crashfuse.condition import Condition
 from crashfuse.wording import MPH_LB, UnitSystem, said
 
@@ -35,6 +35,15 @@ def test_the_word_changes_where_the_probability_crosses_the_confidence(
 ) -> None:
     """1.645 standard deviations from the limit on either side."""
     assert verdict(campaign, Criterion("crush", "max_crush", at_most=at_most)).word == word
+
+
+def test_a_probability_is_never_shown_to_reach_a_confidence_that_it_does_not(campaign: Campaign) -> None:
+    """0.9497, open at 0.95, is not 0.950; nor is its complement, which is not met at 0.05."""
+    found = verdict(campaign, Criterion("crush", "max_crush", at_most=516.42))
+    assert found.word == "open"
+    assert found.probability == pytest.approx(0.9497, abs=5e-5)
+    assert "met with probability 0.949 only" in found.reason
+    assert [towards_half(p) for p in (0.9497, 0.0503, 0.95, 0.05, 0.5)] == [0.949, 0.051, 0.95, 0.05, 0.5]
 
 
 def test_a_lower_confidence_decides_more(campaign: Campaign) -> None:
@@ -104,6 +113,20 @@ def test_without_a_value_the_interval_is_told_alone() -> None:
     assert told == (
         "200.0 to 260.0 mm in 95 % of tests, no single value expected (record too short); the limit is at most 300 mm"
     )
+
+
+@pytest.mark.parametrize(
+    ("metric", "limit", "said"),
+    [
+        ("rating", 0.805, "0.805"),
+        ("rating", 0.8, "0.80"),
+        ("max_crush", 600.45, "600.45 mm"),
+        ("esw", 12000.0, "12000 g"),
+    ],
+)
+def test_a_limit_stands_with_all_its_digits(metric: str, limit: float, said: str) -> None:
+    """A rating of 0.805 is not one of 0.81."""
+    assert Criterion("own", metric, at_most=limit).limits == f"at most {said}"
 
 
 def test_round_values_keep_their_digits() -> None:

@@ -24,10 +24,12 @@ from crashfuse.reporting.certification_sentences import (
     summary,
     waived_sentence,
 )
+from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report import certification_report
 from crashfuse.study.config import StudyConfig
 from crashfuse.units import MPH
+from crashfuse.wording import KPH_KG
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -127,8 +129,8 @@ def test_exceptions_are_all_named(certification: Certification) -> None:
     assert "left-out verdicts with no more than" in unsupported
     [untouched] = found["Criteria whose limit no left-out test came near"]
     assert untouched.startswith("rating: No left-out test came near")
-    few = exceptions(certification)["Criteria whose own record is too short"]
-    told = "crush: No left-out verdict of its own; with those on other criteria, 0 of 4 are wrong."
+    few = exceptions(certification)["Criteria whose own record does not support the confidence alone"]
+    told = "crush: No left-out verdict of its own; with those on other criteria, 0 of 4 wrong."
     assert few == (told,)
     assert told in summary(certification)
 
@@ -143,6 +145,15 @@ def test_open_cells_say_how_far_their_limit_is(certification: Certification, tex
     section = text[text.index("how far the limit is") :]
     share = (verdict.value - 430) / ((verdict.upper - verdict.lower) / 2)
     assert f"<td>{verdict.value - 430:.4g}\N{NO-BREAK SPACE}mm</td><td>{share:.2f}</td>" in section
+
+
+def test_open_cells_whose_interval_has_an_open_end_are_among_them(certification: Certification) -> None:
+    """Without a share of the interval, behind those that have one."""
+    first, (crush, *others), third = certification.verdicts
+    ended = replace(crush, lower=None)
+    text = certification_report(replace(certification, verdicts=(first, (ended, *others), third)))
+    section = text[text.index("how far the limit is") :]
+    assert "mm</td><td>–</td>" in section
 
 
 def test_the_record_is_told_with_its_exact_bound(certification: Certification) -> None:
@@ -162,14 +173,14 @@ def test_what_need_not_be_run_is_told_with_its_record_of_whole_tests(certificati
     one = [trial for trial in trials if (trial.held_out, trial.left_out) == (fast, "test")]
     assert len(one) == len(items)
     told: dict[Word, str] = {
-        "met": "Of 1 left-out test, alone or with their speed group, 1 need not have been run, as ",
-        "open": "Of 1 left-out test, alone or with their speed group, none had every criterion met: ",
+        "met": "1 test, left out 1 time, alone or with the speed group: 1 time the test need not have been run, as ",
+        "open": "1 test, left out 1 time, alone or with the speed group: at no time was every criterion met. ",
     }
     for word, said in told.items():
         record = TrackRecord(tuple(replace(trial, verdict=replace(trial.verdict, word=word)) for trial in one))
         [sentence] = waived_sentence(record, items)
         assert sentence.startswith(said)
-        assert ("of these missed one all the same (at most " in sentence) is (word == "met")
+        assert ("of these it missed one all the same (at most " in sentence) is (word == "met")
     waived = tuple(
         replace(own, word="met", probability=p)
         for own, p in zip(certification.verdicts[0], (0.9, 0.99, 1), strict=True)
@@ -180,6 +191,19 @@ def test_what_need_not_be_run_is_told_with_its_record_of_whole_tests(certificati
     assert list(waived_sentence(TrackRecord(()), items)) == []
 
 
+def test_every_condition_that_need_not_be_run_has_its_probability_in_the_dossier(certification: Certification) -> None:
+    """The summary names twenty; the table of conditions has all of them, rounded down."""
+    many = matrix(certification.campaign, *(20 + i / 10 for i in range(30)))
+    met = tuple(
+        replace(own, word="met", probability=p)
+        for own, p in zip(certification.verdicts[0], (0.9, 0.9996, 1), strict=True)
+    )
+    found = replace(certification, matrix=many, verdicts=(met,) * 30)
+    assert any(sentence.endswith("(0.899) and 10 more.") for sentence in summary(found))
+    assert certification_report(found).count("<td>≥ 0.899</td>") == 30
+    assert "<td>≥" not in certification_report(certification).partition("<section id=method>")[0]
+
+
 def test_a_brier_score_is_never_zero_beside_a_wrong_verdict_on_a_rating(certification: Certification) -> None:
     """It is that of metrics, and says so; what rounds to zero is below a bound."""
     [first, *_] = [trial for trial in certification.record.trials if trial.cae_probability is not None]
@@ -188,6 +212,27 @@ def test_a_brier_score_is_never_zero_beside_a_wrong_verdict_on_a_rating(certific
     assert sentence.startswith(
         "Brier score of the probabilities of metrics, ratings aside (0 is perfect): below 0.0001; "
     )
+
+
+def test_probabilities_that_did_not_come_true_or_gain_nothing_are_exceptions(certification: Certification) -> None:
+    """A bin outside its bounds, and a Brier score that is not below that of the raw CAE."""
+    [first, *_] = [trial for trial in certification.record.trials if trial.cae_probability is not None]
+    said, ours = (
+        replace(first.verdict, probability=0.9, word="open"),
+        "Probabilities no better than those of the raw CAE",
+    )
+    limit = first.verdict.criterion.at_most
+    assert limit is not None
+    for measured, cae, contradicted, worse in ((limit + 1, 0.8, True, True), (limit - 1, 0.8, False, False)):
+        trials = tuple(
+            replace(first, held_out=f"T{i}", verdict=said, measured=measured, cae_probability=cae) for i in range(9)
+        )
+        found = exceptions(replace(certification, record=TrackRecord(trials)))
+        told = found.get("Probabilities that left-out tests contradict", ())
+        assert told == (
+            ("0.75 to 0.95, 0.900 on average: 0 of 9 met it (exact 95 % bounds 0.000 to 0.336).",) * contradicted
+        )
+        assert (ours in found) is worse
 
 
 def test_the_summary_says_where_to_test(certification: Certification) -> None:
@@ -260,6 +305,50 @@ def test_a_single_test_makes_a_dossier_that_says_so(campaign: Campaign, shared_c
     assert "There is no record: with a single test, none can be left out." in text
     assert "How well tests repeat" not in headings(text)
     assert "One test is too few to check verdicts" in text
+    assert "Data: 1 test, 24 CAE runs" in headings(text)
+    assert "With 1 test, no calibration" in text
+    assert "Each test was left out in turn" not in text
+    assert ">outside</td>" in text
+    assert ">inside</td>" not in text
+
+
+def test_the_bound_does_not_rest_on_limits_that_no_test_came_near(certification: Certification) -> None:
+    """They are told apart, with the bound without them."""
+    record = certification.record
+    (decided, _), (telling, _) = record.decided, record.telling.decided
+    assert 0 < telling < decided
+    said = record_sentence(record)
+    far = "show nothing more, on a metric a second time or on limits that no left-out test came near"
+    assert f"{decided - telling} of the {decided} {far}" in said
+    assert f"without them, 0 of {telling} wrong (at most {100 * (1 - 0.05 ** (1 / telling)):.1f} %)." in said
+    assert record_sentence(record.telling).endswith(" open or outside.")
+    told = certification_record(certification)["track_record"]["telling"]  # type: ignore[index]
+    assert told == {"n": telling, "wrong": 0, "wrong_at_most": pytest.approx(1 - 0.05 ** (1 / telling), abs=1e-4)}
+
+
+def test_the_dossier_says_what_its_bounds_and_intervals_rest_on(certification: Certification, text: str) -> None:
+    """How many intervals held, that verdicts in one test hang together, and what lies beyond the counts."""
+    inside, n = certification.record.intervals
+    assert n > 0
+    assert f"{inside} of {n} intervals held what the left-out test measured" in text
+    assert certification_record(certification)["track_record"]["intervals"] == {"n": n, "inside": inside}  # type: ignore[index]
+    words = " ".join(text.split())
+    assert "as if verdicts were independent. They are not" in words
+    assert "take errors to be distributed as Student's t" in words
+    assert "Intervals hold 95 %" not in words
+    assert "whatever the probability, it is open, too, where the record of left-out tests does not support" in words
+
+
+def test_limits_stand_as_declared_beside_the_readers_units(certification: Certification) -> None:
+    """48 km/h, not 29.83 mph alone; where the reader's units are those of the criteria, once."""
+    limit = Criterion("change", "delta_v", at_most=48.0)
+    criteria = replace(certification.criteria, items=(*certification.criteria.items[:2], limit))
+    rows = tuple((*row[:2], replace(row[0], criterion=limit)) for row in certification.verdicts)
+    found = replace(certification, criteria=criteria, verdicts=rows)
+    assert "<td>at most 29.83 mph</td><td>at most 48 km/h</td>" in certification_report(found)
+    metric = certification_report(found, Display(system=KPH_KG))
+    assert "at most 48 km/h" in metric
+    assert "As declared" not in metric
 
 
 def test_long_tables_are_cut_and_say_where_the_rest_is(certification: Certification) -> None:

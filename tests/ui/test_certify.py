@@ -96,13 +96,26 @@ def fields(session: "Session") -> dict[str, str | None]:
 
 
 @pytest.mark.slow
+def test_a_limit_that_no_test_came_near_is_no_part_of_the_record_at_a_glance(asking: Path, visit: Visit) -> None:
+    """Added to the others, it leaves their number of verdicts as it was."""
+    assert asking
+    typed = ["max_crush~~~430~crush", "rating~40~0.6~~rating"]
+    alone, more = (
+        certified(visit("certify", **LINK, criteria=criteria)).numbers
+        for criteria in (typed, [*typed, "peak~~~900~far"])
+    )
+    assert more["Met"] != alone["Met"]
+    assert more["Wrong left-out verdicts"] == alone["Wrong left-out verdicts"] != "–"
+
+
+@pytest.mark.slow
 def test_the_page_shows_the_verdicts_of_the_library(asking: Path, visit: Visit) -> None:
     """Counts, the conditions to test, the whole table, the record, and the files."""
     session = certified(visit("certify", **LINK))
     expected = of_library(asking)
     counts = verdict_counts(expected.certification)
     assert {word.lower(): int(n) for word, n in session.numbers.items() if word.lower() in counts} == counts
-    decided, wrong = expected.certification.record.decided
+    decided, wrong = expected.certification.record.telling.decided
     assert session.numbers["Wrong left-out verdicts"] == f"{wrong} of {decided}"
     for sentence in to_test(expected.certification):
         assert sentence in session.words

@@ -23,6 +23,7 @@ _MOST_WORDS = 200  # conditions; of more, only colours can be made out
 _ROW_PX, _NARROW_ROW_PX, _ALL_ROWS_PX = 34, 22, 1600
 _LETTER_PX, _LINE_PX = 7, 19  # of names beside and above the cells, rather more than they take
 _HEADER_CHARACTERS = 65  # of all columns together, on paper
+_LETTERS = 104  # size in px, times the columns, with which "not met <0.001" fits into a cell
 _WORST_FIRST: tuple[Word, ...] = ("outside", "not met", "open", "met")
 _SYMBOLS = {"met": "circle", "not met": "x", "open": "diamond", "outside": "triangle-up"}
 _MAX_RUNS = 600  # more points only fill the same cloud
@@ -59,7 +60,7 @@ def verdict_matrix(certification: Certification, display: Display = DEFAULT) -> 
         figure.update_traces(
             text=[[_cell(verdict) for verdict in row] for row in rows],
             texttemplate="%{text}",
-            textfont={"color": MEASURED_COLOUR, "size": 12},
+            textfont={"color": MEASURED_COLOUR, "size": min(12, max(_LETTERS // len(names), 6))},
             hoverinfo="skip",
         )
         cells = [cell_name(i, verdict) for i, row in zip(ids, rows, strict=True) for verdict in row]
@@ -100,10 +101,9 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
     """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
     figure, domain, campaign = new_figure(height=480), certification.domain, certification.campaign
     run_masses = campaign.cae.vectors[:, 1:].sum(axis=1)
-    mass_low = display.weights(max(domain.masses_kg[0], float(run_masses.min())))
-    mass_high = display.weights(min(domain.masses_kg[1], float(run_masses.max())))
     for number, (low, high) in enumerate(domain.speed_ranges_mps):
         low, high = display.speeds(low), display.speeds(high)
+        mass_low, mass_high = map(display.weights, domain.checked_masses_kg)
         figure.add_scatter(
             x=[low, high, high, low, low], y=[mass_low, mass_low, mass_high, mass_high, mass_low], mode="lines",
             name="Checked by leaving tests out", legendgroup="checked", showlegend=number == 0, fill="toself",

@@ -1,5 +1,6 @@
 """Report of a certification: what a review asks for, from the intended use to the signatures."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -15,12 +16,14 @@ from crashfuse.reporting.certification_sentences import (
     brier_sentence,
     domain_sentences,
     exceptions,
+    interval_sentence,
+    least_text,
     record_sentence,
     summary,
     support_sentence,
     waived_sentence,
 )
-from crashfuse.reporting.certification_tables import counts_table, record_counts
+from crashfuse.reporting.certification_tables import counts_table, probability_text, record_counts
 from crashfuse.reporting.plots.display import DEFAULT, Display
 from crashfuse.reporting.provenance import certify_command
 from crashfuse.reporting.report.page import render
@@ -32,13 +35,12 @@ _MOST_ROWS = 1000  # of a table; all of them are in the CSV files
 _CONDITIONS, _CONDITIONS_OF_MANY = 14, 10  # in a figure at the height it has on paper; of several, two fill a page
 _CRITERIA_A_FIGURE = 2
 _MOST_FIGURES = 20
-_WINDOW_MS = 60.0  # of the rating of a repeat, if no criterion names one
 
 
 def certification_report(certification: Certification, display: Display = DEFAULT) -> str:
     """HTML report of a certification, made for paper."""
     campaign, criteria, record = certification.campaign, certification.criteria, certification.record
-    shown, windows_ms = Verdicts(certification), criteria.windows_ms or (_WINDOW_MS,)
+    shown, windows_ms = Verdicts(certification), certification.config.windows_ms
     repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)
     return render(
         "certification",
@@ -64,7 +66,7 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         record=[record_sentence(record), *waived_sentence(record, criteria.items)],
         record_figures=list(_record_figures(certification, display)),
         record_counts=_record_counts(record, criteria.items),
-        brier=list(brier_sentence(record)),
+        evidence=[*interval_sentence(record), *brier_sentence(record)],
         reliability=shown.plot("reliability"),
         bins=_bins(record),
         supports=[(own.name, support_sentence(record, own, criteria.confidence)) for own in criteria.items],
@@ -81,23 +83,32 @@ def _shortened(table: pd.DataFrame, file: str) -> dict[str, object]:
 
 
 def _conditions(certification: Certification, display: Display) -> pd.DataFrame:
-    matrix = certification.matrix
+    matrix, domain, waived = certification.matrix, certification.domain, certification.waived
     return pd.DataFrame(
         {
             "Condition": i,
             **display.columns(condition),
             **dict(condition.factors),
             **({"Run as test": ", ".join(certification.run.get(i, ()))} if certification.run else {}),
-            "Validated domain": "outside" if certification.domain.exceeded_by(condition) else "inside",
+            "Validated domain": "outside" if domain.outside(condition) else "inside",
+            "Need not be run, all met": f"≥ {least_text(waived[i])}" if i in waived else "–",
         }
         for i, condition in zip(matrix.ids, matrix.conditions, strict=True)
     )
 
 
 def _criteria(criteria: Sequence[Criterion], display: Display) -> pd.DataFrame:
-    return pd.DataFrame(
-        {"Criterion": own.name, "Quantity": own.label, "Limit": display.words(own.limits)} for own in criteria
+    """The criteria; if the reader's units are not those that limits are declared in, in both."""
+    table = pd.DataFrame(
+        {
+            "Criterion": own.name,
+            "Quantity": own.label,
+            "Limit": display.words(own.limits),
+            "As declared": str(own.limits),
+        }
+        for own in criteria
     )
+    return table if (table["Limit"] != table["As declared"]).any() else table.drop(columns="As declared")
 
 
 def _matrix_figures(certification: Certification, display: Display) -> Iterator[go.Figure]:
@@ -128,7 +139,7 @@ def _verdicts(certification: Certification, display: Display) -> pd.DataFrame:
             "Condition": i,
             "Criterion": own.criterion.name,
             "Expected, 95 % of tests": _predicted(own, display),
-            "Probability": _probability(own.probability),
+            "Probability": probability_text(own.probability),
             "Verdict": own.word,
             "Reason": display.words(own.reason),
         }
@@ -144,7 +155,7 @@ def _trials(record: TrackRecord, display: Display) -> pd.DataFrame:
             "Criterion": own.criterion.name,
             "Expected": _together(display.words(own.criterion.shown(own.value))),
             "95 % of tests": _interval(own, display),
-            "Probability": _probability(own.probability),
+            "Probability": probability_text(own.probability),
             "Verdict": own.word,
             "Measured": _together(display.words(own.criterion.shown(trial.measured))),
             "The test": _together(("met it" if trial.met else "missed it") + ", wrong" * trial.wrong),
@@ -185,19 +196,21 @@ def _open_cells(certification: Certification, display: Display) -> pd.DataFrame:
     """Open verdicts with the distance of the limit from the expected value, the nearest limit first."""
     rows = []
     for i, own in certification.cells:
-        if own.word != "open" or own.value is None or own.lower is None or own.upper is None:
+        if own.word != "open" or own.probability is None:
             continue
-        margin, half_width = own.criterion.margin(own.value), (own.upper - own.lower) / 2
+        margin = None if own.value is None else own.criterion.margin(own.value)
+        half_width = None if own.lower is None or own.upper is None else (own.upper - own.lower) / 2
+        share = margin / half_width if margin is not None and half_width else float("inf")
         row = {
             "Condition": i,
             "Criterion": own.criterion.name,
             "Limit": display.words(own.criterion.limits),
             "Expected": _together(display.words(own.criterion.shown(own.value))),
             "Distance": _together(display.words(own.criterion.shown(margin))),
-            "In half widths of the interval": f"{margin / half_width:.2f}" if half_width else "–",
-            "Probability": _probability(own.probability),
+            "In half widths of the interval": f"{share:.2f}" if math.isfinite(share) else "–",
+            "Probability": probability_text(own.probability),
         }
-        rows.append((margin / half_width if half_width else 0.0, row))
+        rows.append((share, row))
     return pd.DataFrame(row for _, row in sorted(rows, key=lambda each: each[0]))
 
 
@@ -214,9 +227,3 @@ def _interval(verdict: Verdict, display: Display) -> str:
 def _together(text: str) -> str:
     """The text without a place to break the line."""
     return text.replace(" ", "\N{NO-BREAK SPACE}")
-
-
-def _probability(probability: float | None) -> str:
-    if probability is None:
-        return "–"
-    return ">0.999" if probability > 0.999 else "<0.001" if probability < 0.001 else f"{probability:.3f}"

@@ -8,6 +8,7 @@ from crashfuse.reporting.certification_sentences import (
     brier_sentence,
     domain_sentences,
     exceptions,
+    interval_sentence,
     record_sentence,
     support_sentence,
     waived_sentence,
@@ -32,7 +33,8 @@ def show(judgement: Judgement) -> None:
         "tests, and is compared with what was measured."
     )
     waived = waived_sentence(record, certification.criteria.items)
-    st.markdown("\n".join(f"- {plain(s)}" for s in (record_sentence(record), *waived, *brier_sentence(record))))
+    evidence = *interval_sentence(record), *brier_sentence(record)
+    st.markdown("\n".join(f"- {plain(s)}" for s in (record_sentence(record), *waived, *evidence)))
     if not record.trials:
         return
     show_table(_counts(certification, display), "counts")

@@ -23,7 +23,7 @@ from crashfuse.ui.text import plain
 
 _CELL = "cell"
 _MEANINGS = {
-    "met": "A test there would meet the criterion, with the confidence asked for: it need not be run.",
+    "met": "A test there would meet the criterion, with the confidence asked for.",
     "not met": "A test there would miss it, with the same confidence.",
     "open": "Neither can be said with confidence: test it if it was not run yet, or redesign.",
     "outside": "Beyond what the campaign's own tests check.",
@@ -39,11 +39,12 @@ def show(judgement: Judgement) -> None:
         column.metric(
             word.capitalize(), f"{counts[word]:,}", share, delta_color="off", delta_arrow="off", help=_MEANINGS[word]
         )
-    decided, wrong = certification.record.decided
+    decided, wrong = certification.record.telling.decided
     columns[-1].metric(
         "Wrong left-out verdicts", f"{wrong} of {decided}" if decided else "–",
         f"at most {100 * largest_share(wrong, decided):.1f} %" if decided else None, delta_color="off",
-        delta_arrow="off", help="Of verdicts met and not met; with the exact one-sided 95 % bound of their share.",
+        delta_arrow="off", help="Of verdicts met and not met, one a metric of a test, on limits that some test came "
+        "near; with the exact one-sided 95 % bound of their share.",
     )  # fmt: skip
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in beside_matrix(certification)))
     n = len(certification.matrix.ids)

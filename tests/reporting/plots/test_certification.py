@@ -74,8 +74,8 @@ def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(th
     assert list(heat.y) == ["slow · 20.0 mph", "fast · 30.0 mph", "far · 70.0 mph"]
     assert list(heat.x) == ["<b>crush</b><br>at most 500\N{NO-BREAK SPACE}mm", "<b>rating</b><br>at least 0.80"]
     assert [list(row) for row in heat.text] == [
-        ["met >0.99", "met >0.99"],
-        ["not met 0.03", "open 0.50"],
+        ["met 0.998", "met 0.998"],
+        ["not met 0.031", "open 0.500"],
         ["outside", "outside"],
     ]
     words = [WORDS[name] for name in ("slow", "fast", "far")]
@@ -83,6 +83,15 @@ def test_each_cell_has_the_word_the_probability_and_the_colour_of_its_verdict(th
     assert list(marks.customdata) == [f"{i} | {name}" for i in ("slow", "fast", "far") for name in ("crush", "rating")]
     assert marks.hovertext[0].endswith("Because of crush.")
     assert marks.hovertext[-1].endswith("0.90 expected, 0.85 to 0.95 in 95 % of tests; the limit is at least 0.80")
+
+
+@pytest.mark.parametrize(("n", "size"), [(2, 12), (8, 12), (10, 10), (30, 6)])
+def test_words_grow_smaller_with_the_number_of_criteria(three: Certification, n: int, size: int) -> None:
+    """So that those of one cell do not run into the next."""
+    criteria = tuple(replace(CRUSH, name=f"crush {i}") for i in range(n))
+    rows = tuple(tuple(replace(row[0], criterion=own) for own in criteria) for row in three.verdicts)
+    figure = verdict_matrix(replace(three, criteria=Criteria(criteria), verdicts=rows))
+    assert figure.data[0].textfont.size == size
 
 
 def test_long_ids_are_cut_in_the_middle_beside_the_cells(campaign: Campaign) -> None:
