@@ -133,7 +133,10 @@ def _word(
     was_run: bool,
 ) -> tuple[Word, str]:
     if probability is None:
-        return "open", f"The record is too short to predict the {criterion.label} here; only a longer one can tell."
+        if found[0] is None:
+            return "open", f"The record is too short to predict the {criterion.label} here; only a longer one can tell."
+        short = f"In more than one of ten draws the record is too short for the {criterion.label}"
+        return "open", f"{short}, so its interval is unknown here; only a longer one can tell."
     word: Word = "open"
     who, advice = (" by another test", "") if was_run else ("", ": test it, or redesign")
     came = f"met{who} with probability {_share(probability)} only{advice}."

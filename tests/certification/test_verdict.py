@@ -162,6 +162,15 @@ def test_a_record_too_short_leaves_it_open(campaign: Campaign) -> None:
     )
 
 
+def test_a_record_too_short_for_many_draws_leaves_it_open_beside_a_value(campaign: Campaign) -> None:
+    """A value is expected, so it is not said that the record is too short for it, but for its interval."""
+    forecast = Forecast(np.zeros(1250), {"olc": 12.0}, {"olc": None})
+    criteria = Criteria((Criterion("OLC", "olc", at_most=20.0),))
+    [found] = judge(forecast, campaign.tests[1].condition, criteria)
+    assert (found.word, found.value, found.probability) == ("open", 12.0, None)
+    assert found.reason.startswith("In more than one of ten draws the record is too short for the OLC")
+
+
 @pytest.mark.parametrize(
     ("at_most", "measured", "word"),
     [(520.0, 515.0, "met"), (520.0, 525.0, "open"), (480.0, 470.0, "open"), (480.0, 485.0, "not met")],
