@@ -36,12 +36,19 @@ def _weights(fused: Fused, condition: Condition) -> FloatArray:
 
 
 def test_the_band_is_checked_around_the_mixture(fused: Fused) -> None:
-    """Every left-out test lies inside the band of its own mixture, without that being widened."""
+    """Left-out tests lie inside the band of their own mixture for 95 % of the time on average, though it was narrowed.
+
+    The one that the other two, slower or faster, tell least about may lie there for less.
+    """
     check = fused.calibration_
     assert len(check.tests) == 3
     assert check.holds
     assert check.widening <= 1
-    assert min(test.accel for test in check.tests) > 0.9
+    inside = sorted(test.accel for test in check.tests)
+    assert np.mean(inside) >= 0.95
+    assert inside[0] > 0.85
+    assert inside[1] > 0.95
+    assert all(test.crush and test.peak for test in check.tests)
 
 
 def test_the_expected_pulse_is_the_weighted_mean_of_its_components(campaign: Campaign, fused: Fused) -> None:
