@@ -18,8 +18,9 @@ class DisplacementConfig:
     n_draws : int
         Whole pulses drawn for the band.
     step_s : float
-        Spacing of a test's bias points: the distance covered at impact speed in this time. A CFC 60 pulse contains
-        little finer detail; closer points would repeat each other, and the fit would count them as evidence.
+        Spacing of a test's bias points: the distance covered at impact speed in this time, and while the vehicle stops
+        this time itself. A CFC 60 pulse contains little finer detail; closer points would repeat each other, and the
+        fit would count them as evidence.
     max_points : int
         Approximate limit on the bias points of all tests together; with more tests, each has fewer. The fit's time
         grows with the cube of their number.
