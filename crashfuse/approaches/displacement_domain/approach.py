@@ -19,7 +19,7 @@ from crashfuse.approaches.displacement_domain.bias import (
 )
 from crashfuse.approaches.displacement_domain.cae_force import CaeForce, CaeStop
 from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
-from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
+from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
 from crashfuse.approaches.displacement_domain.rebound import Rebound, Unloading
@@ -128,7 +128,7 @@ class DisplacementDomain(Approach):
         self.bias_: HierarchicalBias | Table4Bias = (
             Table4Bias(self.config.restarts, seed=self.seed) if by_table_4 else HierarchicalBias(seed=self.seed)
         )
-        self._most_points = max(self.config.max_points // len(campaign.tests), LEAST_POINTS)
+        self._most_points = self.config.points_each(len(campaign.tests))
         self.points_ = tuple(self._points(test, view.curve) for test, view in both)
         return [] if by_table_4 else [view.beside(test) for test, view in both]
 

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, Self
 
-LEAST_POINTS = 8
-"""Bias points of a test, however many tests there are."""
+_LEAST_POINTS = 8  # bias points of a test, however many tests there are
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,3 +45,7 @@ class DisplacementConfig:
     def paper(cls) -> Self:
         """Table 4 as published: minutes per fit."""
         return cls(bias="table 4")
+
+    def points_each(self, n_tests: int) -> int:
+        """About how many bias points each of so many tests may have."""
+        return max(self.max_points // n_tests, _LEAST_POINTS)

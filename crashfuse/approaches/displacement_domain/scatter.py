@@ -11,7 +11,7 @@ from crashfuse.approaches.displacement_domain.bias import BiasPoints, uniform_po
 from crashfuse.approaches.displacement_domain.bias_parts import FIRST_FACTOR, GROWTH_UNIT_M, scatter_parts
 from crashfuse.approaches.displacement_domain.cae_force import CaeForce
 from crashfuse.approaches.displacement_domain.cae_view import FINER, CaeView
-from crashfuse.approaches.displacement_domain.config import LEAST_POINTS, DisplacementConfig
+from crashfuse.approaches.displacement_domain.config import DisplacementConfig
 from crashfuse.approaches.displacement_domain.dynamics import integrate
 from crashfuse.approaches.displacement_domain.gaussian_process import GaussianProcess
 from crashfuse.approaches.displacement_domain.hierarchical_bias import HierarchicalBias
@@ -108,7 +108,7 @@ class Scatter:
         """The bias of a test before it stops, where the scatter over displacement is learned."""
         speed, end_share = test.condition.speed_mps, _ScatterBias.end_share
         phase = loading_phase(test.pulse.accel_mps2, speed)
-        most = max(self.config.max_points // n_tests, LEAST_POINTS)
+        most = self.config.points_each(n_tests)
         points = uniform_points(test.condition, phase, view.curve, self.config.step_s, end_share, most)
         kept = points.speed_share >= end_share
         names = ("displacement_m", "speed_share", "bias_mps2")
