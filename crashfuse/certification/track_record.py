@@ -219,7 +219,7 @@ class TrackRecord:
         """Number of verdicts *met* and *not met*, and of the wrong ones."""
         return _decided(self.counted)
 
-    @property
+    @cached_property
     def telling(self) -> "TrackRecord":
         """What shows something: verdicts on limits that some left-out test came near, one a metric of a test."""
         names = {trial.verdict.criterion.name for trial in self.counted if trial.near}

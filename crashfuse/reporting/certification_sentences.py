@@ -72,6 +72,11 @@ def to_test(certification: Certification) -> Iterator[str]:
         yield "No condition of the matrix needs a test."
 
 
+def at_most(wrong: int, n: int) -> str:
+    """The exact 95 % bound of the share of wrong ones: ``at most 4.5 %``."""
+    return f"at most {100 * largest_share(wrong, n):.1f} %"
+
+
 def least_text(all_met: tuple[float, float]) -> str:
     """The least probability that a test meets all criteria, rounded down."""
     return f"{np.floor(1000 * all_met[0] + 1e-9) / 1000:.3f}"
@@ -87,12 +92,12 @@ def record_sentence(record: TrackRecord) -> str:
     undecided = len(record.counted) - decided
     said = (
         f"Record of left-out tests: {_count(decided, 'verdict')} met or not met, {wrong} wrong "
-        f"({_at_most(wrong, decided)}, exact 95 % bound); {undecided} open or outside."
+        f"({at_most(wrong, decided)}, exact 95 % bound); {undecided} open or outside."
     )
     telling, missed = record.telling.decided
     if telling == decided:
         return said
-    rest = f"without them, {missed} of {telling} wrong ({_at_most(missed, telling)})" if telling else "none is left"
+    rest = f"without them, {missed} of {telling} wrong ({at_most(missed, telling)})" if telling else "none is left"
     rest_of = f"{decided - telling} of the {decided} show nothing more, on a metric a second time or on limits that no"
     return f"{said} {rest_of} left-out test came near: {rest}."
 
@@ -107,7 +112,7 @@ def waived_sentence(record: TrackRecord, criteria: Sequence[Criterion]) -> Itera
     if saved:
         yield (
             f"{times} {_count(saved, 'time')} the test need not have been run, as every criterion was met; in {wrong} "
-            f"of these it missed one all the same ({_at_most(wrong, saved)}, exact 95 % bound)."
+            f"of these it missed one all the same ({at_most(wrong, saved)}, exact 95 % bound)."
         )
     else:
         yield (
@@ -203,10 +208,6 @@ def exceptions(certification: Certification) -> dict[str, tuple[str, ...]]:
         "No record": () if record.trials else (record_sentence(record),),
     }
     return {subject: sentences for subject, sentences in found.items() if sentences}
-
-
-def _at_most(wrong: int, n: int) -> str:
-    return f"at most {100 * largest_share(wrong, n):.1f} %"
 
 
 def _grouped(sentences: Mapping[str, str]) -> tuple[str, ...]:

@@ -101,9 +101,9 @@ def validated_domain(certification: Certification, display: Display = DEFAULT) -
     """Draw total mass over speed: the checked region, CAE runs, tests, and conditions by their worst verdict."""
     figure, domain, campaign = new_figure(height=480), certification.domain, certification.campaign
     run_masses = campaign.cae.vectors[:, 1:].sum(axis=1)
+    mass_low, mass_high = map(display.weights, domain.checked_masses_kg)
     for number, (low, high) in enumerate(domain.speed_ranges_mps):
         low, high = display.speeds(low), display.speeds(high)
-        mass_low, mass_high = map(display.weights, domain.checked_masses_kg)
         figure.add_scatter(
             x=[low, high, high, low, low], y=[mass_low, mass_low, mass_high, mass_high, mass_low], mode="lines",
             name="Checked by leaving tests out", legendgroup="checked", showlegend=number == 0, fill="toself",

@@ -5,10 +5,9 @@ import streamlit as st
 from pandas.io.formats.style import Styler
 
 from crashfuse.certification.certify import Certification
-from crashfuse.certification.track_record import largest_share
 from crashfuse.certification.verdict import WORDS
 from crashfuse.files.csv_output import without_formulas
-from crashfuse.reporting.certification_sentences import beside_matrix
+from crashfuse.reporting.certification_sentences import at_most, beside_matrix
 from crashfuse.reporting.certification_tables import verdict_counts
 from crashfuse.reporting.plots.certification import FEW_CONDITIONS, cell_name
 from crashfuse.reporting.plots.display import Display
@@ -42,7 +41,7 @@ def show(judgement: Judgement) -> None:
     decided, wrong = certification.record.telling.decided
     columns[-1].metric(
         "Wrong left-out verdicts", f"{wrong} of {decided}" if decided else "–",
-        f"at most {100 * largest_share(wrong, decided):.1f} %" if decided else None, delta_color="off",
+        at_most(wrong, decided) if decided else None, delta_color="off",
         delta_arrow="off", help="Of verdicts met and not met, one a metric of a test, on limits that some test came "
         "near; with the exact one-sided 95 % bound of their share.",
     )  # fmt: skip
