@@ -7,7 +7,7 @@ import streamlit as st
 from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.certification.certify import APPROACH
 from crashfuse.ui import address, explanations, frame
-from crashfuse.ui.certify import files, record, results
+from crashfuse.ui.certify import earlier, files, record, results
 from crashfuse.ui.certify.criteria import choose_criteria
 from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.certify.matrix import choose_matrix
@@ -19,6 +19,7 @@ from crashfuse.ui.tabs import show_tabs
 TABS = {
     "Verdicts": results.show,
     "Track record": record.show,
+    "Earlier verdicts": earlier.show,
     "Validated domain": record.show_domain,
     "Exceptions": record.show_exceptions,
     "Files and report": files.show,

@@ -109,6 +109,9 @@ def parser() -> argparse.ArgumentParser:
     add_axes(certify, AXES, nargs="+", help="of a grid, not a file")
     certify.add_argument("--factor", nargs="+", metavar="NAME=VALUE", help="of a grid; several values of a name, too")
     certify.add_argument("--approach", metavar="NAME", choices=_Approaches(), help="%(choices)s (default: fused)")
+    certify.add_argument(
+        "--since", type=Path, metavar="DIR", help="an earlier certification: tell what became of its verdicts"
+    )
     _add_settings(certify)
     _add_units(certify)
     _add_workers(certify)

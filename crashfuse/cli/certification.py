@@ -17,8 +17,11 @@ def certify(arguments: argparse.Namespace) -> None:
     """Give a verdict on every criterion at every condition of a matrix."""
     from crashfuse.campaign_folder.load import load_campaign
     from crashfuse.certification.certify import APPROACH
+    from crashfuse.certification.changes import Changes
     from crashfuse.certification.criteria_file import read_criteria
+    from crashfuse.certification.earlier import Earlier
     from crashfuse.reporting import verdicts
+    from crashfuse.reporting.certification_changes import change_sentences
     from crashfuse.reporting.certification_sentences import summary
     from crashfuse.reporting.certification_tables import counts_table
     from crashfuse.reporting.results import write_certification
@@ -27,6 +30,7 @@ def certify(arguments: argparse.Namespace) -> None:
     require_output(arguments.out, arguments.campaign, "certification")
     arguments.approach = [arguments.approach or APPROACH]
     config = settings(arguments)
+    earlier = Earlier.read(arguments.since) if arguments.since else None
     criteria = read_criteria(arguments.criteria or arguments.campaign / "criteria.toml")
     campaign = load_campaign(arguments.campaign)
     matrix = _matrix(arguments, campaign)
@@ -37,9 +41,11 @@ def certify(arguments: argparse.Namespace) -> None:
         )  # fmt: skip
     certification, display = judged.certification, display_of(arguments, campaign)
     with replacing(arguments.out, "certification"), writing(arguments.out, "certification.json") as folder:
-        write_certification(certification, folder, display)
+        write_certification(certification, folder, display, earlier)
     print(counts_table(certification, display.units).to_string(index=False))
     print(*map(display.words, summary(certification)), sep="\n")
+    if earlier is not None:
+        print(*map(display.words, change_sentences(Changes.of(earlier, certification))), sep="\n")
     if campaign.notice:
         print(campaign.notice)
     say_written(arguments.out, "certification")

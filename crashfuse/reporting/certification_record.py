@@ -1,13 +1,35 @@
 """Content of ``certification.json``: what makes a certification again, its counts and what its record says."""
 
+import json
 from dataclasses import asdict
 
 from crashfuse.certification.certify import Certification
+from crashfuse.certification.changes import Changes
 from crashfuse.certification.domain import Domain
+from crashfuse.reporting.certification_changes import change_sentences
 from crashfuse.reporting.certification_sentences import exceptions, summary
 from crashfuse.reporting.certification_tables import bound, counts_table, matrix_table, record_counts, verdict_counts
 from crashfuse.reporting.provenance import certify_command, provenance
 from crashfuse.units import LB, MPH
+
+
+def certification_json(certification: Certification, changes: Changes | None = None) -> bytes:
+    """The file, with what became of an earlier certification if it is beside one."""
+    record = certification_record(certification)
+    if changes is not None:
+        n, wrong = changes.outcomes
+        record["since"] = {
+            "sha256": changes.earlier.digest,
+            "new_tests": changes.new_tests,
+            "run_since": changes.run_since,
+            "decided": {"n": n, "wrong": wrong, "wrong_at_most": bound(wrong, n)},
+            "intervals": dict(zip(("inside", "n"), changes.intervals, strict=True)),
+            "waived_and_run": changes.waived_outcomes,
+            "newly_waived": changes.newly_waived,
+            "withdrawn": changes.withdrawn,
+            "sentences": change_sentences(changes),
+        }
+    return (json.dumps(record, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def certification_record(certification: Certification) -> dict[str, object]:
@@ -27,6 +49,10 @@ def certification_record(certification: Certification) -> dict[str, object]:
             ],
         },
         "matrix": matrix_table(certification.matrix).to_dict("records"),
+        "cells": {
+            i: {own.criterion.name: (own.word, own.probability, own.lower, own.upper) for own in row}
+            for i, row in zip(certification.matrix.ids, certification.verdicts, strict=True)
+        },
         "run": {
             i: {test: {own.criterion.name: own.run[test] for own in row} for test in row[0].run}
             for i, row in zip(certification.matrix.ids, certification.verdicts, strict=True)

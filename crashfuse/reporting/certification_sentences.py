@@ -36,7 +36,7 @@ def matrix_sentence(certification: Certification) -> str:
     n, criteria = len(certification.matrix.ids), len(certification.criteria.items)
     counts = ", ".join(f"{count} {word}" for word, count in verdict_counts(certification).items())
     confidence = certification.criteria.confidence
-    return f"{_count(n, 'condition')} × {_count(criteria, 'criterion')}, confidence {confidence:g}: {counts}."
+    return f"{counted(n, 'condition')} × {counted(criteria, 'criterion')}, confidence {confidence:g}: {counts}."
 
 
 def to_test(certification: Certification) -> Iterator[str]:
@@ -44,12 +44,12 @@ def to_test(certification: Certification) -> Iterator[str]:
     rows, run = {word: _by_condition(certification, word) for word in WORDS}, certification.run
     if run:
         there = [f"{i} (test {' and '.join(tests)})" for i, tests in run.items()]
-        yield f"Run already: {_listed(there)}."
+        yield f"Run already: {listed(there)}."
     if waived := certification.waived:
         least = [f"{i} ({least_text(bounds)})" for i, bounds in waived.items()]
         yield (
             "Need not be run, as every criterion is met (in brackets the probability that all are, at least): "
-            f"{_listed(least)}."
+            f"{listed(least)}."
         )
         yield from waived_sentence(certification.record, certification.criteria.items)
     known = _open(certification, known=True)
@@ -61,13 +61,13 @@ def to_test(certification: Certification) -> Iterator[str]:
         ("The record is too short to tell", _open(certification, known=False)),
     ):
         if some:
-            yield f"{told}: {_listed([f'{i} ({_names(own)})' for i, own in some.items()])}."
+            yield f"{told}: {listed([f'{i} ({_names(own)})' for i, own in some.items()])}."
     if first := certification.run_first:
         yield f"Run {first} first, the fastest that a test can settle, and certify again: others may then need none."
     if certification.domain.too_few_tests:
         yield from certification.domain.too_few_tests
     elif rows["outside"]:
-        yield f"Outside what the tests check: {_listed(list(rows['outside']))}."
+        yield f"Outside what the tests check: {listed(list(rows['outside']))}."
     if not (rows["open"].keys() | rows["outside"].keys()) - run.keys() - rows["not met"].keys():
         yield "No condition of the matrix needs a test."
 
@@ -88,10 +88,10 @@ def record_sentence(record: TrackRecord) -> str:
         return "There is no record: with a single test, none can be left out."
     decided, wrong = record.decided
     if not decided:
-        return f"None of the {_count(len(record.counted), 'verdict')} on left-out tests was met or not met: no record."
+        return f"None of the {counted(len(record.counted), 'verdict')} on left-out tests was met or not met: no record."
     undecided = len(record.counted) - decided
     said = (
-        f"Record of left-out tests: {_count(decided, 'verdict')} met or not met, {wrong} wrong "
+        f"Record of left-out tests: {counted(decided, 'verdict')} met or not met, {wrong} wrong "
         f"({at_most(wrong, decided)}, exact 95 % bound); {undecided} open or outside."
     )
     telling, missed = record.telling.decided
@@ -107,11 +107,11 @@ def waived_sentence(record: TrackRecord, criteria: Sequence[Criterion]) -> Itera
     left_out, saved, wrong = record.waived(criteria)
     if not left_out:
         return
-    tests = _count(len({trial.held_out for trial in record.trials}), "test")
-    times = f"{tests}, left out {_count(left_out, 'time')}, alone or with the speed group:"
+    tests = counted(len({trial.held_out for trial in record.trials}), "test")
+    times = f"{tests}, left out {counted(left_out, 'time')}, alone or with the speed group:"
     if saved:
         yield (
-            f"{times} {_count(saved, 'time')} the test need not have been run, as every criterion was met; in {wrong} "
+            f"{times} {counted(saved, 'time')} the test need not have been run, as every criterion was met; in {wrong} "
             f"of these it missed one all the same ({at_most(wrong, saved)}, exact 95 % bound)."
         )
     else:
@@ -126,8 +126,8 @@ def interval_sentence(record: TrackRecord) -> Iterator[str]:
     inside, n = record.intervals
     if n:
         yield (
-            f"{inside} of {_count(n, 'interval')} held what the left-out test measured ({100 * inside / n:.0f} %; made "
-            "to hold 95 % of single tests), of left-out tests inside what the others check."
+            f"{inside} of {counted(n, 'interval')} held what the left-out test measured ({100 * inside / n:.0f} %; "
+            "made to hold 95 % of single tests), of left-out tests inside what the others check."
         )
 
 
@@ -148,7 +148,7 @@ def support_sentence(record: TrackRecord, criterion: Criterion, confidence: floa
         return shortfall
     if (reservation := support.reservation(confidence)) is not None:
         return reservation
-    own = f"{support.own_wrong} of {_count(support.own_decided, 'left-out verdict')} of its own wrong"
+    own = f"{support.own_wrong} of {counted(support.own_decided, 'left-out verdict')} of its own wrong"
     others = f", {support.wrong} of {support.decided} with those on other criteria"
     return f"It supports the confidence: {own}{others if support.decided > support.own_decided else ''}."
 
@@ -255,11 +255,13 @@ def _names(verdicts: Sequence[Verdict]) -> str:
     return ", ".join(verdict.criterion.name for verdict in verdicts)
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
+    """The first names, and how many there are more."""
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return ", ".join(names[:_NAMED]) + more
 
 
-def _count(n: int, noun: str) -> str:
+def counted(n: int, noun: str) -> str:
+    """A number with its noun: ``3 criteria``."""
     plural = "criteria" if noun == "criterion" else f"{noun}s"
     return f"{n:,} {noun if n == 1 else plural}"

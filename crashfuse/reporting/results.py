@@ -9,10 +9,13 @@ import pandas as pd
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import Certification
+from crashfuse.certification.changes import Changes
+from crashfuse.certification.earlier import Earlier
 from crashfuse.errors import DataError, Problem, UsageError
 from crashfuse.files.atomic import write_atomically
 from crashfuse.files.csv_output import csv_bytes
-from crashfuse.reporting.certification_record import certification_record
+from crashfuse.reporting.certification_changes import changes_table
+from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.exports import parquet_bytes
 from crashfuse.reporting.outgoing_pulses import PULSE_FORMATS, PulseExport, PulseFiles
 from crashfuse.reporting.planning import NextTests, SpeedSweep
@@ -138,15 +141,27 @@ def write_next_tests(ranking: NextTests, config: StudyConfig, folder: Path, disp
     _write(_NEXT_TESTS, folder, ranking, config, display)
 
 
-def write_certification(certification: Certification, folder: str | Path, display: Display = DEFAULT) -> None:
+def write_certification(
+    certification: Certification,
+    folder: str | Path,
+    display: Display = DEFAULT,
+    since: str | Path | Earlier | None = None,
+) -> None:
     """Write ``certification.csv``, ``track_record.csv``, ``report.html`` and, last, ``certification.json``.
+
+    ``since`` is an earlier certification's ``certification.json``, or its folder: ``changes.csv`` and the report then
+    tell what became of it.
 
     Raises
     ------
     OSError
         If the folder cannot be written.
+    DataError
+        If there is no such earlier certification.
     """
-    _write(_CERTIFICATION, folder, certification, display)
+    earlier = Earlier.read(Path(since)) if isinstance(since, str | Path) else since
+    changes = None if earlier is None else Changes.of(earlier, certification)
+    _write(_CERTIFICATION, folder, certification, display, changes)
 
 
 def write_learning_curve(
@@ -202,11 +217,12 @@ _NEXT_TESTS: Mapping[str, Callable[[NextTests, StudyConfig, Display], Content]] 
     "report.html": lambda *result: next_test_report(*result).encode(),
     "next_tests.csv": lambda ranking, *_: csv_bytes(ranking.table),
 }
-_CERTIFICATION: Mapping[str, Callable[[Certification, Display], Content]] = {
-    "certification.csv": lambda certification, _: csv_bytes(Verdicts(certification).table),
-    "track_record.csv": lambda certification, _: csv_bytes(Verdicts(certification).track_record),
+_CERTIFICATION: Mapping[str, Callable[[Certification, Display, Changes | None], Content]] = {
+    "certification.csv": lambda certification, *_: csv_bytes(Verdicts(certification).table),
+    "track_record.csv": lambda certification, *_: csv_bytes(Verdicts(certification).track_record),
+    "changes.csv": lambda _, __, changes: None if changes is None else csv_bytes(changes_table(changes)),
     "report.html": lambda *result: certification_report(*result).encode(),
-    "certification.json": lambda certification, _: _json(certification_record(certification)),
+    "certification.json": lambda certification, _, changes: certification_json(certification, changes),
 }
 _LEARNING_CURVE: Mapping[str, Callable[[LearningCurve, Cost | None, Display], Content]] = {
     "learning_curve.csv": lambda curve, *_: csv_bytes(curve.table),

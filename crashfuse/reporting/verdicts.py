@@ -10,12 +10,15 @@ import plotly.graph_objects as go
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification.certify import APPROACH, Certification, certify_matrix
+from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import CONFIDENCE, Criteria
 from crashfuse.certification.criteria_file import criteria_of, read_criteria
+from crashfuse.certification.earlier import Earlier
 from crashfuse.certification.matrix import Matrix
 from crashfuse.errors import one_of, require_a
 from crashfuse.execution.cache import Cache
 from crashfuse.execution.progress import SILENT, Watch
+from crashfuse.reporting.certification_changes import changes_table
 from crashfuse.reporting.certification_tables import (
     certification_table,
     counts_table,
@@ -50,6 +53,16 @@ class Verdicts:
     def counts(self) -> pd.DataFrame:
         """Number of verdicts of each kind, one row a criterion."""
         return counts_table(self.certification)
+
+    def since(self, earlier: str | Path) -> pd.DataFrame:
+        """What became of an earlier certification, by its ``certification.json`` or folder, as ``changes.csv``.
+
+        Raises
+        ------
+        DataError
+            If there is no such certification.
+        """
+        return changes_table(Changes.of(Earlier.read(Path(earlier)), self.certification))
 
     def plot(self, figure: str = "verdicts", **display: Unpack[DisplayOptions]) -> go.Figure:
         """A figure of the page Certify.

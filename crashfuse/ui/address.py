@@ -127,6 +127,7 @@ CHOICES: dict[str, Choice] = {
     "approach": Choice(pages=("certify",)),
     "matrix": Choice(pages=("certify",)),
     "uploaded": Choice(pages=("certify",), of_campaign=True),
+    "earlier": Choice(pages=("certify",), of_campaign=True),
     "speeds": Choice(pages=("certify",)),
     "front_weights": Choice(pages=("certify",)),
     "rear_weights": Choice(pages=("certify",)),

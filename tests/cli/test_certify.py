@@ -113,6 +113,36 @@ def test_the_json_makes_the_same_certification_again(planned: Path, tmp_path: Pa
 
 
 @pytest.mark.slow
+def test_an_earlier_certification_is_held_against_a_test_run_since(
+    campaign: Campaign, planned: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Made without a test, then with it: printed, in changes.csv and in the report, which others do not have."""
+    *_, last = campaign.test_ids
+    there = campaign.test(last).condition
+    fewer = write_campaign(campaign.without([last]), tmp_path / "fewer")
+    grid = ["--criteria", str(planned / "criteria.toml"), "--speed-kph", f"{there.speed_mps * 3.6}"]
+    grid += ["--front-weight-kg", f"{there.front_weight_kg}", "--rear-weight-kg", f"{there.rear_weight_kg}"]
+    assert certify(fewer, tmp_path / "first", *grid) == cli.DONE
+    assert not (tmp_path / "first" / "changes.csv").exists()
+    for earlier in (tmp_path / "first", tmp_path / "first" / "certification.json"):
+        assert certify(planned, tmp_path / "second", *grid, "--since", str(earlier)) == cli.DONE
+    printed = capsys.readouterr().out
+    assert f"from {len(campaign.test_ids) - 1} tests" in printed
+    assert f"new since: {last}." in printed
+    assert f"Run since at its conditions: M001 (test {last})." in printed
+    table = pd.read_csv(tmp_path / "second" / "changes.csv")
+    assert table["test"].tolist() == [last] * 3
+    measured = {metric.name: metric.value for metric in campaign.metrics_of(campaign.test(last))}
+    assert table["measured"].tolist()[:2] == pytest.approx([measured["max_crush"], measured["peak"]], rel=1e-5)
+    assert "what became of them" in (tmp_path / "second" / "report.html").read_text(encoding="utf-8")
+    assert certify(planned, tmp_path / "second", *grid) == cli.DONE
+    assert not (tmp_path / "second" / "changes.csv").exists()
+    assert certify(planned, tmp_path / "third", *grid, "--since", str(planned)) == cli.WRONG_DATA
+    assert "certification.json: expected this file" in capsys.readouterr().err
+    assert not (tmp_path / "third").exists()
+
+
+@pytest.mark.slow
 def test_a_grid_takes_the_place_of_the_matrix(planned: Path, tmp_path: Path) -> None:
     """Every combination of speeds, weights and values of factors."""
     assert certify(planned, tmp_path, "--speed-mph", "20", "25", *GRID, "--factor", "drive=FWD") == cli.DONE

@@ -1,5 +1,6 @@
 """The page Certify: from criteria and conditions, of files or typed in, to verdicts and what stands behind them."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
 from crashfuse.certification.criteria_file import criteria_text, read_criteria
 from crashfuse.errors import UsageError
+from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_sentences import to_test
 from crashfuse.reporting.certification_tables import certification_table, matrix_table, verdict_counts
 from crashfuse.reporting.verdicts import Verdicts
@@ -42,7 +44,8 @@ M1,20,2050,1500
 M2,33,2050,1500
 M3,70,2050,1500
 """
-FILES = ["certification.csv", "track_record.csv", "criteria.toml", "matrix.csv", "report.html", "report.pptx"]
+FILES = ["certification.csv", "track_record.csv", "criteria.toml", "matrix.csv", "certification.json"]
+FILES += ["report.html", "report.pptx"]
 
 pytestmark = pytest.mark.usefixtures("one_cache")
 
@@ -319,12 +322,36 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
     assert session.app.error
     st.cache_resource.clear()  # as a server does that begins
     assert summary in [own.label for own in visit("certify", **link).app.expander]
-    (kept,) = (tmp_path / "matrices").iterdir()
+    (kept,) = (tmp_path / "uploads").iterdir()
     assert kept.read_bytes() == content
     kept.write_bytes(content.replace(b"21", b"22"))  # valid, but not what the link means
     elsewhere = visit("certify", **link)
     assert "not on this server" in elsewhere.words
     assert "Certify" not in elsewhere.buttons
+
+
+def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_link(asking: Path, visit: Visit) -> None:
+    """Its file is uploaded once; another session sees what became of it, and so do report and table."""
+    session = tab(certified(visit("certify", **LINK)), "Earlier verdicts")
+    assert "What became of it is in the report, too." in session.words
+    record = json.loads(certification_json(of_library(asking).certification))
+    record["cells"]["M1"] = {"crush": ("open", 0.5, 1.0, 2.0), "rating": ("open", 0.5, 0.0, 1.0)}
+    last = record["tests"].pop()
+    for content, told in (
+        (b"{}", "expected the record of a certification"),
+        (json.dumps(record).encode(), f"new since: {last}."),
+    ):
+        session.app.file_uploader[-1].set_value([("certification.json", content, "application/json")])
+        session.run()
+        assert told in session.words
+    assert "Of 6 verdicts that both have" in session.words
+    assert session.tables[-1]["Condition"].tolist()[0] == "M1"
+    session.run()
+    link = {**LINK, "earlier": session.app.session_state["earlier"], "certify_tab": "Earlier verdicts"}
+    elsewhere = certified(visit("certify", **link))
+    assert "Of 6 verdicts that both have" in elsewhere.words
+    names = [button.label for button in tab(elsewhere, "Files and report").app.download_button]
+    assert sorted(names) == sorted([*FILES, "changes.csv"])
 
 
 @pytest.mark.parametrize(

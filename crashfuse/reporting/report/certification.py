@@ -8,10 +8,12 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from crashfuse.certification.certify import Certification
+from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import Criterion
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import WORDS, Verdict
+from crashfuse.reporting.certification_changes import change_sentences, shown_changes
 from crashfuse.reporting.certification_sentences import (
     brier_sentence,
     domain_sentences,
@@ -37,8 +39,10 @@ _CRITERIA_A_FIGURE = 2
 _MOST_FIGURES = 20
 
 
-def certification_report(certification: Certification, display: Display = DEFAULT) -> str:
-    """HTML report of a certification, made for paper."""
+def certification_report(
+    certification: Certification, display: Display = DEFAULT, changes: Changes | None = None
+) -> str:
+    """HTML report of a certification, made for paper; with what became of an earlier one, if it is beside one."""
     campaign, criteria, record = certification.campaign, certification.criteria, certification.record
     shown, windows_ms = Verdicts(certification), certification.config.windows_ms
     repeats = repeatability(campaign, windows_ms, seed=certification.config.seed)
@@ -63,6 +67,8 @@ def certification_report(certification: Certification, display: Display = DEFAUL
         counts=counts_table(certification, display.units).rename(columns={"criterion": "Criterion", "limit": "Limit"}),
         matrix_figures=list(_matrix_figures(certification, display)),
         verdict_rows=_shortened(_verdicts(certification, display), "certification.csv"),
+        changes=() if changes is None else change_sentences(changes),
+        changed=None if changes is None else _shortened(shown_changes(changes, display), "changes.csv"),
         record=[record_sentence(record), *waived_sentence(record, criteria.items)],
         record_figures=list(_record_figures(certification, display)),
         record_counts=_record_counts(record, criteria.items),

@@ -4,18 +4,24 @@ import streamlit as st
 
 from crashfuse.certification.criteria_file import criteria_text
 from crashfuse.files.csv_output import csv_bytes
+from crashfuse.reporting.certification_changes import changes_table
+from crashfuse.reporting.certification_record import certification_json
 from crashfuse.reporting.certification_tables import matrix_table
 from crashfuse.reporting.report import certification_report
+from crashfuse.ui.certify.earlier import changes_of
 from crashfuse.ui.certify.judgement import Judgement
 from crashfuse.ui.downloads import download_bytes, download_report, download_table
 
 
 def show(judgement: Judgement) -> None:
     """Offer them; criteria and matrix ask for the same again."""
-    verdicts, certification = judgement.verdicts, judgement.certification
+    verdicts, certification, changes = judgement.verdicts, judgement.certification, changes_of(judgement)
     with st.container(horizontal=True):
         download_table("certification.csv", lambda: verdicts.table)
         download_table("track_record.csv", lambda: verdicts.track_record)
+        if changes is not None:
+            download_table("changes.csv", lambda: changes_table(changes))
         download_bytes("criteria.toml", lambda: criteria_text(certification.criteria).encode())
         download_bytes("matrix.csv", lambda: csv_bytes(matrix_table(certification.matrix), float_format=None))
-        download_report(lambda: certification_report(certification, judgement.display))
+        download_bytes("certification.json", lambda: certification_json(certification, changes))
+        download_report(lambda: certification_report(certification, judgement.display, changes))

@@ -14,8 +14,7 @@ from crashfuse.errors import CrashfuseError, UsageError
 from crashfuse.files.csv_output import without_formulas
 from crashfuse.reporting.plots.display import Display
 from crashfuse.ui import address
-from crashfuse.ui.certify import kept_tables
-from crashfuse.ui.certify.uploaded import show_wrong, uploaded
+from crashfuse.ui.certify.uploaded import choose_kept, show_wrong, uploaded
 from crashfuse.ui.figures import choose
 from crashfuse.ui.frame import View
 from crashfuse.ui.text import plain
@@ -72,33 +71,9 @@ def _read(path: Path, changed_ns: int, fingerprint: str, _campaign: Campaign) ->
 
 
 def _uploaded(campaign: Campaign) -> Matrix | None:
-    """An uploaded matrix, kept on the server under a name that is in the address."""
-    state, key = st.session_state, f"matrix file {campaign.fingerprint[:8]}"
-    wrong = f"{key}: wrong"
-
-    def take() -> None:
-        if (file := state[key]) is None:
-            return
-        state[wrong], state["uploaded"] = None, None
-        content = file.getvalue()
-        try:
-            _checked(content, campaign.fingerprint, campaign)
-            state["uploaded"] = kept_tables.keep(content)
-        except CrashfuseError as error:
-            state[wrong] = error
-
     columns = ", ".join(["id", "speed_mph", "front_weight_lb", "rear_weight_lb", *map(plain, campaign.factors)])
-    st.file_uploader(f"Upload {_FILE}, with the columns {columns}", type="csv", key=key, on_change=take)
-    if (error := state.get(wrong)) is not None:
-        raise error
-    if (digest := state["uploaded"]) is None:
-        return None
-    if (content := kept_tables.find(digest)) is None:
-        raise UsageError(
-            "The matrix of this link is not on this server: it was uploaded elsewhere, or removed after a year without "
-            "use. Upload it again."
-        )
-    return _checked(content, campaign.fingerprint, campaign)
+    label, key = f"Upload {_FILE}, with the columns {columns}", f"matrix file {campaign.fingerprint[:8]}"
+    return choose_kept(label, _FILE, "uploaded", key, lambda content: _checked(content, campaign.fingerprint, campaign))
 
 
 @st.cache_resource(max_entries=8, show_spinner=False)

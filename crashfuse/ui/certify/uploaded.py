@@ -1,4 +1,4 @@
-"""Uploaded criteria and matrices, and what is wrong with them."""
+"""Uploaded criteria, matrices and earlier certifications, and what is wrong with them."""
 
 import tempfile
 from collections.abc import Callable
@@ -7,7 +7,8 @@ from typing import TypeVar
 
 import streamlit as st
 
-from crashfuse.errors import CrashfuseError, DataError
+from crashfuse.errors import CrashfuseError, DataError, UsageError
+from crashfuse.ui.certify import kept_files
 from crashfuse.ui.text import plain
 
 T = TypeVar("T")
@@ -21,6 +22,54 @@ def uploaded(content: bytes, name: str, read: Callable[[Path], T]) -> T:
         path = Path(folder, name)
         path.write_bytes(content)
         return read(path)
+
+
+def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[bytes], T]) -> T | None:
+    """Ask for a file that is kept on the server under a name, which the address has as this choice.
+
+    Parameters
+    ----------
+    file : str
+        Its usual name.
+    key : str
+        Of the widget.
+    read : callable
+        Read and check its content, raising a :class:`~crashfuse.errors.CrashfuseError` if it is wrong.
+
+    Raises
+    ------
+    CrashfuseError
+        If what was uploaded is wrong, or the file of a link is not on this server.
+    """
+    state, wrong = st.session_state, f"{key}: wrong"
+
+    def take() -> None:
+        if (given := state[key]) is None:
+            return
+        state[wrong], state[choice] = None, None
+        content = given.getvalue()
+        try:
+            read(content)
+            state[choice] = kept_files.keep(content, file)
+        except CrashfuseError as error:
+            state[wrong] = error
+
+    st.file_uploader(label, type=Path(file).suffix[1:], key=key, on_change=take)
+    if (error := state.get(wrong)) is not None:
+        raise error
+    return find_kept(file, choice, read)
+
+
+def find_kept(file: str, choice: str, read: Callable[[bytes], T]) -> T | None:
+    """What the address has as this choice; None if it has none. Raises as :func:`choose_kept`."""
+    if (name := st.session_state[choice]) is None:
+        return None
+    if (content := kept_files.find(name)) is None:
+        raise UsageError(
+            f"The {file} of this link is not on this server: it was uploaded elsewhere, or removed after a year "
+            "without use. Upload it again."
+        )
+    return read(content)
 
 
 def show_wrong(error: CrashfuseError) -> None:

@@ -1,7 +1,7 @@
-"""Uploaded tables of conditions, kept beside the cache under a digest of their content: a link outlives the server.
+"""Uploaded files, kept beside the cache under a digest of their content: a link outlives the server.
 
-What is kept was read as a matrix before, and whoever takes it from here reads and checks it again. The digest tells
-what was changed on the disk, and nobody finds a table whose content they do not know.
+What is kept was read before, as a matrix or an earlier certification, and whoever takes it from here reads and checks
+it again. The digest tells what was changed on the disk, and nobody finds a file whose content they do not know.
 """
 
 import hashlib
@@ -16,15 +16,15 @@ from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
 
 LARGEST = 8 << 20
-"""Bytes of a table; 10,000 conditions take less than one million."""
+"""Bytes of a file; 10,000 conditions take less than one million, a verdict on each less than two hundred."""
 
 _MOST, _MOST_BYTES = 200, 64 << 20  # of all; what was not used for longest makes room
 _UNUSED_S = 365 * 86400.0
 _NAME = re.compile(r"[0-9a-f]{24}")
 
 
-def keep(content: bytes) -> str:
-    """Keep a table that could be read; returns the name that a link has for it.
+def keep(content: bytes, file: str) -> str:
+    """Keep the content of such a file, which could be read; returns the name that a link has for it.
 
     Raises
     ------
@@ -33,19 +33,19 @@ def keep(content: bytes) -> str:
     """
     if len(content) > LARGEST:
         expected, found = f"at most {LARGEST >> 20} MB", f"{len(content) / 2**20:.1f} MB"
-        raise DataError(Problem("matrix.csv", expected, found, "remove what is no condition, or split the table"))
+        raise DataError(Problem(file, expected, found, "leave out some conditions"))
     name = _name(content)
     try:
         write_atomically(_path(name), content)
     except OSError as error:
         expected = "room to keep it on the server's disk"
-        raise DataError(Problem("matrix.csv", expected, error.strerror or "none", "free some space")) from error
+        raise DataError(Problem(file, expected, error.strerror or "none", "free some space")) from error
     _tidy()
     return name
 
 
 def find(name: str) -> bytes | None:
-    """The table kept under this name; None if there is none, or if it is not what was kept."""
+    """The content kept under this name; None if there is none, or if it is not what was kept."""
     if not _NAME.fullmatch(name):  # of a link that anybody may have written
         return None
     path = _path(name)
@@ -63,7 +63,7 @@ def find(name: str) -> bytes | None:
 def _tidy() -> None:
     """Delete what was not used for a year, and what is too much, the least recently used first."""
     with suppress(OSError):  # another server may have removed one between two looks
-        found = sorted(((each.stat(), each) for each in _home().glob("*.csv")), key=lambda own: -own[0].st_mtime)
+        found = sorted(((each.stat(), each) for each in _home().iterdir()), key=lambda own: -own[0].st_mtime)
         size = 0
         for number, (stat, path) in enumerate(found):
             size += stat.st_size
@@ -76,8 +76,8 @@ def _name(content: bytes) -> str:
 
 
 def _path(name: str) -> Path:
-    return _home() / f"{name}.csv"
+    return _home() / name
 
 
 def _home() -> Path:
-    return default_folder() / "matrices"
+    return default_folder() / "uploads"

@@ -1,0 +1,116 @@
+"""An earlier certification is read from its JSON with every number, and from nothing else."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from crashfuse.certification.earlier import FILE, Earlier, EarlierVerdict
+from crashfuse.errors import DataError
+from crashfuse.units import LB, MPH
+
+RECORD: dict[str, Any] = {
+    "crashfuse": "0.1.0",
+    "campaign": "Sedan",
+    "tests": ["T1", "T2"],
+    "config": {"approaches": ["fused"], "preset": "fast", "seed": 3},
+    "criteria": {
+        "confidence": 0.9,
+        "criterion": [
+            {"name": "crush", "metric": "max_crush", "at_most": 600.0},
+            {"name": "good", "metric": "rating", "window_ms": 60.0, "at_least": 0.8},
+        ],
+    },
+    "matrix": [
+        {"id": "A", "speed_mph": 20, "front_weight_lb": 2000, "rear_weight_lb": 1500, "drive": "FWD"},
+        {"id": "B", "speed_mph": 30, "front_weight_lb": 2000, "rear_weight_lb": 1500, "drive": ""},
+    ],
+    "run": {"B": {"T2": {"crush": 510.0, "good": None}}},
+    "cells": {
+        "A": {"crush": ["met", 0.98, 400.0, 500.0], "good": ["met", 0.92, 0.7, 1.0]},
+        "B": {"crush": ["open", 0.6, None, 610.0], "good": ["outside", None, None, None]},
+    },
+}
+
+
+def changed(at: tuple[object, ...], value: object) -> bytes:
+    """The record with another value at a place."""
+    record = json.loads(json.dumps(RECORD))
+    part = record
+    for key in at[:-1]:
+        part = part[key]
+    part[at[-1]] = value
+    return json.dumps(record).encode()
+
+
+def test_everything_that_is_compared_is_read(tmp_path: Path) -> None:
+    """Of the file as of its folder: conditions in SI, criteria, verdicts, tests, settings and the file's digest."""
+    (tmp_path / FILE).write_text(json.dumps(RECORD))
+    earlier = Earlier.read(tmp_path)
+    assert earlier.matrix.ids == ("A", "B")
+    assert earlier.matrix.conditions[0].vector.tolist() == pytest.approx([20 * MPH, 2000 * LB, 1500 * LB])
+    assert earlier.matrix.conditions[0].factors == (("drive", "FWD"),)
+    assert [own.limits for own in earlier.criteria.items] == ["at most 600 mm", "at least 0.80"]
+    assert earlier.verdicts[1] == (
+        EarlierVerdict("open", 0.6, None, 610.0),
+        EarlierVerdict("outside", None, None, None),
+    )
+    assert earlier.tests == ("T1", "T2")
+    assert earlier.run == {"B": ("T2",)}
+    assert earlier.settings["approach"] == "fused"
+    assert earlier.waived == ("A",)
+    assert Earlier.read(tmp_path / FILE).digest == earlier.digest != Earlier.parse(changed(("run",), {})).digest
+    assert len(repr(earlier)) < 100
+
+
+def test_an_interval_of_which_one_end_is_known_holds_what_is_on_its_side() -> None:
+    """None at all is no answer."""
+    known, half, unknown = (EarlierVerdict("open", 0.5, *ends) for ends in ((1.0, 2.0), (None, 2.0), (None, None)))
+    assert [known.holds(value) for value in (0.9, 1.0, 2.1)] == [False, True, False]
+    assert half.holds(-1.0)
+    assert unknown.holds(1.0) is None
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"[]",
+        b"[" * 100_000,
+        b'{"study": 1}',
+        changed(("cells",), {}),
+        changed(("cells", "A", "crush"), ["met", 1.5, 1.0, 2.0]),
+        changed(("cells", "A", "crush"), ["met", float("nan"), 1.0, 2.0]),
+        changed(("cells", "A", "crush"), ["perhaps", 0.5, 1.0, 2.0]),
+        changed(("cells", "A", "crush"), ["met", 0.5, "1", 2.0]),
+        changed(("cells", "A", "crush"), ["met"]),
+        changed(("matrix", 0, "speed_mph"), -20),
+        changed(("matrix", 0, "id"), "<b>\n"),
+        changed(("matrix",), []),
+        changed(("tests",), ["\x1b[31m"]),
+        changed(("config", "approaches"), []),
+        changed(("criteria", "criterion"), [{"metric": "colour", "at_most": 1}]),
+    ],
+)
+def test_another_file_is_one_sentence(content: bytes) -> None:
+    """Whatever is wrong with it, what is expected and what to do is told in a line."""
+    with pytest.raises(DataError) as raised:
+        Earlier.parse(content)
+    (problem,) = raised.value.problems
+    assert str(problem).startswith(f"{FILE}: expected the record of a certification, found ")
+    assert "that crashfuse certify wrote" in str(problem)
+    assert str(problem).isprintable()
+
+
+def test_no_file_and_a_huge_one_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder without it, too."""
+    find: Callable[[Path], Earlier] = Earlier.read
+    for path in (tmp_path, tmp_path / "other.json"):
+        with pytest.raises(DataError, match="expected this file, found No such file"):
+            find(path)
+    (tmp_path / FILE).write_text(json.dumps(RECORD))
+    monkeypatch.setattr("crashfuse.certification.earlier._LARGEST", 10)
+    with pytest.raises(DataError, match="at most 64 MB"):
+        find(tmp_path)

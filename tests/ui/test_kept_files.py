@@ -1,0 +1,66 @@
+"""Uploaded files on the server's disk."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from crashfuse.errors import DataError
+from crashfuse.ui.certify import kept_files
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where they are kept."""
+    monkeypatch.setenv("CRASHFUSE_CACHE", str(tmp_path))
+    return tmp_path / "uploads"
+
+
+def test_a_file_is_found_by_its_name_until_it_is_changed(home: Path) -> None:
+    """Another content is not what the link means, whoever wrote it."""
+    name = kept_files.keep(b"id\n", "matrix.csv")
+    assert kept_files.find(name) == b"id\n"
+    assert kept_files.keep(b"id\n", "matrix.csv") == name
+    (home / name).write_bytes(b"id,\n")
+    assert kept_files.find(name) is None
+
+
+@pytest.mark.parametrize("name", ["", "../secret", "/etc/passwd", "0" * 24, "0" * 23 + "g", "0" * 25, "0" * 24 + "\n"])
+def test_a_link_reads_no_other_file(home: Path, name: str) -> None:
+    """A name is 24 hexadecimal digits, or it is none."""
+    home.mkdir()
+    (home.parent / "secret.csv").write_bytes(b"x")
+    assert kept_files.find(name) is None
+
+
+def test_the_least_recently_used_makes_room(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By number, by size of all, and after a year; what a link asked for counts as used."""
+    monkeypatch.setattr(kept_files, "_MOST", 3)
+    names = [kept_files.keep(bytes([number]), "matrix.csv") for number in range(3)]
+    os.utime(home / names[0], (0, 0))
+    kept_files.find(names[0])
+    used = (home / names[0]).stat().st_mtime
+    for seconds, name in zip((20, 10), names[1:], strict=True):  # within the year
+        os.utime(home / name, (used - seconds,) * 2)
+    new = kept_files.keep(b"new", "matrix.csv")
+    assert {path.name for path in home.iterdir()} == {names[0], names[2], new}
+    os.utime(home / names[2], (0, 0))
+    kept_files.keep(b"newer", "matrix.csv")
+    assert kept_files.find(names[2]) is None
+    monkeypatch.setattr(kept_files, "_MOST_BYTES", 8)
+    assert kept_files.find(last := kept_files.keep(b"1234567", "matrix.csv")) is not None
+    assert [path.name for path in home.iterdir()] == [last]
+
+
+def test_too_large_a_file_is_refused_and_a_full_disk_is_told(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In one sentence each; nothing is written."""
+    with pytest.raises(DataError, match=r"matrix\.csv: expected at most 8 MB, found 8\.0 MB"):
+        kept_files.keep(b"x" * (kept_files.LARGEST + 1), "matrix.csv")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(kept_files, "write_atomically", full)
+    with pytest.raises(DataError, match="room to keep it on the server's disk, found No space left on device"):
+        kept_files.keep(b"x", "matrix.csv")
+    assert not home.exists()
