@@ -91,9 +91,13 @@ class Changes:
 
     @property
     def outcomes(self) -> tuple[int, int]:
-        """How many earlier verdicts, met or not met, tests run since can tell, and how many of these were wrong."""
-        told = [came_true for cell in self.cells for came_true in cell.came_true.values()]
-        return len(told), told.count(False)
+        """How many earlier verdicts, met or not met, tests run since tell of, and how many were wrong; one a metric."""
+        told: dict[tuple[str, str, str], bool] = {}
+        for cell in self.cells:
+            for test, came_true in cell.came_true.items():
+                key = cell.condition_id, quantity(cell.criterion), test
+                told[key] = came_true and told.get(key, True)
+        return len(told), list(told.values()).count(False)
 
     @property
     def intervals(self) -> tuple[int, int]:

@@ -43,7 +43,7 @@ def changes_table(changes: Changes) -> pd.DataFrame:
 
 
 def shown_changes(changes: Changes, display: Display = DEFAULT) -> pd.DataFrame:
-    """The same for readers, without verdicts that are as they were and that no test run since tells anything of."""
+    """The same for readers: first what tests run since tell of, then verdicts that are not as they were."""
     return pd.DataFrame(
         {
             "Condition": cell.condition_id,
@@ -58,7 +58,7 @@ def shown_changes(changes: Changes, display: Display = DEFAULT) -> pd.DataFrame:
             or "–",
             "Came true": ", ".join("yes" if true else "no" for true in cell.came_true.values()) or "–",
         }
-        for cell in changes.cells
+        for cell in sorted(changes.cells, key=lambda cell: not cell.since)
         if cell.since or cell.before is None or cell.now is None or cell.before.word != cell.now.word
     )
 
@@ -91,7 +91,7 @@ def _beside(changes: Changes) -> Iterator[str]:
         "confidence": later.criteria.confidence,
     }
     then = {**earlier.settings, "confidence": earlier.criteria.confidence}
-    if differ := [f"{name} {own}, then {then[name]}" for name, own in today.items() if own != then[name]]:
+    if differ := [f"{name} {own} (then {then[name]})" for name, own in today.items() if own != then[name]]:
         yield f"Made otherwise: {'; '.join(differ)}."
 
 

@@ -89,6 +89,16 @@ def test_a_test_run_since_tells_whether_a_verdict_came_true(later: Certification
     assert all(fastest.id in own and "at most 25 g" in own for own in told)
 
 
+def test_two_limits_on_one_metric_are_one_verdict(later: Certification) -> None:
+    """Or a criterion written twice would make a record; a wrong one counts."""
+    n = len(later.matrix.ids)
+    loose = replace(PEAK, name="loose", at_most=1000.0)
+    before = replace(earlier(later, [(OPEN, MET, MET)] * n), criteria=Criteria((CRUSH, PEAK, loose), 0.8))
+    changes = Changes.of(before, later)
+    peaks = [m.value or 0.0 for t in later.campaign.tests for m in later.campaign.metrics_of(t) if m.name == "peak"]
+    assert changes.outcomes == (len(peaks), sum(peak > 25.0 for peak in peaks))
+
+
 def test_of_conditions_that_needed_no_test_it_is_told_which_criteria_were_missed(later: Certification) -> None:
     """That answer is what a test is saved by; one that was not met is no such answer."""
     tests = later.campaign.test_ids
@@ -155,7 +165,7 @@ def test_what_was_made_otherwise_is_told(later: Certification) -> None:
     before = replace(earlier(later, rows(*[OPEN] * len(later.matrix.ids))), criteria=Criteria((CRUSH, PEAK), 0.9))
     before = replace(before, settings={**before.settings, "seed": 7}, tests=("OLD",))
     said = " ".join(change_sentences(Changes.of(before, later)))
-    assert "Made otherwise: seed 0, then 7; confidence 0.8, then 0.9." in said
+    assert "Made otherwise: seed 0 (then 7); confidence 0.8 (then 0.9)." in said
     assert "no longer used: OLD" in said
 
 
