@@ -1,5 +1,6 @@
 """A physical test, and how tests lie over speed: those at about one speed, and some spread evenly."""
 
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,6 +34,12 @@ class CrashTest:
 
     def __repr__(self) -> str:
         return f"<CrashTest {self.id!r} at {self.condition}>"
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of its condition and pulse, to the digits that survive other units: the same record by any id."""
+        where = [*self.condition.vector.round(6).tolist(), *sorted(pair for pair in self.condition.factors if pair[1])]
+        return hashlib.sha256(repr(where).encode() + self.pulse.accel_mps2.astype("<f4").tobytes()).hexdigest()
 
 
 def at_the_speed_of(test: CrashTest, tests: Sequence[CrashTest]) -> tuple[CrashTest, ...]:

@@ -1,5 +1,6 @@
-"""What became of an earlier certification: verdicts that changed, and what tests run since then measured."""
+"""What became of an earlier certification: verdicts that changed, and what tests that it did not know measured."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Self
@@ -21,27 +22,38 @@ class Change:
 
     Attributes
     ----------
+    earlier_id, later_id : str or None
+        The condition's id in each; None if that one does not have it.
     before, now : EarlierVerdict or None, Verdict or None
         None if that one did not ask for it.
-    since : mapping of str to float or None
-        What tests that the earlier one did not know measured there: a metric, or the rating of the prediction made
-        without it today; None if the record is too short, or no criterion asks for it any more.
+    measured : mapping of str to float or None
+        What tests that the earlier one did not know measured there, by their ids; None if the record is too short.
+        Empty of a rating: it would be that of another prediction.
     """
 
-    condition_id: str
+    earlier_id: str | None
+    later_id: str | None
     condition: Condition
     criterion: Criterion
-    before: EarlierVerdict | None
-    now: Verdict | None
-    since: dict[str, float | None] = field(default_factory=dict)
+    before: EarlierVerdict | None = None
+    now: Verdict | None = None
+    measured: Mapping[str, float | None] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The condition by the id of today, with the earlier one if that is another."""
+        if self.later_id is None:
+            return f"{self.earlier_id} (then)"
+        then = "" if self.earlier_id in (None, self.later_id) else f" (then {self.earlier_id})"
+        return f"{self.later_id}{then}"
 
     @property
     def came_true(self) -> dict[str, bool]:
-        """Whether each test run since showed what the earlier verdict, met or not met, said."""
+        """Whether each of these tests showed what the earlier verdict, met or not met, said."""
         if self.before is None or not self.before.decided:
             return {}
         said = self.before.word == "met"
-        return {test: self.criterion.is_met_by(v) == said for test, v in self.since.items() if v is not None}
+        return {test: self.criterion.is_met_by(v) == said for test, v in self.measured.items() if v is not None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,21 +66,32 @@ class Changes:
 
     @classmethod
     def of(cls, earlier: Earlier, later: Certification) -> Self:
-        """Compare them: what the earlier one said, in its order, then what only the later one says."""
-        now = {_key(own.condition, own.criterion): (i, own) for i, own in later.cells}
-        measured = {
-            (trial.held_out, quantity(trial.verdict.criterion)): trial.measured
-            for trial in later.record.trials
-            if trial.left_out == "test"
-        }
-        cells = []
+        """Compare them: what the earlier one said, in its order, then what only the later one says.
+
+        Raises
+        ------
+        DataError
+            If the campaign has none of the tests that the earlier one learned from: it is another vehicle's.
+        """
+        campaign, new = later.campaign, earlier.unknown_of(later.campaign)
+        ids = _by_place(later.matrix)
+        now = {_key(own.condition, own.criterion): own for _, own in later.cells}
+        cells, asked = [], set()
         for i, condition, row in zip(earlier.matrix.ids, earlier.matrix.conditions, earlier.verdicts, strict=True):
-            tests = [test.id for test in later.campaign.tests_at(condition) if test.id not in earlier.tests]
+            tests = [test for test in campaign.tests_at(condition) if test.id in new]
+            shown = {test.id: {m.name: m.value for m in campaign.metrics_of(test)} for test in tests}
             for criterion, before in zip(earlier.criteria.items, row, strict=True):
-                since = {test: measured.get((test, quantity(criterion))) for test in tests}
-                _, verdict = now.pop(_key(condition, criterion), (i, None))
-                cells.append(Change(i, condition, criterion, before, verdict, since))
-        cells += [Change(i, verdict.condition, verdict.criterion, None, verdict) for i, verdict in now.values()]
+                of = criterion.metric if criterion.window_ms is None else None
+                measured = {} if of is None else {test: own[of] for test, own in shown.items()}
+                key = _key(condition, criterion)
+                asked.add(key)
+                cells.append(Change(i, ids.get(key[0]), condition, criterion, before, now.get(key), measured))
+        then = _by_place(earlier.matrix)
+        cells += [
+            Change(then.get(_place(own.condition)), i, own.condition, own.criterion, now=own)
+            for i, own in later.cells
+            if _key(own.condition, own.criterion) not in asked
+        ]
         return cls(earlier, later, tuple(cells))
 
     def __repr__(self) -> str:
@@ -76,8 +99,14 @@ class Changes:
 
     @property
     def new_tests(self) -> tuple[str, ...]:
-        """Tests that the earlier certification did not know."""
-        return tuple(test for test in self.later.campaign.test_ids if test not in self.earlier.tests)
+        """Tests whose record the earlier certification did not know, by whatever id."""
+        return self.earlier.unknown_of(self.later.campaign)
+
+    @property
+    def gone_tests(self) -> tuple[str, ...]:
+        """Tests that the earlier certification learned from and that are not used any more, by their ids then."""
+        used = {test.digest for test in self.later.campaign.tests}
+        return tuple(test for test, digest in self.earlier.tests.items() if digest not in used)
 
     @property
     def compared(self) -> tuple[tuple[Change, EarlierVerdict, Verdict], ...]:
@@ -85,67 +114,83 @@ class Changes:
         return tuple((cell, cell.before, cell.now) for cell in self.cells if cell.before and cell.now)
 
     @cached_property
-    def run_since(self) -> dict[str, tuple[str, ...]]:
-        """Tests that were run since at conditions of the earlier certification, by its ids."""
-        return {cell.condition_id: tuple(cell.since) for cell in self.cells if cell.since}
+    def tested(self) -> dict[str, tuple[str, ...]]:
+        """Tests that the earlier certification did not know at its conditions, by the name of the condition."""
+        return {cell.name: tuple(cell.measured) for cell in self.cells if cell.measured}
 
     @property
-    def outcomes(self) -> tuple[int, int]:
-        """How many earlier verdicts, met or not met, tests run since tell of, and how many were wrong; one a metric."""
-        told: dict[tuple[str, str, str], bool] = {}
+    def outcomes(self) -> tuple[int, int, int]:
+        """What these tests tell of verdicts met or not met: metrics of tests, how many wrong, how many tests.
+
+        However many conditions and limits are alike, a metric of a test counts once, as wrong if any verdict was.
+        """
+        told: dict[tuple[str, str], bool] = {}
         for cell in self.cells:
             for test, came_true in cell.came_true.items():
-                key = cell.condition_id, quantity(cell.criterion), test
+                key = test, quantity(cell.criterion)
                 told[key] = came_true and told.get(key, True)
-        return len(told), list(told.values()).count(False)
+        return len(told), list(told.values()).count(False), len({test for test, _ in told})
 
     @property
     def intervals(self) -> tuple[int, int]:
-        """How many earlier 95 % intervals hold what tests run since measured, and of how many; one a metric."""
-        held = {
-            (cell.condition_id, quantity(cell.criterion), test): cell.before.holds(value)
-            for cell in self.cells
-            for test, value in cell.since.items()
-            if cell.before is not None and cell.before.word != "outside" and value is not None
-        }
-        known = [own for own in held.values() if own is not None]
-        return sum(known), len(known)
+        """How many earlier 95 % intervals hold what these tests measured, and of how many; one a metric of a test."""
+        held: dict[tuple[str, str], bool] = {}
+        for cell in self.cells:
+            for test, value in cell.measured.items():
+                if cell.before is None or cell.before.word == "outside" or value is None:
+                    continue
+                if (holds := cell.before.holds(value)) is not None:
+                    key = test, quantity(cell.criterion)
+                    held[key] = holds and held.get(key, True)
+        return sum(held.values()), len(held)
 
     @property
-    def waived_outcomes(self) -> dict[str, dict[str, tuple[str, ...]]]:
-        """Of conditions that needed no test and had one since, the criteria that each test missed."""
-        return {
-            i: {
-                test: tuple(
-                    cell.criterion.name
-                    for cell in self.cells
-                    if cell.condition_id == i and cell.before and not cell.came_true.get(test, True)
-                )
-                for test in tests
-            }
-            for i, tests in self.run_since.items()
-            if i in self.earlier.waived
-        }
+    def waived_outcomes(self) -> dict[str, dict[str, tuple[tuple[str, ...], tuple[str, ...]]]]:
+        """Of conditions that needed no test and have one, which criteria each test missed, and which it can't tell."""
+        found: dict[str, dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {}
+        for name, tests in self.tested.items():
+            own = [cell for cell in self.cells if cell.name == name and cell.measured]
+            if own[0].earlier_id in self.earlier.waived:
+                found[name] = {
+                    test: (
+                        tuple(cell.criterion.name for cell in own if cell.came_true.get(test) is False),
+                        tuple(cell.criterion.name for cell in own if test not in cell.came_true),
+                    )
+                    for test in tests
+                }
+        return found
+
+    @property
+    def same_criteria(self) -> bool:
+        """Whether both have the same limits."""
+        then, now = ({_limit(own) for own in each.criteria.items} for each in (self.earlier, self.later))
+        return then == now
 
     @property
     def newly_waived(self) -> tuple[str, ...]:
-        """Conditions that need no test, and did then; by the ids of today."""
+        """Conditions that need no test, and did then; by the ids of today. None by other criteria."""
         then, waived = _by_place(self.earlier.matrix), self.earlier.waived
         return tuple(
             i
             for place, i in _by_place(self.later.matrix).items()
-            if i in self.later.waived and place in then and then[place] not in waived
+            if self.same_criteria and i in self.later.waived and place in then and then[place] not in waived
         )
 
     @property
-    def withdrawn(self) -> tuple[str, ...]:
-        """Conditions that need a test, had none since, and needed none then; by the ids of today."""
-        then, settled = _by_place(self.earlier.matrix), {*self.later.waived, *self.later.run}
-        return tuple(
-            i
+    def withdrawn(self) -> dict[str, tuple[Verdict, ...]]:
+        """Conditions of which it is not said any more that they need no test, with the verdicts that are not met.
+
+        By the ids of today, of those that had no test since; none by other criteria.
+        """
+        then, rows = _by_place(self.earlier.matrix), dict(zip(self.later.matrix.ids, self.later.verdicts, strict=True))
+        return {
+            i: tuple(own for own in rows[i] if own.word != "met")
             for place, i in _by_place(self.later.matrix).items()
-            if i not in settled and then.get(place) in self.earlier.waived
-        )
+            if self.same_criteria
+            and then.get(place) in self.earlier.waived
+            and i not in self.later.waived
+            and i not in self.later.run
+        }
 
 
 def _place(condition: Condition) -> tuple[object, ...]:
@@ -156,5 +201,9 @@ def _by_place(matrix: Matrix) -> dict[tuple[object, ...], str]:
     return {_place(condition): i for i, condition in zip(matrix.ids, matrix.conditions, strict=True)}
 
 
-def _key(condition: Condition, criterion: Criterion) -> tuple[object, ...]:
-    return _place(condition), quantity(criterion), criterion.at_least, criterion.at_most
+def _limit(criterion: Criterion) -> tuple[object, ...]:
+    return quantity(criterion), criterion.at_least, criterion.at_most
+
+
+def _key(condition: Condition, criterion: Criterion) -> tuple[tuple[object, ...], tuple[object, ...]]:
+    return _place(condition), _limit(criterion)

@@ -3,23 +3,27 @@
 import hashlib
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
+from crashfuse.campaign import Campaign
 from crashfuse.campaign_folder.ids import id_trouble
 from crashfuse.certification.criteria import Criteria
 from crashfuse.certification.criteria_file import criteria_of
 from crashfuse.certification.matrix import Matrix
 from crashfuse.certification.verdict import WORDS, Word
 from crashfuse.condition import Condition
-from crashfuse.errors import CrashfuseError, DataError, Problem
+from crashfuse.errors import CrashfuseError, DataError, Problem, printable
+from crashfuse.study.estimate import is_beyond
 
 FILE = "certification.json"
 """The file that an earlier certification is read from."""
 
 _LARGEST = 64 << 20  # bytes
+_LONGEST = 200  # characters of a setting
+_WRONG = ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, CrashfuseError
 
 
 class EarlierVerdict(NamedTuple):
@@ -50,20 +54,23 @@ class Earlier:
     ----------
     digest : str
         SHA-256 of its file.
-    settings : dict of str to object
-        Campaign, version, approach, preset and seed.
-    tests : tuple of str
-        Those that it learned from.
+    date : str
+        When it was made by its own account, UTC.
+    settings : mapping of str to str
+        What decides verdicts besides tests, criteria and matrix, by the names that a reader knows.
+    tests : mapping of str to str
+        Those that it learned from: :attr:`crashfuse.crash_test.CrashTest.digest` by id.
     verdicts : tuple of tuple of EarlierVerdict
         By condition of its matrix, then by criterion.
     """
 
     digest: str
-    settings: dict[str, object]
-    tests: tuple[str, ...]
+    date: str
+    settings: Mapping[str, str]
+    tests: Mapping[str, str]
     criteria: Criteria
     matrix: Matrix
-    run: dict[str, tuple[str, ...]]
+    run: frozenset[str]
     verdicts: tuple[tuple[EarlierVerdict, ...], ...]
 
     def __repr__(self) -> str:
@@ -74,6 +81,22 @@ class Earlier:
         """Conditions that needed no test, as every criterion was met, and had none."""
         rows = zip(self.matrix.ids, self.verdicts, strict=True)
         return tuple(i for i, row in rows if i not in self.run and all(own.word == "met" for own in row))
+
+    def unknown_of(self, campaign: Campaign) -> tuple[str, ...]:
+        """The tests of a campaign whose records it did not know, by whatever id.
+
+        Raises
+        ------
+        DataError
+            If it knew none of them: it is of another vehicle.
+        """
+        known = set(self.tests.values())
+        new = tuple(test.id for test in campaign.tests if test.digest not in known)
+        if len(new) == len(campaign.tests):
+            found = f"one of {self.settings['campaign']}, none of whose tests is in {campaign.name}"
+            advice = "give one that was made from tests of this vehicle"
+            raise DataError(Problem(FILE, "a certification of this campaign", found, advice))
+        return new
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -98,42 +121,48 @@ class Earlier:
         """The same of a file's content; ``path`` is named where it is wrong."""
         try:
             return cls._of(json.loads(content), hashlib.sha256(content).hexdigest())
-        except (ValueError, LookupError, TypeError, AttributeError, RecursionError, CrashfuseError):
-            raise _no_such_file(path, "the record of a certification", "another file, or a damaged one") from None
+        except _WRONG:
+            expected = "the record of a certification"
+            raise _no_such_file(path, expected, "another file, or a damaged one") from None
 
     @classmethod
     def _of(cls, values: dict[str, Any], digest: str) -> Self:
+        rows, cells = [dict(row) for row in values["matrix"]], values["cells"]
         criteria = criteria_of(values["criteria"]["criterion"], values["criteria"]["confidence"])
-        rows = [dict(row) for row in values["matrix"]]
         matrix = Matrix(_ids(row.pop("id") for row in rows), tuple(Condition.of(**row) for row in rows))
-        cells, config = values["cells"], values["config"]
+        if any(map(is_beyond, matrix.conditions)):
+            raise ValueError("a condition beyond any test")
         return cls(
             digest,
-            {
-                "campaign": values["campaign"],
-                "version": values["crashfuse"],
-                "approach": config["approaches"][0],
-                **{name: config[name] for name in ("preset", "seed")},
-            },
-            _ids(values["tests"]),
+            _text(values["date"]),
+            {"campaign": "another vehicle", **{name: _text(own) for name, own in values["settings"].items()}},
+            dict(zip(_ids(values["tests_sha256"]), map(_text, values["tests_sha256"].values()), strict=True)),
             criteria,
             matrix,
-            {i: _ids(values["run"][i]) for i in matrix.ids if i in values["run"]},
+            frozenset(matrix.ids) & values["run"].keys(),
             tuple(tuple(_verdict(*cells[i][own.name]) for own in criteria.items) for i in matrix.ids),
         )
 
 
+def _text(value: object) -> str:
+    if not isinstance(value, str) or printable(value, _LONGEST) != value:
+        raise ValueError("no text of one line")
+    return value
+
+
 def _ids(ids: Iterable[str]) -> tuple[str, ...]:
     checked = tuple(ids)
-    if trouble := next(filter(None, map(id_trouble, checked)), None):
-        raise ValueError(f"expected {trouble[0]}, found {trouble[1]}")
+    if any(map(id_trouble, checked)) or len(set(checked)) < len(checked):
+        raise ValueError("no ids, or one twice")
     return checked
 
 
 def _verdict(word: Word, probability: float | None, lower: float | None, upper: float | None) -> EarlierVerdict:
     numbers = [own for own in (probability, lower, upper) if own is not None]
-    if word not in WORDS or not (probability is None or 0 <= probability <= 1) or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"a verdict {word} with probability {probability}")
+    if word not in WORDS or not all(type(own) in (int, float) and math.isfinite(own) for own in numbers):
+        raise ValueError("no verdict")
+    if not 0 <= (probability or 0) <= 1 or (lower is not None and upper is not None and lower > upper):
+        raise ValueError("no probability, or no interval")
     return EarlierVerdict(word, probability, lower, upper)
 
 

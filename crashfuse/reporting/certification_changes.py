@@ -4,23 +4,25 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from crashfuse.certification.changes import Changes
+from crashfuse.certification.changes import Change, Changes
 from crashfuse.certification.earlier import EarlierVerdict
 from crashfuse.certification.verdict import Verdict
 from crashfuse.reporting.certification_sentences import at_most, counted, listed
-from crashfuse.reporting.certification_tables import probability_text
+from crashfuse.reporting.certification_tables import condition_columns, factors_of, probability_text
 from crashfuse.reporting.plots.display import DEFAULT, Display
-from crashfuse.version import __version__
+from crashfuse.reporting.provenance import certification_settings
 from crashfuse.wording import Sentence
 
-_DIGEST = 12  # characters of it that are shown
+_DIGEST = 12  # characters of it in a sentence
 
 
 def changes_table(changes: Changes) -> pd.DataFrame:
-    """All verdicts of both, one row a condition and criterion, as ``changes.csv``."""
+    """All verdicts of both, one row a condition, criterion and new test there, as ``changes.csv``."""
+    factors = tuple(dict.fromkeys((*factors_of(changes.earlier.matrix), *factors_of(changes.later.matrix))))
     rows = [
         {
-            "id": cell.condition_id,
+            **condition_columns(cell.later_id or "", cell.condition, factors),
+            "earlier_id": cell.earlier_id or "",
             "criterion": cell.criterion.name,
             "metric": cell.criterion.metric,
             "window_ms": cell.criterion.window_ms,
@@ -36,30 +38,36 @@ def changes_table(changes: Changes) -> pd.DataFrame:
             "came_true": cell.came_true.get(test, ""),
         }
         for cell in changes.cells
-        for test, measured in (cell.since or {"": None}).items()
+        for test, measured in (cell.measured or {"": None}).items()
     ]
     numbers = ("window_ms", "at_least", "at_most", "earlier_probability", "probability", "measured")
     return pd.DataFrame(rows).astype(dict.fromkeys(numbers, float))
 
 
 def shown_changes(changes: Changes, display: Display = DEFAULT) -> pd.DataFrame:
-    """The same for readers: first what tests run since tell of, then verdicts that are not as they were."""
+    """The same for readers: first what did not come true, then what else was measured, then what is not as it was."""
+    shown = [
+        cell
+        for cell in changes.cells
+        if cell.measured or cell.before is None or cell.now is None or cell.before.word != cell.now.word
+    ]
     return pd.DataFrame(
         {
-            "Condition": cell.condition_id,
+            "Condition": cell.name,
             "Criterion": cell.criterion.name,
             "Limit": display.words(cell.criterion.limits),
-            "Then": _said(cell.before),
-            "Now": _said(cell.now),
+            "Then": _word(cell.before),
+            "Probability then": "–" if cell.before is None else probability_text(cell.before.probability),
+            "Now": _word(cell.now),
+            "Probability now": "–" if cell.now is None else probability_text(cell.now.probability),
             "Measured since": "; ".join(
                 display.words(Sentence("{} {}", test, cell.criterion.shown(value)))
-                for test, value in cell.since.items()
+                for test, value in cell.measured.items()
             )
             or "–",
-            "Came true": ", ".join("yes" if true else "no" for true in cell.came_true.values()) or "–",
+            "Came true": "; ".join(f"{test} {'yes' if own else 'NO'}" for test, own in cell.came_true.items()) or "–",
         }
-        for cell in sorted(changes.cells, key=lambda cell: not cell.since)
-        if cell.since or cell.before is None or cell.now is None or cell.before.word != cell.now.word
+        for cell in sorted(shown, key=lambda cell: (all(cell.came_true.values()), not cell.measured))
     )
 
 
@@ -68,60 +76,63 @@ def change_sentences(changes: Changes) -> tuple[str, ...]:
     return (*_beside(changes), *_outcomes(changes), *_changed(changes))
 
 
-def _said(verdict: EarlierVerdict | Verdict | None) -> str:
-    return "not asked" if verdict is None else f"{verdict.word} ({probability_text(verdict.probability)})"
+def _word(verdict: EarlierVerdict | Verdict | None) -> str:
+    return "not asked" if verdict is None else verdict.word
 
 
 def _beside(changes: Changes) -> Iterator[str]:
     """Which certification is compared, and what was otherwise besides the tests."""
     earlier, later = changes.earlier, changes.later
-    new, gone = changes.new_tests, [test for test in earlier.tests if test not in later.campaign.test_ids]
-    told = f"new since: {listed(new)}" if new else "no test is new"
-    if gone:
-        told += f"; no longer used: {listed(gone)}"
     of = f"{counted(len(earlier.matrix.ids), 'condition')} from {counted(len(earlier.tests), 'test')}"
-    yield f"Beside the earlier certification of {of} (SHA-256 {earlier.digest[:_DIGEST]}…); {told}."
-    config = later.config
-    today = {
-        "campaign": later.campaign.name,
-        "version": __version__,
-        "approach": later.approach,
-        "preset": config.preset,
-        "seed": config.seed,
-        "confidence": later.criteria.confidence,
-    }
-    then = {**earlier.settings, "confidence": earlier.criteria.confidence}
-    if differ := [f"{name} {own} (then {then[name]})" for name, own in today.items() if own != then[name]]:
+    tests = [
+        f"{told}: {listed(some)}"
+        for told, some in (("tests that it did not know", changes.new_tests), ("no longer used", changes.gone_tests))
+        if some
+    ]
+    yield (
+        f"Beside the earlier certification of {of}, by its own account of {earlier.date} (SHA-256 "
+        f"{earlier.digest[:_DIGEST]}…); {'; '.join(tests) or 'it knew every test'}."
+    )
+    now = certification_settings(later.campaign, later.config, later.criteria.confidence)
+    pairs = [(name, own, earlier.settings.get(name, "unknown")) for name, own in now.items()]
+    if differ := [f"{name} {own} (then {then})" for name, own, then in pairs if own != then]:
         yield f"Made otherwise: {'; '.join(differ)}."
 
 
 def _outcomes(changes: Changes) -> Iterator[str]:
-    """Whether tests run since showed what was said."""
-    if not changes.run_since:
-        yield "No test was run at its conditions since, so none tells whether its verdicts came true."
+    """Whether tests that the earlier certification did not know showed what it said."""
+    if not changes.tested:
+        yield "None of these tests was run where it judged a metric, so none tells whether its verdicts came true."
         return
-    there = [f"{i} (test {' and '.join(tests)})" for i, tests in changes.run_since.items()]
-    n, wrong = changes.outcomes
-    came = f"{counted(n, 'verdict')} met or not met, {wrong} wrong ({at_most(wrong, n)}, exact 95 % bound)"
+    there = [f"{i} (test {' and '.join(tests)})" for i, tests in changes.tested.items()]
+    yield f"Tested since: {listed(there)}. Ratings aside, which would be those of other predictions:"
+    n, wrong, tests = changes.outcomes
+    if n:
+        yield (
+            f"Verdicts met or not met on {counted(n, 'metric')} of {counted(tests, 'test')}, {wrong} wrong "
+            f"({at_most(wrong, n)}, exact 95 % bound, as if metrics of a test were independent)."
+        )
+    else:
+        yield "No verdict was met or not met there."
     inside, intervals = changes.intervals
-    yield (
-        f"Run since at its conditions: {listed(there)}. Said there: {came if n else 'nothing that was decided'}; "
-        f"{inside} of {counted(intervals, 'interval')} held what was measured (made to hold 95 %)."
-    )
-    if waived := changes.waived_outcomes:
-        missed = [
-            f"{i} ({', '.join(names)} by {test})" for i, own in waived.items() for test, names in own.items() if names
-        ]
-        came = f"yet missed: {listed(missed)}" if missed else "and every test met every criterion"
-        yield f"Of these {counted(len(waived), 'condition')} needed no test, {came}."
+    if intervals:
+        yield f"{inside} of {counted(intervals, 'interval')} held what was measured (made to hold 95 %)."
+    for name, own in changes.waived_outcomes.items():
+        for test, (missed, unknown) in own.items():
+            parts = [f"missed {', '.join(missed)}"] if missed else []
+            parts += [f"cannot tell {', '.join(unknown)}"] if unknown else []
+            yield f"{name} needed no test by it; {test} {' and '.join(parts) or 'met every criterion'}."
     for cell in changes.cells:
-        for test, came_true in cell.came_true.items():
-            if not came_true:
-                yield Sentence(
-                    "{}: {} ({}) was said to be {}; {} measured {}.",
-                    cell.condition_id, cell.criterion.name, cell.criterion.limits, _said(cell.before), test,
-                    cell.criterion.shown(cell.since[test]),
-                )  # fmt: skip
+        yield from (_wrong(cell, test) for test, came_true in cell.came_true.items() if not came_true)
+
+
+def _wrong(cell: Change, test: str) -> str:
+    return Sentence(
+        "{}: {} ({}) was said to be {}; {} measured {}.",
+        cell.name, cell.criterion.name, cell.criterion.limits,
+        f"{_word(cell.before)} (probability {probability_text(cell.before and cell.before.probability)})", test,
+        cell.criterion.shown(cell.measured[test]),
+    )  # fmt: skip
 
 
 def _changed(changes: Changes) -> Iterator[str]:
@@ -135,14 +146,18 @@ def _changed(changes: Changes) -> Iterator[str]:
         f"{lost} no longer."
     )
     turned = [
-        f"{cell.condition_id} ({cell.criterion.name})"
+        f"{cell.name} ({cell.criterion.name})"
         for cell, before, now in pairs
         if before.decided and now.decided and before.word != now.word
+    ]
+    withdrawn = [
+        f"{i} ({', '.join(f'{own.criterion.name} {own.word}' for own in rest)})"
+        for i, rest in changes.withdrawn.items()
     ]
     for told, some in (
         ("Turned round", turned),
         ("Need not be run any more", changes.newly_waived),
-        ("Needed no test then, and do now", changes.withdrawn),
+        ("Said then to need no test, and not now", withdrawn),
     ):
         if some:
             yield f"{told}: {listed(some)}."

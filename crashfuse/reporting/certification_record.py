@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict
+from datetime import UTC, datetime
 
 from crashfuse.certification.certify import Certification
 from crashfuse.certification.changes import Changes
@@ -9,30 +10,40 @@ from crashfuse.certification.domain import Domain
 from crashfuse.reporting.certification_changes import change_sentences
 from crashfuse.reporting.certification_sentences import exceptions, summary
 from crashfuse.reporting.certification_tables import bound, counts_table, matrix_table, record_counts, verdict_counts
-from crashfuse.reporting.provenance import certify_command, provenance
+from crashfuse.reporting.provenance import certification_settings, certify_command, provenance
 from crashfuse.units import LB, MPH
 
 
 def certification_json(certification: Certification, changes: Changes | None = None) -> bytes:
     """The file, with what became of an earlier certification if it is beside one."""
-    record = certification_record(certification)
+    record = certification_record(certification, since=changes is not None)
     if changes is not None:
-        n, wrong = changes.outcomes
-        record["since"] = {
-            "sha256": changes.earlier.digest,
-            "new_tests": changes.new_tests,
-            "run_since": changes.run_since,
-            "decided": {"n": n, "wrong": wrong, "wrong_at_most": bound(wrong, n)},
-            "intervals": dict(zip(("inside", "n"), changes.intervals, strict=True)),
-            "waived_and_run": changes.waived_outcomes,
-            "newly_waived": changes.newly_waived,
-            "withdrawn": changes.withdrawn,
-            "sentences": change_sentences(changes),
-        }
+        record["since"] = _since(changes)
     return (json.dumps(record, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def certification_record(certification: Certification) -> dict[str, object]:
+def _since(changes: Changes) -> dict[str, object]:
+    n, wrong, tests = changes.outcomes
+    inside, intervals = changes.intervals
+    return {
+        "sha256": changes.earlier.digest,
+        "date": changes.earlier.date,
+        "new_tests": changes.new_tests,
+        "gone_tests": changes.gone_tests,
+        "tested": changes.tested,
+        "decided": {"metrics": n, "tests": tests, "wrong": wrong, "wrong_at_most": bound(wrong, n)},
+        "intervals": {"n": intervals, "inside": inside},
+        "waived_and_tested": {
+            i: {test: {"missed": missed, "unknown": unknown} for test, (missed, unknown) in own.items()}
+            for i, own in changes.waived_outcomes.items()
+        },
+        "newly_waived": changes.newly_waived,
+        "withdrawn": list(changes.withdrawn),
+        "sentences": change_sentences(changes),
+    }
+
+
+def certification_record(certification: Certification, *, since: bool = False) -> dict[str, object]:
     """Versions, settings, criteria and matrix as used, counts of verdicts and of wrong ones with bounds, as JSON."""
     campaign, record, config = certification.campaign, certification.record, certification.config
     criteria, counts = certification.criteria, counts_table(certification).set_index("criterion")
@@ -40,7 +51,10 @@ def certification_record(certification: Certification) -> dict[str, object]:
     (inside, intervals), (telling, missed) = record.intervals, record.telling.decided
     return {
         **provenance(campaign, campaign.test_ids, config),
-        "command": certify_command(config, campaign.units),
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "settings": certification_settings(campaign, config, criteria.confidence),
+        "tests_sha256": {test.id: test.digest for test in campaign.tests},
+        "command": certify_command(config, campaign.units, since=since),
         "seconds": {key: round(value, 3) for key, value in certification.seconds.items()},
         "criteria": {
             "confidence": criteria.confidence,

@@ -24,10 +24,10 @@ _JUDGED = ("met", "not met", "decided")
 
 def certification_table(certification: Certification) -> pd.DataFrame:
     """All verdicts, one row a condition and criterion; with the tests that were run there, if any was."""
-    factors, basis, run = _factors(certification.matrix), _bases(certification.campaign), certification.run
+    factors, basis, run = factors_of(certification.matrix), _bases(certification.campaign), certification.run
     return pd.DataFrame(
         {
-            **_condition(cell, verdict.condition, factors),
+            **condition_columns(cell, verdict.condition, factors),
             "criterion": verdict.criterion.name,
             "metric": verdict.criterion.metric,
             "window_ms": verdict.criterion.window_ms,
@@ -61,15 +61,17 @@ def _bases(campaign: Campaign) -> dict[str, str]:
 
 def matrix_table(matrix: Matrix) -> pd.DataFrame:
     """The conditions, in the form of ``matrix.csv``."""
-    factors = _factors(matrix)
-    return pd.DataFrame(_condition(i, c, factors) for i, c in zip(matrix.ids, matrix.conditions, strict=True))
+    factors = factors_of(matrix)
+    return pd.DataFrame(condition_columns(i, c, factors) for i, c in zip(matrix.ids, matrix.conditions, strict=True))
 
 
-def _factors(matrix: Matrix) -> tuple[str, ...]:
+def factors_of(matrix: Matrix) -> tuple[str, ...]:
+    """Names of the factors that conditions of a matrix have."""
     return tuple(dict.fromkeys(name for condition in matrix.conditions for name, _ in condition.factors))
 
 
-def _condition(condition_id: str, condition: Condition, factors: Sequence[str]) -> dict[str, object]:
+def condition_columns(condition_id: str, condition: Condition, factors: Sequence[str]) -> dict[str, object]:
+    """A condition in the columns of ``matrix.csv``."""
     return {
         "id": condition_id,
         "speed_mph": round(condition.speed_mps / MPH, 9),  # as it was given

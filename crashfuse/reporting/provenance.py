@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, replace
 from importlib import metadata
 
-from crashfuse.approaches.registry import APPROACHES
+from crashfuse.approaches.registry import APPROACHES, LABELS
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
 from crashfuse.signals.pulse import FloatArray
@@ -68,9 +68,26 @@ def next_test_command(low: Condition, high: Condition, config: StudyConfig, unit
     return f"crashfuse next-test CAMPAIGN{over} --out DIR --seed {config.seed}{_units(units)}"
 
 
-def certify_command(config: StudyConfig, units: UnitSystem = MPH_LB) -> str:
+def certification_settings(campaign: Campaign, config: StudyConfig, confidence: float) -> dict[str, str]:
+    """What decides the verdicts of a certification besides tests, criteria and matrix, by names that readers know."""
+    approach = config.approaches[0]
+    occupant = " and ".join(filter(None, (campaign.occupant.olc_words, campaign.occupant.vpi_words)))
+    return {
+        "campaign": campaign.name,
+        "version": __version__,
+        "approach": LABELS.get(approach, approach),
+        "preset": config.preset,
+        "seed": str(config.seed),
+        "confidence": f"{confidence:g}",
+        "CAE runs": f"{len(campaign.cae):,}, fingerprint {campaign.cae.fingerprint[:12]}",
+        "tests' filter class": campaign.filter_class or "not given",
+        "occupant model": occupant or "the usual one",
+    }
+
+
+def certify_command(config: StudyConfig, units: UnitSystem = MPH_LB, *, since: bool = False) -> str:
     """The command line that reproduces a certification from its criteria and matrix as files."""
-    files = "--criteria criteria.toml --matrix matrix.csv"
+    files = "--criteria criteria.toml --matrix matrix.csv" + " --since EARLIER" * since
     return f"crashfuse certify CAMPAIGN {files} --out DIR{_settings(config)}{_units(units)}"
 
 

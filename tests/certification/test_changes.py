@@ -4,7 +4,9 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from crashfuse.campaign import Campaign
@@ -13,7 +15,9 @@ from crashfuse.certification.changes import Changes
 from crashfuse.certification.criteria import Criteria, Criterion
 from crashfuse.certification.earlier import Earlier, EarlierVerdict
 from crashfuse.certification.matrix import Matrix
+from crashfuse.certification.track_record import TrackRecord
 from crashfuse.certification.verdict import Word
+from crashfuse.errors import DataError
 from crashfuse.execution.cache import Cache
 from crashfuse.reporting.certification_changes import change_sentences, changes_table, shown_changes
 from crashfuse.reporting.certification_record import certification_json
@@ -24,8 +28,10 @@ from crashfuse.units import MPH
 pytestmark = pytest.mark.usefixtures("one_cache")
 
 CRUSH, PEAK = Criterion("crush", "max_crush", at_most=430.0), Criterion("peak", "peak", at_most=25.0)
+GOOD = Criterion("good", "rating", at_least=0.5, window_ms=60.0)
 MET, MISSED = EarlierVerdict("met", 0.97, 100.0, 425.0), EarlierVerdict("not met", 0.02, 26.0, 27.0)
 OPEN = EarlierVerdict("open", 0.6, 10.0, 500.0)
+Row = tuple[EarlierVerdict, ...]
 
 
 @pytest.fixture(scope="module")
@@ -34,152 +40,203 @@ def later(campaign: Campaign, shared_cache: Path) -> Certification:
     conditions = [test.condition for test in campaign.tests]
     slow = replace(conditions[1], speed_mps=20 * MPH)
     matrix = Matrix((*(f"at {test}" for test in campaign.test_ids), "slow"), (*conditions, slow))
-    config = StudyConfig(approaches=("cae",))
-    return certify_matrix(campaign, Criteria((CRUSH, PEAK), 0.8), matrix, config, cache=Cache(shared_cache), workers=1)
+    config, criteria = StudyConfig(approaches=("cae",)), Criteria((CRUSH, PEAK, GOOD), 0.8)
+    return certify_matrix(campaign, criteria, matrix, config, cache=Cache(shared_cache), workers=1)
 
 
-def earlier(later: Certification, rows: Sequence[tuple[EarlierVerdict, ...]], tests: tuple[str, ...] = ()) -> Earlier:
-    """A certification that said this of the same conditions, from these tests."""
-    read = Earlier.parse(certification_json(later))
-    return replace(read, tests=tests, run={}, verdicts=tuple(rows))
+def earlier(later: Certification, rows: Sequence[Row], *known: str, **others: Any) -> Earlier:
+    """A certification that said this of the same conditions, from these tests, or from the first alone."""
+    read, first = Earlier.parse(certification_json(later)), later.campaign.test_ids[0]
+    tests = {test: read.tests[test] for test in known or (first,)}
+    return replace(read, **{"tests": tests, "run": frozenset(), "verdicts": tuple(rows), **others})
 
 
-def rows(*words: EarlierVerdict) -> list[tuple[EarlierVerdict, ...]]:
-    """Both criteria alike, a verdict a condition."""
-    return [(own, own) for own in words]
+def alike(*verdicts: EarlierVerdict) -> list[Row]:
+    """All criteria alike, a verdict a condition."""
+    return [(own, own, own) for own in verdicts]
+
+
+def said(changes: Changes) -> str:
+    """All sentences."""
+    return " ".join(map(str, change_sentences(changes)))
+
+
+def measured(later: Certification, test: str) -> dict[str, float]:
+    """The metrics of a test."""
+    return {metric.name: metric.value or 0.0 for metric in later.campaign.metrics_of(later.campaign.test(test))}
 
 
 def test_a_certification_beside_itself_says_that_nothing_changed(later: Certification) -> None:
     """Read from its own file: all verdicts as they were, and no test since."""
     changes = Changes.of(Earlier.parse(certification_json(later)), later)
     n = len(later.cells)
-    assert [(before, now.word) for _, before, now in changes.compared] == [
-        (EarlierVerdict(own.word, own.probability, own.lower, own.upper), own.word) for _, own in later.cells
+    assert [before for _, before, _ in changes.compared] == [
+        EarlierVerdict(own.word, own.probability, own.lower, own.upper) for _, own in later.cells
     ]
-    assert (changes.new_tests, changes.run_since, changes.outcomes) == ((), {}, (0, 0))
+    assert (changes.new_tests, changes.gone_tests, changes.tested, changes.outcomes) == ((), (), {}, (0, 0, 0))
     assert shown_changes(changes).empty
-    said = " ".join(change_sentences(changes))
-    assert "no test is new" in said
-    assert "No test was run at its conditions since" in said
-    assert f"Of {n} verdicts that both have, {n} are as they were" in said
-    assert "otherwise" not in said
-    assert "Not compared" not in said
+    told = said(changes)
+    assert "it knew every test" in told
+    assert "None of these tests was run where it judged a metric" in told
+    assert f"Of {n} verdicts that both have, {n} are as they were" in told
+    assert "otherwise" not in told
+    assert "Not compared" not in told
 
 
 @pytest.mark.parametrize(("word", "wrong"), [("met", True), ("not met", False)])
 def test_a_test_run_since_tells_whether_a_verdict_came_true(later: Certification, word: Word, wrong: bool) -> None:
     """By what was measured, against the limit; an open verdict is neither right nor wrong."""
-    campaign = later.campaign
-    fastest = max(campaign.tests, key=lambda test: test.condition.speed_mps)
-    measured = {metric.name: metric.value for metric in campaign.metrics_of(fastest)}
-    assert (measured["peak"] or 0) > 25
-    said = [(OPEN, OPEN)] * len(later.matrix.ids)
-    said[campaign.test_ids.index(fastest.id)] = (OPEN, EarlierVerdict(word, 0.5, 0.0, 1.0))
-    known = tuple(test for test in campaign.test_ids if test != fastest.id)
-    changes = Changes.of(earlier(later, said, known), later)
-    assert changes.new_tests == (fastest.id,)
-    assert changes.run_since == {f"at {fastest.id}": (fastest.id,)}
-    assert changes.outcomes == (1, int(wrong))
+    tests = later.campaign.tests
+    fastest = max(tests, key=lambda test: test.condition.speed_mps).id
+    found = measured(later, fastest)
+    assert found["peak"] > 25
+    rows = [(OPEN, OPEN, OPEN)] * len(later.matrix.ids)
+    rows[later.campaign.test_ids.index(fastest)] = (OPEN, EarlierVerdict(word, 0.5, 0.0, 1.0), MET)
+    changes = Changes.of(earlier(later, rows, *(test.id for test in tests if test.id != fastest)), later)
+    assert changes.new_tests == (fastest,)
+    assert changes.tested == {f"at {fastest}": (fastest,)}
+    assert changes.outcomes == (1, int(wrong), 1)
+    assert changes.intervals == (int(10 <= found["max_crush"] <= 500), 2)
     (row,) = changes_table(changes).query("came_true != ''").to_dict("records")
-    assert (row["id"], row["criterion"], row["came_true"]) == (f"at {fastest.id}", "peak", not wrong)
-    assert row["measured"] == pytest.approx(measured["peak"])
-    assert changes.intervals == (sum([10 <= (measured["max_crush"] or 0) <= 500, False]), 2)
+    assert (row["id"], row["criterion"], row["came_true"]) == (f"at {fastest}", "peak", not wrong)
+    assert row["measured"] == pytest.approx(found["peak"])
     told = [own for own in change_sentences(changes) if "was said to be" in own]
     assert len(told) == int(wrong)
-    assert all(fastest.id in own and "at most 25 g" in own for own in told)
+    assert all(fastest in own and "at most 25 g" in own for own in told)
+    assert (shown_changes(changes)["Came true"].iloc[0] == f"{fastest} NO") is wrong
 
 
-def test_two_limits_on_one_metric_are_one_verdict(later: Certification) -> None:
-    """Or a criterion written twice would make a record; a wrong one counts."""
+def test_what_is_asked_today_hides_no_wrong_verdict(later: Certification) -> None:
+    """A criterion that was dropped is measured all the same, of a single test too, which leaves no record."""
+    fastest = max(later.campaign.tests, key=lambda test: test.condition.speed_mps).id
     n = len(later.matrix.ids)
+    before = earlier(later, alike(*[MET] * n), *(test for test in later.campaign.test_ids if test != fastest))
+    today = replace(
+        later,
+        criteria=Criteria((CRUSH,), 0.8),
+        verdicts=tuple(row[:1] for row in later.verdicts),
+        record=TrackRecord(()),
+    )
+    ((missed, unknown),) = Changes.of(before, today).waived_outcomes[f"at {fastest}"].values()
+    assert "peak" in missed
+    assert unknown == ()  # ratings are left aside
+
+
+def test_two_limits_or_conditions_alike_are_one_metric_of_a_test(later: Certification) -> None:
+    """Or a criterion written twice would make a record; a wrong one counts."""
+    n, first = len(later.matrix.ids), later.campaign.test_ids[0]
     loose = replace(PEAK, name="loose", at_most=1000.0)
-    before = replace(earlier(later, [(OPEN, MET, MET)] * n), criteria=Criteria((CRUSH, PEAK, loose), 0.8))
-    changes = Changes.of(before, later)
-    peaks = [m.value or 0.0 for t in later.campaign.tests for m in later.campaign.metrics_of(t) if m.name == "peak"]
-    assert changes.outcomes == (len(peaks), sum(peak > 25.0 for peak in peaks))
+    before = earlier(later, [(OPEN, MET, MET)] * n, criteria=Criteria((CRUSH, PEAK, loose), 0.8))
+    peaks = [measured(later, test)["peak"] for test in later.campaign.test_ids if test != first]
+    wrong = sum(peak > 25.0 for peak in peaks)
+    assert Changes.of(before, later).outcomes == (len(peaks), wrong, len(peaks))
+    twice = replace(
+        later.matrix,
+        ids=(*later.matrix.ids, "beside"),
+        conditions=(*later.matrix.conditions, replace(c := later.matrix.conditions[-2], speed_mps=c.speed_mps * 1.001)),
+    )
+    before = replace(before, matrix=twice, verdicts=((OPEN, MET, MET),) * (n + 1))
+    assert Changes.of(before, later).outcomes == (len(peaks), wrong, len(peaks))
 
 
-def test_of_conditions_that_needed_no_test_it_is_told_which_criteria_were_missed(later: Certification) -> None:
-    """That answer is what a test is saved by; one that was not met is no such answer."""
-    tests = later.campaign.test_ids
-    changes = Changes.of(earlier(later, rows(*[MET] * (len(tests) - 1), MISSED, OPEN)), later)
-    measured = {t.id: {m.name: m.value or 0.0 for m in later.campaign.metrics_of(t)} for t in later.campaign.tests}
-    expected = {
-        f"at {test}": {
-            test: tuple(
-                own.name for own in (CRUSH, PEAK) if not own.is_met_by(measured[test][own.metric])
-            )
-        }
-        for test in tests[:-1]
-    }  # fmt: skip
-    assert changes.waived_outcomes == expected
-    assert any(names for own in expected.values() for names in own.values())
-    assert any("needed no test, yet missed: " in own for own in change_sentences(changes))
+def test_of_conditions_that_needed_no_test_it_is_told_what_was_missed_and_what_is_unknown(later: Certification) -> None:
+    """That answer is what a test is saved by; one that was not met is none, and a short record tells nothing."""
+    first, second, *others = later.campaign.test_ids
+    n = len(later.matrix.ids)
+    short = replace(
+        later.campaign.test(second), pulse=replace(later.campaign.test(second).pulse, accel_mps2=np.full(1250, -1.0))
+    )
+    campaign = replace(later.campaign, tests=tuple(short if t.id == second else t for t in later.campaign.tests))
+    changes = Changes.of(earlier(later, alike(*[MET] * (n - 1), MISSED)), replace(later, campaign=campaign))
+    assert changes.waived_outcomes[f"at {second}"] == {second: ((), ("crush",))}
+    for test in others:
+        missed = tuple(own.name for own in (CRUSH, PEAK) if not own.is_met_by(measured(later, test)[own.metric]))
+        assert changes.waived_outcomes[f"at {test}"] == {test: (missed, ())}
+    assert f"at {first}" not in changes.waived_outcomes
+    assert f"at {second} needed no test by it; {second} cannot tell crush." in said(changes)
+    assert "missed peak" in said(changes)
 
 
-def test_statements_that_were_gained_and_withdrawn_are_listed(later: Certification) -> None:
-    """By the ids of today, whatever the earlier ones were; a condition that was run since is neither."""
-    crush, peak = later.verdicts[-1]
-    met = replace(later, verdicts=(*later.verdicts[:-1], (replace(crush, word="met"), replace(peak, word="met"))))
+def test_a_record_is_known_by_its_content(later: Certification) -> None:
+    """Under another id it is no new test; another record under a known id is one."""
+    campaign, (first, second, *_) = later.campaign, later.campaign.test_ids
+    before = earlier(later, alike(*[OPEN] * len(later.matrix.ids)), first, second)
+    renamed = replace(campaign.test(second), id="renamed")
+    others = tuple(test for test in campaign.tests if test.id != second)
+    same = replace(later, campaign=replace(campaign, tests=(*others, renamed)))
+    assert "renamed" not in Changes.of(before, same).new_tests
+    louder = replace(campaign.test(second), pulse=replace(renamed.pulse, accel_mps2=1.1 * renamed.pulse.accel_mps2))
+    changes = Changes.of(before, replace(later, campaign=replace(campaign, tests=(*others, louder))))
+    assert second in changes.new_tests
+    assert changes.gone_tests == (second,)
+    with pytest.raises(DataError, match="a certification of this campaign, found one of Tiny"):
+        Changes.of(replace(before, tests={"T1": "of another vehicle"}), later)
+
+
+def test_statements_that_were_gained_and_withdrawn_are_listed_by_the_ids_of_today(later: Certification) -> None:
+    """With what stands against them; a condition that was run since is neither, and by other limits none is."""
+    row = later.verdicts[-1]
+
+    def today(*words: Word) -> Certification:
+        own = tuple(replace(verdict, word=word) for verdict, word in zip(row, words, strict=True))
+        return replace(later, verdicts=(*later.verdicts[:-1], own))
+
     others = [OPEN] * (len(later.matrix.ids) - 1)
     renamed = replace(later.matrix, ids=tuple(f"x{i}" for i in later.matrix.ids))
-    gained = Changes.of(replace(earlier(later, rows(*others, OPEN)), matrix=renamed), met)
-    assert (gained.newly_waived, gained.withdrawn) == (("slow",), ())
-    open_now = replace(later, verdicts=(*later.verdicts[:-1], (replace(crush, word="open"), peak)))
-    lost = Changes.of(replace(earlier(later, rows(*others, MET)), matrix=renamed), open_now)
-    assert (lost.newly_waived, lost.withdrawn) == ((), ("slow",))
-    said = [*change_sentences(gained), *change_sentences(lost)]
-    assert "Need not be run any more: slow." in said
-    assert "Needed no test then, and do now: slow." in said
-
-
-def test_verdicts_that_turned_round_are_named(later: Certification) -> None:
-    """From met to not met, as what was said was wrong then or is now."""
-    crush, peak = later.verdicts[-1]
-    now = replace(later, verdicts=(*later.verdicts[:-1], (replace(crush, word="not met"), replace(peak, word="met"))))
-    before = rows(*[OPEN] * (len(later.matrix.ids) - 1), MET)
-    assert "Turned round: slow (crush)." in change_sentences(Changes.of(earlier(later, before), now))
+    gained = Changes.of(earlier(later, alike(*others, OPEN), matrix=renamed), today("met", "met", "met"))
+    assert (gained.newly_waived, gained.withdrawn) == (("slow",), {})
+    lost = Changes.of(earlier(later, alike(*others, MET), matrix=renamed), today("open", "not met", "met"))
+    assert lost.newly_waived == ()
+    assert "Need not be run any more: slow." in said(gained)
+    assert "Said then to need no test, and not now: slow (crush open, peak not met)." in said(lost)
+    assert "Turned round: slow (then xslow) (peak)." in said(lost)
+    loose = Criteria((CRUSH, replace(PEAK, at_most=99.0), GOOD), 0.8)
+    by_others = Changes.of(earlier(later, alike(*others, OPEN), criteria=loose), today("met", "met", "met"))
+    assert by_others.newly_waived == ()
 
 
 def test_another_limit_or_condition_is_not_compared(later: Certification) -> None:
     """It is counted, and stands in the table beside nothing."""
-    before = earlier(later, rows(*[OPEN] * len(later.matrix.ids)))
+    n = len(later.matrix.ids)
     slower = replace(later.matrix.conditions[-1], speed_mps=19 * MPH)
-    other = replace(
-        before,
+    other = earlier(
+        later,
+        alike(*[OPEN] * n),
         matrix=replace(later.matrix, conditions=(*later.matrix.conditions[:-1], slower)),
-        criteria=Criteria((CRUSH, replace(PEAK, at_most=24.0)), 0.8),
+        criteria=Criteria((CRUSH, replace(PEAK, at_most=24.0), GOOD), 0.8),
     )
     changes = Changes.of(other, later)
-    n = len(later.matrix.ids)
-    assert len(changes.compared) == n - 1
-    said = change_sentences(changes)
-    assert f"Not compared, as a condition or a limit is another: {n + 1} verdicts of then, {n + 1} of now." in said
+    assert len(changes.compared) == 2 * (n - 1)
+    assert f"another: {n + 2} verdicts of then, {n + 2} of now." in said(changes)
     table = changes_table(changes)
-    assert (table["earlier_verdict"] == "").sum() == (table["verdict"] == "").sum() == n + 1
+    assert (table["earlier_verdict"] == "").sum() == n + 2
+    there = table[table["earlier_id"] == "slow"].drop_duplicates("speed_mph")
+    assert there[["id", "speed_mph"]].values.tolist() == [["", 19.0]]
+    assert "slow (then)" in shown_changes(changes)["Condition"].tolist()
     assert "not asked" in shown_changes(changes)["Then"].tolist()
 
 
 def test_what_was_made_otherwise_is_told(later: Certification) -> None:
-    """Seed, approach and confidence decide verdicts as tests do."""
-    before = replace(earlier(later, rows(*[OPEN] * len(later.matrix.ids))), criteria=Criteria((CRUSH, PEAK), 0.9))
-    before = replace(before, settings={**before.settings, "seed": 7}, tests=("OLD",))
-    said = " ".join(change_sentences(Changes.of(before, later)))
-    assert "Made otherwise: seed 0 (then 7); confidence 0.8 (then 0.9)." in said
-    assert "no longer used: OLD" in said
+    """Seed, confidence, CAE runs and what metrics rest on decide verdicts as tests do."""
+    before = earlier(later, alike(*[OPEN] * len(later.matrix.ids)))
+    settings = {**before.settings, "seed": "7", "occupant model": "100 + 200 mm"}
+    told = said(Changes.of(replace(before, settings=settings, tests={**before.tests, "OLD": "x"}), later))
+    assert "Made otherwise: seed 0 (then 7); occupant model the usual one (then 100 + 200 mm)." in told
+    assert "no longer used: OLD" in told
 
 
 def test_what_became_of_it_stands_in_json_and_report(later: Certification) -> None:
-    """With the digest of the earlier file; without an earlier one, nothing is said of it."""
-    changes = Changes.of(earlier(later, rows(*[MET] * len(later.matrix.ids))), later)
-    since = json.loads(certification_json(later, changes))["since"]
-    n, wrong = changes.outcomes
+    """With the whole digest of the earlier file; without an earlier one, nothing is said of it."""
+    changes = Changes.of(earlier(later, alike(*[MET] * len(later.matrix.ids))), later)
+    record = json.loads(certification_json(later, changes))
+    since, (n, wrong, tests) = record["since"], changes.outcomes
     assert wrong > 0
-    assert (since["decided"]["n"], since["decided"]["wrong"]) == (n, wrong)
+    assert since["decided"] == {"metrics": n, "tests": tests, "wrong": wrong, "wrong_at_most": pytest.approx(1, abs=1)}
     assert since["sha256"] == changes.earlier.digest
     assert since["sentences"] == [str(own) for own in change_sentences(changes)]
+    assert "--since EARLIER" in record["command"]
     report = certification_report(later, changes=changes)
     assert "<h2>Earlier verdicts, and what became of them</h2>" in report
-    assert changes.earlier.digest[:12] in report
+    assert changes.earlier.digest in report
     assert "Earlier verdicts" not in certification_report(later)
     assert "since" not in json.loads(certification_json(later))

@@ -12,10 +12,9 @@ from crashfuse.errors import DataError
 from crashfuse.units import LB, MPH
 
 RECORD: dict[str, Any] = {
-    "crashfuse": "0.1.0",
-    "campaign": "Sedan",
-    "tests": ["T1", "T2"],
-    "config": {"approaches": ["fused"], "preset": "fast", "seed": 3},
+    "date": "2026-11-24T12:00:00+00:00",
+    "settings": {"campaign": "Sedan", "approach": "Fused", "seed": "3"},
+    "tests_sha256": {"T1": "a1", "T2": "b2"},
     "criteria": {
         "confidence": 0.9,
         "criterion": [
@@ -57,9 +56,10 @@ def test_everything_that_is_compared_is_read(tmp_path: Path) -> None:
         EarlierVerdict("open", 0.6, None, 610.0),
         EarlierVerdict("outside", None, None, None),
     )
-    assert earlier.tests == ("T1", "T2")
-    assert earlier.run == {"B": ("T2",)}
-    assert earlier.settings["approach"] == "fused"
+    assert earlier.tests == {"T1": "a1", "T2": "b2"}
+    assert earlier.run == {"B"}
+    assert earlier.settings["approach"] == "Fused"
+    assert earlier.date == "2026-11-24T12:00:00+00:00"
     assert earlier.waived == ("A",)
     assert Earlier.read(tmp_path / FILE).digest == earlier.digest != Earlier.parse(changed(("run",), {})).digest
     assert len(repr(earlier)) < 100
@@ -86,11 +86,26 @@ def test_an_interval_of_which_one_end_is_known_holds_what_is_on_its_side() -> No
         changed(("cells", "A", "crush"), ["perhaps", 0.5, 1.0, 2.0]),
         changed(("cells", "A", "crush"), ["met", 0.5, "1", 2.0]),
         changed(("cells", "A", "crush"), ["met"]),
+        changed(("cells", "A", "crush"), ["met", True, 1.0, 2.0]),
+        changed(("cells", "A", "crush"), ["met", 0.5, 2.0, 1.0]),
+        changed(("cells", "A", "crush"), ["met", 0.5, 10**400, None]),
         changed(("matrix", 0, "speed_mph"), -20),
         changed(("matrix", 0, "id"), "<b>\n"),
         changed(("matrix",), []),
-        changed(("tests",), ["\x1b[31m"]),
-        changed(("config", "approaches"), []),
+        changed(("matrix", 1, "id"), "A"),
+        changed(("matrix", 0, "speed_mph"), 10**400),
+        changed(("matrix", 0, "speed_mph"), 1e308),
+        changed(("matrix", 0, "speed_kph"), 30),
+        changed(("tests_sha256",), {"\x1b[31m": "a"}),
+        changed(("tests_sha256",), "T01"),
+        changed(("tests_sha256", "T1"), 7),
+        changed(("settings", "seed"), 0),
+        changed(("settings", "seed"), {"a": 1}),
+        changed(("settings", "campaign"), "a\x1b]0;x\x07\nSigned: certified"),
+        changed(("settings", "campaign"), "x" * 1000),
+        changed(("settings", "campaign"), "\ud800"),
+        changed(("date",), None),
+        changed(("run",), []),
         changed(("criteria", "criterion"), [{"metric": "colour", "at_most": 1}]),
     ],
 )

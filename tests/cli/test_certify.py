@@ -128,10 +128,10 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
         assert certify(planned, tmp_path / "second", *grid, "--since", str(earlier)) == cli.DONE
     printed = capsys.readouterr().out
     assert f"from {len(campaign.test_ids) - 1} tests" in printed
-    assert f"new since: {last}." in printed
-    assert f"Run since at its conditions: M001 (test {last})." in printed
+    assert f"tests that it did not know: {last}." in printed
+    assert f"Tested since: M001 (test {last})." in printed
     table = pd.read_csv(tmp_path / "second" / "changes.csv")
-    assert table["test"].tolist() == [last] * 3
+    assert table["test"].fillna("").tolist() == [last, last, ""]  # the rating would be that of another prediction
     measured = {metric.name: metric.value for metric in campaign.metrics_of(campaign.test(last))}
     assert table["measured"].tolist()[:2] == pytest.approx([measured["max_crush"], measured["peak"]], rel=1e-5)
     assert "what became of them" in (tmp_path / "second" / "report.html").read_text(encoding="utf-8")
@@ -140,6 +140,9 @@ def test_an_earlier_certification_is_held_against_a_test_run_since(
     assert certify(planned, tmp_path / "third", *grid, "--since", str(planned)) == cli.WRONG_DATA
     assert "certification.json: expected this file" in capsys.readouterr().err
     assert not (tmp_path / "third").exists()
+    first = str(tmp_path / "first")
+    assert certify(planned, tmp_path / "first", *grid, "--since", first) == cli.WRONG_USAGE
+    assert "holds the earlier certification" in capsys.readouterr().err
 
 
 @pytest.mark.slow

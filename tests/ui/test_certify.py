@@ -336,10 +336,10 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     assert "What became of it is in the report, too." in session.words
     record = json.loads(certification_json(of_library(asking).certification))
     record["cells"]["M1"] = {"crush": ("open", 0.5, 1.0, 2.0), "rating": ("open", 0.5, 0.0, 1.0)}
-    last = record["tests"].pop()
+    last, _ = record["tests_sha256"].popitem()
     for content, told in (
         (b"{}", "expected the record of a certification"),
-        (json.dumps(record).encode(), f"new since: {last}."),
+        (json.dumps(record).encode(), f"tests that it did not know: {last}."),
     ):
         session.app.file_uploader[-1].set_value([("certification.json", content, "application/json")])
         session.run()

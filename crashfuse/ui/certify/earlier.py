@@ -20,13 +20,13 @@ def show(judgement: Judgement) -> None:
     label = f"Upload the {FILE} of an earlier certification: its verdicts are held against what was tested since"
     try:
         earlier = choose_kept(label, FILE, _CHOICE, key, Earlier.parse)
+        changes = None if earlier is None else Changes.of(earlier, judgement.certification)
     except CrashfuseError as error:
         show_wrong(error)
         return
-    if earlier is None:
+    if changes is None:
         st.caption(f"{FILE} is among the files of every certification. What became of it is in the report, too.")
         return
-    changes = Changes.of(earlier, judgement.certification)
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in change_sentences(changes)))
     table = shown_changes(changes, judgement.display)
     if not table.empty:
@@ -37,6 +37,6 @@ def changes_of(judgement: Judgement) -> Changes | None:
     """What became of the earlier certification that was chosen; None if none was, or it cannot be read any more."""
     try:
         earlier = find_kept(FILE, _CHOICE, Earlier.parse)
+        return None if earlier is None else Changes.of(earlier, judgement.certification)
     except CrashfuseError:  # which is said beside the verdicts
         return None
-    return None if earlier is None else Changes.of(earlier, judgement.certification)
