@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -55,7 +56,7 @@ class Earlier:
     digest : str
         SHA-256 of its file.
     date : str
-        When it was made by its own account, UTC.
+        When it was made, by its own account.
     settings : mapping of str to str
         What decides verdicts besides tests, criteria and matrix, by the names that a reader knows.
     tests : mapping of str to str
@@ -134,7 +135,7 @@ class Earlier:
             raise ValueError("a condition beyond any test")
         return cls(
             digest,
-            _text(values["date"]),
+            f"{datetime.fromisoformat(values['date']).astimezone(UTC):%Y-%m-%d %H:%M} UTC",
             {"campaign": "another vehicle", **{name: _text(own) for name, own in values["settings"].items()}},
             dict(zip(_ids(values["tests_sha256"]), map(_text, values["tests_sha256"].values()), strict=True)),
             criteria,
