@@ -7,6 +7,7 @@ from crashfuse.certification.earlier import FILE, Earlier
 from crashfuse.errors import CrashfuseError
 from crashfuse.reporting.certification_changes import change_sentences, shown_changes
 from crashfuse.ui.certify.judgement import Judgement
+from crashfuse.ui.certify.results import coloured
 from crashfuse.ui.certify.uploaded import choose_kept, find_kept, show_wrong
 from crashfuse.ui.tables import show_table
 from crashfuse.ui.text import plain
@@ -30,7 +31,7 @@ def show(judgement: Judgement) -> None:
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in change_sentences(changes)))
     table = shown_changes(changes, judgement.display)
     if not table.empty:
-        show_table(table, key="earlier verdicts")
+        show_table(coloured(table, "Then", "Now").hide(axis="index"), key="earlier verdicts")
 
 
 def changes_of(judgement: Judgement) -> Changes | None:

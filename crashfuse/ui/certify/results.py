@@ -69,7 +69,7 @@ def _show_table(certification: Certification, display: Display) -> None:
     table = without_formulas(_table(certification, display))  # the page offers it as CSV
     table = table[table["Verdict"].isin(words)]
     st.dataframe(
-        _coloured(table),
+        coloured(table, "Verdict"),
         hide_index=True,
         height=min(36 * len(table) + 40, 560),
         column_config={
@@ -119,6 +119,7 @@ def _table(certification: Certification, display: Display) -> pd.DataFrame:
     )
 
 
-def _coloured(table: pd.DataFrame) -> Styler:
+def coloured(table: pd.DataFrame, *columns: str) -> Styler:
+    """A table whose verdicts in these columns have their colours."""
     styles = {word: fill(colour) for word, colour in VERDICT_COLOURS.items()}
-    return table.style.map(styles.__getitem__, subset=["Verdict"])
+    return table.style.map(lambda word: styles.get(word, ""), subset=list(columns))
