@@ -124,7 +124,8 @@ class Earlier:
             return cls._of(json.loads(content), hashlib.sha256(content).hexdigest())
         except _WRONG:
             expected = "the record of a certification"
-            raise _no_such_file(path, expected, "another file, or a damaged one") from None
+            found = "another file, or a damaged one" if content.strip() else "an empty file"
+            raise _no_such_file(path, expected, found) from None
 
     @classmethod
     def _of(cls, values: dict[str, Any], digest: str) -> Self:
@@ -168,5 +169,5 @@ def _verdict(word: Word, probability: float | None, lower: float | None, upper: 
 
 
 def _no_such_file(path: Path, expected: str, found: str) -> DataError:
-    advice = f"give the {FILE}, or its folder, that crashfuse certify wrote"
+    advice = f"give the {FILE} of a certification, as crashfuse certify and the page Certify write it"
     return DataError(Problem(path.name, expected, found, advice))

@@ -26,7 +26,7 @@ def rating_sentences(explanation: RatingExplanation, comparison: str = "predicti
     if 1 - rating.overall >= _NOTHING:
         overall = Sentence("{} {}.", overall, _capital(reasons[explanation.costliest]))
     parts = {
-        name: Sentence("{}: {}.", f"{name.capitalize()} {getattr(rating, name):.2f} (costs {losses[name]:.2f})", said)
+        name: Sentence("{}: {}.", f"{name.capitalize()} {getattr(rating, name):.2f} (costs {losses[name]:.3f})", said)
         for name, said in reasons.items()
     }
     return {"overall": overall, **parts}
@@ -36,7 +36,7 @@ def rating_headline(explanation: RatingExplanation) -> Sentence:
     """A rating, and the part that costs most of it."""
     rating, part, lost = explanation.rating, explanation.costliest, 1 - explanation.rating.overall
     head, costs = f"{rating.overall:.3f} ({rating.grade}) over 0–{explanation.window_ms:g} ms", explanation.losses[part]
-    said = "nothing is lost" if lost < _NOTHING else f"{part} costs most, {costs:.2f} of the {lost:.2f} missing to 1"
+    said = "nothing is lost" if lost < _NOTHING else f"{part} costs most, {costs:.3f} of the {lost:.3f} missing to 1"
     return Sentence("{}: {}.", head, said)
 
 
@@ -77,9 +77,9 @@ def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
     told += f"; that gains most at the {_nth(explanation, decisive)} hump of the test ({_ms(decisive.peak_s)} ms)"
     if decisive.counterpart_s is None:
         told += f", to which no hump of the {comparison} corresponds"
-    elif decisive in displaced:
+    if named := decisive in displaced and (decisive.late_s or 0.0) * shift_s > 0:  # else it says the opposite
         told += f", which comes {_lateness(decisive)} in the {comparison}"
-    if farthest is not None and farthest is not decisive:
+    if farthest is not None and not (named and farthest is decisive):
         told += f"; {_displaced(explanation, farthest)}"
     return Sentence(told)
 

@@ -76,7 +76,7 @@ def choose_curves(
         beside = _choose_beside(view, condition, band, held_out)
     st.button(
         "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(view.campaign, condition, held_out),
-        help=f"Also show {_NEAREST} tests: those at about this speed first, then the nearest by speed and weights.",
+        help=f"Also show {_NEAREST} tests: the nearest in speed, of those at about one speed the nearest in weights.",
     )  # fmt: skip
     approaches = tuple(name for name in chosen if name in predictions)
     if offered is None and not (approaches or beside or TEST in chosen):
@@ -184,11 +184,11 @@ def _pinned_predictions(campaign: Campaign, wanted: Sequence[Condition], approac
 
 
 def _add_nearest(campaign: Campaign, condition: Condition, held_out: str) -> None:
-    """Those at about this speed come first: further weights change a pulse less than another speed."""
+    """Those nearest in speed come first, of those at about one speed the nearest in weights, too."""
     others = campaign.without([held_out] if held_out else [])
     ordered = sorted(
         nearest_tests(others, condition, len(others.tests)),
-        key=lambda test: abs(test.condition.speed_mps - condition.speed_mps) >= SPEED_STEP_MPS,
+        key=lambda test: int(abs(test.condition.speed_mps - condition.speed_mps) / SPEED_STEP_MPS),
     )
     also = st.session_state["also"]
     st.session_state["also"] = list(dict.fromkeys([*also, *(test.id for test in ordered[:_NEAREST])]))[:_MOST]

@@ -204,13 +204,14 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
         st.caption(f":material/block: Left out of use: {names}")
     importing = page == "data" and bool(state["import"])
     if address.acts("test", page) and not importing:
+        shown = f"test in {state['system']}"  # a browser keeps what is chosen by its label, which has a unit
+        address.put(shown, state["test"])
         st.selectbox(
             "Held-out test",
             list(tests),
             format_func=lambda test_id: f"{test_id} · {said(speed(tests[test_id].condition.speed_mps), units)}",
-            key="test",
-            persist_state="session",
-            on_change=_forget,
+            key=shown,
+            on_change=lambda: choose_held_out(tests[state[shown]]),
             help="The test to be predicted. Nothing that predicts it sees its pulse.",
         )
         for note in campaign.cae.extrapolation(tests[state["test"]].condition):

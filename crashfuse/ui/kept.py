@@ -13,7 +13,8 @@ def kept_choice(
     The session holds the whole choice under ``key``. A widget of that key would lose what this page does not offer: an
     approach that has not been fitted yet, a test of another campaign.
     """
-    state, here, whole = st.session_state, f"{key} here", st.session_state[key]
+    state, whole = st.session_state, st.session_state[key]
+    here = f"{key} in {state['system']} here"  # a browser keeps what is chosen by its label, which may have a unit
     # with every run: in a closed popover there is nothing yet that would keep what is sent
     state[here] = [name for name in options if name in whole]
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.conftest import FIGURE, TABLE
+from tests.browser.conftest import CURVES, FIGURE, SIDEBAR, TABLE
 
 pytestmark = pytest.mark.slow
 
@@ -42,3 +42,26 @@ def test_all_of_predict_follows_the_units(small_server: "Server", user: "User") 
     shows_speed(user, "34.8", "mph")
     user.press("km/h, kg")
     shows_speed(user, "56.0", "km/h")
+
+
+def test_other_units_change_neither_the_held_out_test_nor_what_is_beside_it(
+    small_server: "Server", user: "User"
+) -> None:
+    """A browser keeps a choice by its label, which has the speed in it: it must not come back as another test."""
+    user.open(
+        small_server, "compare", campaign="campaign", approaches="displacement_domain", test="T2", also=("T3", "T4")
+    )
+    user.starts("Predict test T2", FIGURE)
+    user.sees("T3 · 26.0 mph", FIGURE)
+    for units, beside in (("km/h, kg", "T3 · 41.8 km/h"), ("mph, lb", "T3 · 26.0 mph")):
+        user.press(units)
+        user.sees(beside, FIGURE)
+        user.press("Curves", CURVES)
+        user.press("0–40 ms", f"{SIDEBAR} button")
+        user.wait(lambda: "window=40" in user.browser.current_url)
+        user.press("0–60 ms", f"{SIDEBAR} button")
+        user.wait(lambda: "window=40" not in user.browser.current_url)
+        user.sees(beside, FIGURE)
+        assert "Test T2: " in user.sees("Compare")
+        assert "test=T2" in user.browser.current_url
+        assert "also=T3&also=T4" in user.browser.current_url

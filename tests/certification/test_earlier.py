@@ -116,7 +116,7 @@ def test_another_file_is_one_sentence(content: bytes) -> None:
         Earlier.parse(content)
     (problem,) = raised.value.problems
     assert str(problem).startswith(f"{FILE}: expected the record of a certification, found ")
-    assert "that crashfuse certify wrote" in str(problem)
+    assert "as crashfuse certify and the page Certify write it" in str(problem)
     assert str(problem).isprintable()
 
 

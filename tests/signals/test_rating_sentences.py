@@ -15,7 +15,7 @@ def test_a_late_pulse_is_told_to_be_moved_earlier() -> None:
     late = np.interp(TIME_S - 0.003, TIME_S, TEST)
     said = rating_sentences(explain_rating(pulse(TEST), pulse(late), 70.0))
     assert said["phase"].startswith(
-        "Phase 0.79 (costs 0.04): the prediction correlates best with the test when moved 3.0"
+        "Phase 0.79 (costs 0.043): the prediction correlates best with the test when moved 3.0"
     )
     assert "moved 3.0 ms earlier; that gains most at the" in said["phase"]
     assert "which comes 3.0 ms late in the prediction" in said["phase"]
@@ -49,7 +49,7 @@ def test_a_perfect_match_loses_nothing() -> None:
     """And no shift is better than none."""
     said = rating_sentences(explain_rating(pulse(TEST), pulse(TEST), 70.0))
     assert said["overall"] == "1.000 (Excellent) over 0–70 ms: nothing is lost."
-    assert said["phase"] == "Phase 1.00 (costs 0.00): no shift of the prediction correlates better with the test."
+    assert said["phase"] == "Phase 1.00 (costs 0.000): no shift of the prediction correlates better with the test."
     assert "stays inside the inner corridor" in said["corridor"]
     assert ": warped, " in said["magnitude"]  # where nothing is shifted, nothing is said to be
     assert ": the slope" in said["slope"]

@@ -35,13 +35,13 @@ def test_without_a_campaign_a_page_says_what_to_do(visit: Visit, page: str) -> N
 def test_choices_hold_on_every_page(visit: Visit) -> None:
     """Chosen once, seen everywhere."""
     session = visit()
-    session.app.sidebar.selectbox(key="test").select("T3").run()
+    session.app.sidebar.selectbox(key="test in mph-lb").select("T3").run()
     session.app.sidebar.button_group(key="window").set_value(20.0).run()
     session.app.sidebar.button_group(key="sign").set_value("Deceleration").run()
     for page in ("compare", "train", "study", "data"):
         session.go(page)
     sidebar = session.app.sidebar
-    assert sidebar.selectbox(key="test").value == "T3"
+    assert sidebar.selectbox(key="test in mph-lb").value == "T3"
     assert sidebar.button_group(key="window").value == 20.0
     assert sidebar.button_group(key="sign").value == "Deceleration"
 
@@ -54,7 +54,7 @@ def test_the_sidebar_asks_only_for_what_acts_on_the_page(visit: Visit) -> None:
         page: {str(own.key) for kind in ("selectbox", "button_group") for own in visit(page).app.sidebar.get(kind)}
         for page in ("data", "study", "certify")
     }
-    assert asked["data"] >= {"campaign", "test", "window", "system", "unit", "sign"}
+    assert asked["data"] >= {"campaign", "test in mph-lb", "window", "system", "unit", "sign"}
     assert asked["study"] == {"campaign", "window", "system", "unit"}
     assert asked["certify"] == {"campaign", "system", "unit"}
 
@@ -67,7 +67,7 @@ def test_an_address_reproduces_the_view(visit: Visit, campaign_folder: Path) -> 
     session = visit(campaign=campaign_folder.name, **view)
     assert session.app.title[0].value == "campaign"
     sidebar = session.app.sidebar
-    assert sidebar.selectbox(key="test").value == "T3"
+    assert sidebar.selectbox(key="test in mph-lb").value == "T3"
     assert sidebar.button_group(key="window").value == 20.0
     assert sidebar.button_group(key="unit").value == "m/s²"
     assert sidebar.button_group(key="sign").value == "Deceleration"
@@ -101,7 +101,7 @@ def test_another_campaign_is_not_shown_as_that_of_the_link_without_a_word(visit:
     assert "“elsewhere”" not in session.words
     session = visit(test="T9")
     assert "This link holds out “T9”, but no test here has that name." in session.words
-    session.app.sidebar.selectbox(key="test").select("T2").run()
+    session.app.sidebar.selectbox(key="test in mph-lb").select("T2").run()
     assert "which this link holds out" not in session.words
 
 
@@ -110,7 +110,7 @@ def test_another_campaign_is_not_shown_as_that_of_the_link_without_a_word(visit:
 def test_a_choice_that_another_campaign_lacks_is_not_laid_to_the_link(visit: Visit) -> None:
     """Turning to another campaign is the user's own step: no warning about tests."""
     session = visit()
-    session.app.sidebar.selectbox(key="test").select("T3").run()
+    session.app.sidebar.selectbox(key="test in mph-lb").select("T3").run()
     session.app.sidebar.selectbox(key="campaign").select("sample").run()
     assert not session.app.exception
     assert "which this link holds out" not in session.words

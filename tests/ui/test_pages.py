@@ -452,7 +452,7 @@ def test_compare_shows_five_figures_over_displacement() -> None:
         assert not app.exception
         assert charts(app) == 1
         assert sentence in words(app)
-    app.sidebar.selectbox(key="test").select("T3").run()
+    app.sidebar.selectbox(key="test in mph-lb").select("T3").run()
     finish(press(app, "Predict test T3"))
     assert app.button_group(key="over_displacement").value == "Check of the integration"
 
@@ -702,15 +702,15 @@ def test_the_tests_chosen_on_train_are_in_the_link() -> None:
     def chosen() -> list[str]:
         return list(app.multiselect(key="held_out").value)
 
-    first = app.sidebar.selectbox(key="test").value
+    first = app.sidebar.selectbox(key="test in mph-lb").value
     assert chosen() == [first]
     other = next(test for test in ("T1", "T2") if test != first)
-    app.sidebar.selectbox(key="test").select(other).run()
+    app.sidebar.selectbox(key="test in mph-lb").select(other).run()
     assert chosen() == [other]
     app.multiselect(key="held_out").set_value(["T4", "T2"]).run()
     app.run()
     assert app.query_params["held_out"] == ["T4", "T2"]
-    app.sidebar.selectbox(key="test").select("T3").run()
+    app.sidebar.selectbox(key="test in mph-lb").select("T3").run()
     assert chosen() == ["T4", "T2"]
     linked = AppTest.from_file(APP, default_timeout=SOON)
     linked.query_params["held_out"] = ["T4", "T99"]

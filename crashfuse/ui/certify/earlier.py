@@ -28,6 +28,7 @@ def show(judgement: Judgement) -> None:
     if changes is None:
         st.caption(f"{FILE} is among the files of every certification. What became of it is in the report, too.")
         return
+    st.button("Take it away", icon=":material/close:", on_click=lambda: st.session_state.update({_CHOICE: None}))
     st.markdown("\n".join(f"- {plain(sentence)}" for sentence in change_sentences(changes)))
     table = shown_changes(changes, judgement.display)
     if not table.empty:

@@ -44,9 +44,9 @@ def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[by
     state, wrong = st.session_state, f"{key}: wrong"
 
     def take() -> None:
-        if (given := state[key]) is None:
-            return
         state[wrong], state[choice] = None, None
+        if (given := state[key]) is None:  # it was taken away
+            return
         content = given.getvalue()
         try:
             read(content)

@@ -84,10 +84,12 @@ def _field(
     value = round(state[name] * in_si * shown, DECIMALS)
     field, slider = f"field {name}", f"slider {name} {low:g} to {high:g}"  # another range is another widget
     address.put(field, value)
-    address.put(slider, min(max(value, low), high))
+    at_end = min(max(value, low), high)
+    address.put(slider, at_end)
 
     def take(key: str) -> None:
-        state[name] = round(state[key] / shown / in_si, DECIMALS)
+        if key == field or state[key] != at_end:  # a slider at its end may be sent, for a value beyond, by no one
+            state[name] = round(state[key] / shown / in_si, DECIMALS)
 
     form = f"%.{digits}f"
     column.number_input(
