@@ -1,11 +1,9 @@
 """Fits of approaches to a campaign, which are cached, and their predictions at a condition."""
 
-import os
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -162,51 +160,25 @@ def estimates_at(fits: Sequence[Fit], condition: Condition) -> list[Estimate]:
         raise UsageError(Sentence("A prediction takes a speed and weights above 0, not {}.", condition))
     if is_beyond(condition):
         raise UsageError(Sentence("No barrier test is made at {}: {} can be predicted.", condition, BOUNDS))
-    made: dict[tuple[object, ...], tuple[Prediction, float]] = {}
+    made: dict[tuple[object, ...], Prediction] = {}
 
-    def predict(approach: Approach) -> tuple[Prediction, float]:
-        """The prediction, and the seconds that it took beyond those that it rests on."""
-        key = _key(approach)
+    def predict(approach: Approach) -> Prediction:
+        key = tuple(settings(approach).values())
         if key not in made:
-            parts = [predict(part)[0] for part in approach.parts]
-            start = time.perf_counter()
+            parts = [predict(part) for part in approach.parts]
             with blamed_on(approach.name):
-                prediction = approach.predict_from(condition, parts)
-            made[key] = prediction, time.perf_counter() - start
+                made[key] = approach.predict_from(condition, parts)
         return made[key]
 
-    *here, beside = _resting_on_none([fit.approach for fit in fits])
-    with one_thread():
-        waiting = [_crew().submit(predict, beside)] if here else []
-        for approach in here:
-            predict(approach)
-        for each in waiting:
-            each.result()
-        predicted = [predict(fit.approach) for fit in fits]
     estimates = []
-    for fit, (prediction, seconds) in zip(fits, predicted, strict=True):
+    for fit in fits:
+        start = time.perf_counter()
+        with one_thread():
+            prediction = predict(fit.approach)
         if prediction.draws_mps2 is not None:
             prediction = replace(prediction, draws_mps2=prediction.draws_mps2.astype(np.float32))
+        seconds = fit.seconds + time.perf_counter() - start
         left_out_mps2 = {test: own.accel_mps2 for test, own in fit.left_out.items()}
         known = left_out_mps2, fit.agreements, fit.metric_errors, fit.occupant
-        estimates.append(Estimate(fit.approach.name, prediction, fit.state, fit.seconds + seconds, *known))
+        estimates.append(Estimate(fit.approach.name, prediction, fit.state, seconds, *known))
     return estimates
-
-
-def _key(approach: Approach) -> tuple[object, ...]:
-    return tuple(settings(approach).values())
-
-
-def _resting_on_none(approaches: Sequence[Approach]) -> list[Approach]:
-    """Those that these are made of, each once."""
-    found: dict[tuple[object, ...], Approach] = {}
-    for approach in approaches:
-        parts = _resting_on_none(approach.parts) if approach.parts else [approach]
-        found.update((_key(part), part) for part in parts if _key(part) not in found)
-    return list(found.values())
-
-
-@cache
-def _crew() -> ThreadPoolExecutor:
-    """Threads beside those that ask: the displacement domain integrates while networks compute."""
-    return ThreadPoolExecutor(os.cpu_count())

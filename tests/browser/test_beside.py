@@ -84,13 +84,14 @@ def test_two_pinned_predictions_stand_in_figure_table_report_and_link(small_serv
     user.wait(lambda: top_of(user, FIGURE) <= 350, "The figure began below 350 px.", 10)
     assert sorted(bands(user).values()) == [False, False, True]
     assert bands(user)["displacement_domain"]
+    user.wait(lambda: "speed_mph=60" in user.browser.current_url)
     link = user.browser.current_url
     user.browser.switch_to.new_window("tab")
     user.becomes_another()
     user.browser.get(link)
     for speed in ("30.0", "34.0"):
         user.sees(f"Displacement domain at {speed} mph", FIGURE)
-    assert user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "60.0"
+    user.wait(lambda: user.find('input[aria-label="Impact speed (mph)"]').get_attribute("value") == "60.0")
     user.press("Metrics", f"{MAIN} {PILL}")
     user.sees("Difference, 34.0 mph", f"{MAIN} {TABLE}")
     user.press("Files and report", f"{MAIN} {PILL}")
