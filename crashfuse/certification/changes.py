@@ -1,6 +1,6 @@
 """What became of an earlier certification: verdicts that changed, and what tests that it did not know measured."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Self
@@ -124,24 +124,19 @@ class Changes:
 
         However many conditions and limits are alike, a metric of a test counts once, as wrong if any verdict was.
         """
-        told: dict[tuple[str, str], bool] = {}
-        for cell in self.cells:
-            for test, came_true in cell.came_true.items():
-                key = test, quantity(cell.criterion)
-                told[key] = came_true and told.get(key, True)
+        told = _one_a_metric((test, cell, true) for cell in self.cells for test, true in cell.came_true.items())
         return len(told), list(told.values()).count(False), len({test for test, _ in told})
 
     @property
     def intervals(self) -> tuple[int, int]:
         """How many earlier 95 % intervals hold what these tests measured, and of how many; one a metric of a test."""
-        held: dict[tuple[str, str], bool] = {}
-        for cell in self.cells:
-            for test, value in cell.measured.items():
-                if cell.before is None or cell.before.word == "outside" or value is None:
-                    continue
-                if (holds := cell.before.holds(value)) is not None:
-                    key = test, quantity(cell.criterion)
-                    held[key] = holds and held.get(key, True)
+        held = _one_a_metric(
+            (test, cell, holds)
+            for cell in self.cells
+            if cell.before is not None and cell.before.word != "outside"
+            for test, value in cell.measured.items()
+            if value is not None and (holds := cell.before.holds(value)) is not None
+        )
         return sum(held.values()), len(held)
 
     @property
@@ -191,6 +186,15 @@ class Changes:
             and i not in self.later.waived
             and i not in self.later.run
         }
+
+
+def _one_a_metric(told: Iterable[tuple[str, Change, bool]]) -> dict[tuple[str, str], bool]:
+    """Whether all that is told of one metric of a test is true."""
+    found: dict[tuple[str, str], bool] = {}
+    for test, cell, true in told:
+        key = test, quantity(cell.criterion)
+        found[key] = true and found.get(key, True)
+    return found
 
 
 def _place(condition: Condition) -> tuple[object, ...]:

@@ -16,7 +16,7 @@ from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
 
 LARGEST = 8 << 20
-"""Bytes of a file; 10,000 conditions take less than one million, a verdict on each less than two hundred."""
+"""Bytes of a file; 10,000 conditions take less than one million, a verdict in a certification about a hundred."""
 
 _MOST, _MOST_BYTES = 200, 64 << 20  # of all; what was not used for longest makes room
 _UNUSED_S = 365 * 86400.0

@@ -88,7 +88,7 @@ def _field(
     address.put(slider, at_end)
 
     def take(key: str) -> None:
-        if key == field or state[key] != at_end:  # a slider at its end may be sent, for a value beyond, by no one
+        if key == field or state[key] != at_end:  # nobody moves a slider to where it is: at its end for a value beyond
             state[name] = round(state[key] / shown / in_si, DECIMALS)
 
     form = f"%.{digits}f"
