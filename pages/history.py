@@ -15,7 +15,7 @@ if not results:
 display = DEFAULT if view is None else view.display
 st.caption(
     "What was computed on this machine, by whomever, the latest first; of predictions, those that were pinned or made "
-    "by the command. Choose a row to open that result."
+    "by the command. Choose a row to open that result. Certifications are listed on the page Certify, Earlier verdicts."
 )
 show_results(results, display)
 studies = [result for result in results if result.tests]

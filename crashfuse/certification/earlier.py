@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -83,6 +83,12 @@ class Earlier:
         rows = zip(self.matrix.ids, self.verdicts, strict=True)
         return tuple(i for i, row in rows if i not in self.run and all(own.word == "met" for own in row))
 
+    @property
+    def said(self) -> Hashable:
+        """Equal for equal verdicts from equal tests, criteria, conditions and settings, whenever they were given."""
+        given = frozenset(self.settings.items()), frozenset(self.tests.items())
+        return *given, self.criteria, self.matrix, self.run, self.verdicts
+
     def unknown_of(self, campaign: Campaign) -> tuple[str, ...]:
         """The tests of a campaign whose records it did not know, by whatever id.
 
@@ -141,7 +147,7 @@ class Earlier:
             dict(zip(_ids(values["tests_sha256"]), map(_text, values["tests_sha256"].values()), strict=True)),
             criteria,
             matrix,
-            frozenset(matrix.ids) & values["run"].keys(),
+            frozenset({*matrix.ids} & values["run"].keys()),
             tuple(tuple(_verdict(*cells[i][own.name]) for own in criteria.items) for i in matrix.ids),
         )
 

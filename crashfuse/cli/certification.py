@@ -1,6 +1,7 @@
 """The command that judges acceptance criteria at conditions, and its own record."""
 
 import argparse
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from crashfuse.cli.conditions import factor
@@ -16,10 +17,11 @@ if TYPE_CHECKING:
 def certify(arguments: argparse.Namespace) -> None:
     """Give a verdict on every criterion at every condition of a matrix."""
     from crashfuse.campaign_folder.load import load_campaign
+    from crashfuse.certification import kept_files
     from crashfuse.certification.certify import APPROACH
     from crashfuse.certification.changes import Changes
     from crashfuse.certification.criteria_file import read_criteria
-    from crashfuse.certification.earlier import Earlier
+    from crashfuse.certification.earlier import FILE, Earlier
     from crashfuse.reporting import verdicts
     from crashfuse.reporting.certification_changes import change_sentences
     from crashfuse.reporting.certification_sentences import summary
@@ -44,8 +46,10 @@ def certify(arguments: argparse.Namespace) -> None:
             watch=watch, workers=arguments.workers, scheduler=arguments.scheduler,
         )  # fmt: skip
     certification, display = judged.certification, display_of(arguments, campaign)
-    with replacing(arguments.out, "certification"), writing(arguments.out, "certification.json") as folder:
+    with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
         write_certification(certification, folder, display, earlier)
+    with suppress(DataError):  # where nothing can be kept, the page does not list it
+        kept_files.keep((arguments.out / FILE).read_bytes(), FILE)
     print(counts_table(certification, display.units).to_string(index=False))
     print(*map(display.words, summary(certification)), sep="\n")
     if earlier is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 import pytest
 import streamlit as st
+from streamlit.testing.v1.element_tree import Selectbox
 
 import crashfuse
 from crashfuse.campaign_folder.load import load_campaign
@@ -333,7 +334,7 @@ def test_an_uploaded_matrix_is_in_the_link_also_of_the_next_server(
 def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_link(asking: Path, visit: Visit) -> None:
     """Its file is uploaded once; another session sees what became of it, and so do report and table."""
     session = tab(certified(visit("certify", **LINK)), "Earlier verdicts")
-    assert "What became of it is in the report, too." in session.words
+    assert "what became of it is in the report, too." in session.words
     record = json.loads(certification_json(of_library(asking).certification))
     record["cells"]["M1"] = {"crush": ("open", 0.5, 1.0, 2.0), "rating": ("open", 0.5, 0.0, 1.0)}
     last, _ = record["tests_sha256"].popitem()
@@ -352,6 +353,35 @@ def test_an_earlier_certification_is_held_against_the_verdicts_and_is_in_the_lin
     assert "Of 6 verdicts that both have" in elsewhere.words
     names = [button.label for button in tab(elsewhere, "Files and report").app.download_button]
     assert sorted(names) == sorted([*FILES, "changes.csv"])
+
+
+def test_verdicts_that_were_kept_are_chosen_from_a_list(asking: Path, visit: Visit) -> None:
+    """Those of the page, those of the command and uploaded ones; none is chosen any more once the list is cleared."""
+    session = tab(certified(visit("certify", **LINK)), "Earlier verdicts")
+    before = len(kept(session).options)
+    session.press("Keep today’s verdicts")
+    assert len(kept(session).options) == before + 1
+    record = json.loads(certification_json(of_library(asking).certification))
+    record["tests_sha256"].popitem()
+    session.app.file_uploader[-1].set_value([("certification.json", json.dumps(record).encode(), "application/json")])
+    session.run()
+    assert len(kept(session).options) == before + 2
+    assert kept(session).value == session.app.session_state["earlier"]
+    kept(session).set_value(None)
+    session.run()
+    assert session.app.session_state["earlier"] is None
+    session.app.file_uploader[-1].set_value([("certification.json", b"{}", "application/json")])
+    session.run()
+    assert "expected the record of a certification" in session.words
+    kept(session).select_index(0)
+    session.run()
+    assert "expected the record of a certification" not in session.words
+    assert "verdicts that both have" in session.words
+
+
+def kept(session: "Session") -> "Selectbox[str]":
+    """The list of earlier certifications."""
+    return next(box for box in session.app.selectbox if box.label == "Earlier certification")
 
 
 @pytest.mark.parametrize(

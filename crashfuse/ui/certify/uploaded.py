@@ -7,8 +7,8 @@ from typing import TypeVar
 
 import streamlit as st
 
+from crashfuse.certification import kept_files
 from crashfuse.errors import CrashfuseError, DataError, UsageError
-from crashfuse.ui.certify import kept_files
 from crashfuse.ui.text import plain
 
 T = TypeVar("T")
@@ -55,7 +55,7 @@ def choose_kept(label: str, file: str, choice: str, key: str, read: Callable[[by
             state[wrong] = error
 
     st.file_uploader(label, type=Path(file).suffix[1:], key=key, on_change=take)
-    if (error := state.get(wrong)) is not None:
+    if (error := state.get(wrong)) is not None and state[choice] is None:
         raise error
     return find_kept(file, choice, read)
 

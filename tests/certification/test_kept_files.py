@@ -1,12 +1,16 @@
-"""Uploaded files on the server's disk."""
+"""Matrices and certifications kept on this machine."""
 
+import json
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from crashfuse.campaign import Campaign
+from crashfuse.certification import kept_files
 from crashfuse.errors import DataError
-from crashfuse.ui.certify import kept_files
+from tests.certification.test_earlier import RECORD
 
 
 @pytest.fixture(autouse=True)
@@ -64,3 +68,23 @@ def test_too_large_a_file_is_refused_and_a_full_disk_is_told(home: Path, monkeyp
     with pytest.raises(DataError, match="room to keep it on the server's disk, found No space left on device"):
         kept_files.keep(b"x", "matrix.csv")
     assert not home.exists()
+
+
+def test_the_certifications_of_a_vehicle_are_found_by_having_one_of_their_tests(campaign: Campaign) -> None:
+    """The latest first; not another vehicle's, no matrix, none that was changed, and of equal ones only the first."""
+    digests = {test.id: test.digest for test in campaign.tests}
+    one, *_ = digests
+
+    def kept(day: int, tests: dict[str, str], **changed: Any) -> str:
+        record = {**RECORD, "date": f"2026-11-{day}T12:00:00+00:00", "tests_sha256": tests, **changed}
+        return kept_files.keep(json.dumps(record).encode(), "certification.json")
+
+    fewer, whole = kept(20, {"renamed": digests[one]}), kept(22, digests)
+    kept(23, digests)  # says the same as the one before
+    kept(21, {one: "0" * 64})
+    kept_files.keep(b"id,speed_mph\n", "matrix.csv")
+    spoilt = kept(24, digests, settings={"seed": "9"})
+    (kept_files._home() / spoilt).write_bytes(json.dumps(RECORD).encode())
+    found = kept_files.certifications(campaign)
+    assert list(found) == [whole, fewer]
+    assert found[fewer].tests == {"renamed": digests[one]}

@@ -1,7 +1,8 @@
-"""Uploaded files, kept beside the cache under a digest of their content: a link outlives the server.
+"""Matrices and certifications, kept beside the cache under a digest of their content: a link outlives the server.
 
-What is kept was read before, as a matrix or an earlier certification, and whoever takes it from here reads and checks
-it again. The digest tells what was changed on the disk, and nobody finds a file whose content they do not know.
+What is kept was read before, and whoever takes it from here reads and checks it again. The digest tells what was
+changed on the disk. Nobody finds a file whose content they do not know, but the certifications of a vehicle by having
+the record of one of their tests.
 """
 
 import hashlib
@@ -9,8 +10,11 @@ import os
 import re
 import time
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 
+from crashfuse.campaign import Campaign
+from crashfuse.certification.earlier import Earlier
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
@@ -46,6 +50,14 @@ def keep(content: bytes, file: str) -> str:
 
 def find(name: str) -> bytes | None:
     """The content kept under this name; None if there is none, or if it is not what was kept."""
+    content = _content(name)
+    if content is not None:
+        with suppress(OSError):
+            os.utime(_path(name))  # it was used
+    return content
+
+
+def _content(name: str) -> bytes | None:
     if not _NAME.fullmatch(name):  # of a link that anybody may have written
         return None
     path = _path(name)
@@ -53,11 +65,26 @@ def find(name: str) -> bytes | None:
         content = path.read_bytes() if path.stat().st_size <= LARGEST else b""
     except OSError:
         return None
-    if _name(content) != name:
-        return None
-    with suppress(OSError):
-        os.utime(path)  # it was used
-    return content
+    return content if _name(content) == name else None
+
+
+def certifications(campaign: Campaign) -> dict[str, Earlier]:
+    """Those kept that learned from a test of this campaign, by name, the latest first; of equal ones the first."""
+    own, found = {test.digest for test in campaign.tests}, {}
+    for path in _home().glob("*"):
+        with suppress(DataError):
+            earlier = _certification(path.name)
+            if own & set(earlier.tests.values()):
+                found[path.name] = earlier
+    latest_first = sorted(found.items(), key=lambda kept: kept[1].date, reverse=True)
+    first = {earlier.said: name for name, earlier in latest_first}
+    return {name: earlier for name, earlier in latest_first if first[earlier.said] == name}
+
+
+@lru_cache(maxsize=200)
+def _certification(name: str) -> Earlier:
+    """What is kept under this name as an earlier certification; a DataError if it is something else."""
+    return Earlier.parse(_content(name) or b"")
 
 
 def _tidy() -> None:
