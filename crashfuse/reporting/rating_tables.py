@@ -24,7 +24,7 @@ def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> p
             "Correlation gained by the shift": signed(hump.shift_gain, 3),
             "Share of magnitude's error (%)": f"{100 * hump.magnitude_share:.0f}",
             "Share of slope's error (%)": f"{100 * hump.slope_share:.0f}",
-            f"Too strong, shifted and warped ({display.unit})": signed(hump.difference_mps2 * scale, 1),
+            f"Stronger than the test, shifted and warped ({display.unit})": signed(hump.difference_mps2 * scale, 1),
         }
         for number, hump in enumerate(explanation.humps, start=1)
     )
@@ -33,7 +33,7 @@ def humps_table(explanation: RatingExplanation, display: Display = DEFAULT) -> p
 def excursions_table(explanation: RatingExplanation, display: Display = DEFAULT) -> pd.DataFrame:
     """One row a stretch of time outside the inner corridor, in order of time, with what it costs of the rating."""
     columns = [
-        "Outside from (ms)", "to (ms)", f"Farthest from the test ({display.unit})", "Beyond the outer corridor",
+        "Outside from (ms)", "to (ms)", f"Prediction minus test, largest ({display.unit})", "Beyond the outer corridor",
         "Costs of the overall rating",
     ]  # fmt: skip
     rows = [

@@ -23,9 +23,9 @@ def test_stretches_outside_the_corridor_are_in_the_readers_unit_and_sign() -> No
     explanation = explain_rating(pulse(TEST), pulse(1.2 * TEST), 70.0)
     table = excursions_table(explanation)
     assert len(table) == len(explanation.excursions) > 0
-    assert all(value.startswith("−") for value in table["Farthest from the test (g)"])
+    assert all(value.startswith("−") for value in table["Prediction minus test, largest (g)"])
     flipped = excursions_table(explanation, Display(unit="m/s²", deceleration=True))
-    assert all(value.startswith("+") for value in flipped["Farthest from the test (m/s²)"])
+    assert all(value.startswith("+") for value in flipped["Prediction minus test, largest (m/s²)"])
     assert excursions_table(explain_rating(pulse(TEST), pulse(TEST), 70.0)).empty
 
 
