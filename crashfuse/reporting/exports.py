@@ -24,6 +24,13 @@ def parquet_bytes(table: pd.DataFrame) -> bytes:
 
 _INTERVAL = re.compile(r"(?P<value>\S+) \[(?P<lower>\S+), (?P<upper>\S+)\]")
 _GRADED = re.compile(r"(?P<value>[\d.]+) (?P<grade>[A-Z][a-z]+)")
+_ONE_ENDED = (  # intervals that a record leaves open, as such with two ends
+    (re.compile(r"≤ (\S+) \(.*\)"), r"– [–, \1]"),
+    (re.compile(r"≥ (\S+) \(.*\)"), r"– [\1, –]"),
+    (re.compile(r"(\S+) \[≤ (\S+)\]"), r"\1 [–, \2]"),
+    (re.compile(r"(\S+) \[≥ (\S+)\]"), r"\1 [\2, –]"),
+    (re.compile(r"(\S+) \[open\]"), r"\1 [–, –]"),
+)
 _NUMBER = re.compile(r"[+-][\d.]+ ± [\d.]+")  # with its error, as no formula is
 
 
@@ -35,7 +42,7 @@ def spreadsheet_text(table: pd.DataFrame) -> str:
     """
     columns: list[list[str]] = []
     for name, own in table.items():
-        cells = [" ".join(_plain(cell).split()) for cell in own]
+        cells = [_two_ended(" ".join(_plain(cell).split())) for cell in own]
         for pattern in (_INTERVAL, _GRADED):
             found = [pattern.fullmatch(cell) for cell in cells]
             if any(found):
@@ -52,6 +59,10 @@ def _plain(cell: object) -> str:
     if isinstance(cell, Markup):
         return cell.striptags()
     return "" if pd.isna(cell) else str(cell)
+
+
+def _two_ended(text: str) -> str:
+    return next((form.sub(both, text) for form, both in _ONE_ENDED if form.fullmatch(text)), text)
 
 
 def _cell(text: str) -> str:

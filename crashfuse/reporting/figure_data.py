@@ -142,8 +142,8 @@ def _points(trace: Mapping[str, Any], layout: Mapping[str, Any]) -> _Shown:
     if isinstance(trace.get("text"), list | tuple):
         beside["Label"] = [_text(each) for each in trace["text"]]
     y = {title: values}
-    if trace["type"] == "bar":  # from its base to its end
-        base = _numbers(trace.get("base"))
+    if trace["type"] == "bar" and trace.get("base") is not None:  # from its base to its end
+        base = _numbers(trace["base"])
         y = _ends(title, base, base + values)
     elif (ends := _interval(trace.get("error_y", {}), values)) is not None:
         y |= _ends(title, *ends)

@@ -30,6 +30,8 @@ class Metric:
         None if the record is too short for the metric; :mod:`~crashfuse.signals.missing_metrics` states the reason.
     lower, upper : float or None
         Central 95 % interval; None without draws, or if too many of them are too short to determine that end.
+    drawn : bool
+        Whether there are draws.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Metric:
     lower: float | None
     upper: float | None
     unit: str
+    drawn: bool = False
 
     @property
     def digits(self) -> int:
@@ -45,7 +48,7 @@ class Metric:
 
     @property
     def text(self) -> str:
-        """Value and interval as displayed, without unit: ``25.3 [24.1, 26.0]``.
+        """Value and interval as displayed, without unit: ``25.3 [24.1, 26.0]``, or ``25.3 [open]`` if no end is known.
 
         Where the record is too short for a value, what is known of the interval is told, with its level:
         ``≤ 15.3 (95 %, record too short)``.
@@ -62,7 +65,7 @@ class Metric:
             None if number is None else f"{number:.{self.digits}f}" for number in (self.value, self.lower, self.upper)
         )
         if lower is None and upper is None:
-            return "–" if value is None else f"{value}{unit}"
+            return "–" if value is None else f"{value}{' [open]' if self.drawn else ''}{unit}"
         known = f"≤ {upper}" if lower is None else f"≥ {lower}" if upper is None else None
         if value is None:
             return f"{known or f'{lower}–{upper}'}{unit} (95 %, record too short)"
@@ -286,7 +289,8 @@ def pulse_metrics(
         else metric_values(draws_mps2, speed_mps, dt_s=dt_s, occupant=occupant, predicted=True)
     )
     intervals = {name: (None, None) if drawn is None else _interval(drawn[name]) for name in values}
-    return tuple(Metric(n, _finite(value), *intervals[n], METRIC_UNITS[n]) for n, value in values.items())
+    has = drawn is not None
+    return tuple(Metric(n, _finite(value), *intervals[n], METRIC_UNITS[n], has) for n, value in values.items())
 
 
 def _interval(values: FloatArray) -> tuple[float | None, float | None]:

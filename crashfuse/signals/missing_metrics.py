@@ -9,14 +9,13 @@ from crashfuse.wording import Sentence, joined
 
 def missing_metrics(metrics: Sequence[Metric]) -> tuple[str, ...]:
     """Sentences on which metrics and interval ends of a pulse are missing, one per reason; empty if none is."""
-    drawn = any(metric.lower is not None for metric in metrics)
     values, ends = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
     for metric in metrics:
         needs, label = METRIC_NEEDS[metric.name], METRIC_LABELS[metric.name]
         if metric.value is None:
             values[needs].append(label)
-        missing = [name for name, end in (("lower", metric.lower), ("upper", metric.upper)) if drawn and end is None]
-        if missing:
+        missing = [name for name, end in (("lower", metric.lower), ("upper", metric.upper)) if end is None]
+        if metric.drawn and missing:
             ends[needs].append(f"{label} ({' and '.join(missing)} end)")
     return (
         *(

@@ -25,15 +25,15 @@ class Neighbour:
 
 
 def nearest_tests(campaign: Campaign, condition: Condition, n: int = 3) -> tuple[Neighbour, ...]:
-    """The tests nearest to a condition, nearest first; each axis is scaled by the range of the CAE runs."""
+    """The tests nearest to a condition, nearest first: speeds differ by shares of its speed, weights of its mass."""
     conditions = [test.condition for test in campaign.tests]
-    order = _order(campaign, np.array([c.vector for c in conditions]), condition)[:n]
+    order = _order(np.array([c.vector for c in conditions]), condition)[:n]
     return tuple(Neighbour(campaign.tests[i].id, conditions[i]) for i in order)
 
 
 def nearest_run(campaign: Campaign, condition: Condition) -> Neighbour:
     """The CAE run nearest to a condition, measured as for :func:`nearest_tests`."""
-    nearest = _order(campaign, campaign.cae.vectors, condition)[0]
+    nearest = _order(campaign.cae.vectors, condition)[0]
     return Neighbour(campaign.cae.ids[nearest], campaign.cae.conditions[nearest])
 
 
@@ -44,7 +44,6 @@ def nearest_sentences(campaign: Campaign, condition: Condition) -> tuple[str, st
     return Sentence("Nearest tests by speed and weights: {}.", tests), Sentence("Nearest CAE run: {}.", run)
 
 
-def _order(campaign: Campaign, vectors: np.ndarray, condition: Condition) -> Sequence[int]:
-    extent = np.ptp(campaign.cae.vectors, axis=0)
-    away = (vectors - condition.vector) / np.where(extent > 0, extent, np.abs(condition.vector))
+def _order(vectors: np.ndarray, condition: Condition) -> Sequence[int]:
+    away = (vectors - condition.vector) / [condition.speed_mps, condition.mass_kg, condition.mass_kg]
     return [int(i) for i in np.argsort(np.sum(away**2, axis=1), kind="stable")]

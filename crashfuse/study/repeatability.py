@@ -58,7 +58,7 @@ class Repeatability:
     def sentence(self, rating: float, label: str) -> str:
         """How the rating of an approach's prediction compares with what a repeat would get."""
         if rating < self.lower:
-            compared = "is below what repeats reach: there is something left to improve"
+            compared = "is below what repeats reach"
         elif rating > self.upper:
             compared = "is above what a repeat would get"
         else:

@@ -14,7 +14,6 @@ from crashfuse.approaches.base import Prediction
 from crashfuse.approaches.registry import LABELS, by_preference
 from crashfuse.campaign import Campaign
 from crashfuse.condition import Condition
-from crashfuse.crash_test import SPEED_STEP_MPS
 from crashfuse.reporting.figures import RUN, Further, prediction_name, pulse_name
 from crashfuse.reporting.plots.curves import TEST
 from crashfuse.reporting.plots.display import Display
@@ -184,11 +183,6 @@ def _pinned_predictions(campaign: Campaign, wanted: Sequence[Condition], approac
 
 
 def _add_nearest(campaign: Campaign, condition: Condition, held_out: str) -> None:
-    """Those nearest in speed come first, of those at about one speed the nearest in weights, too."""
-    others = campaign.without([held_out] if held_out else [])
-    ordered = sorted(
-        nearest_tests(others, condition, len(others.tests)),
-        key=lambda test: int(abs(test.condition.speed_mps - condition.speed_mps) / SPEED_STEP_MPS),
-    )
+    near = nearest_tests(campaign.without([held_out] if held_out else []), condition, _NEAREST)
     also = st.session_state["also"]
-    st.session_state["also"] = list(dict.fromkeys([*also, *(test.id for test in ordered[:_NEAREST])]))[:_MOST]
+    st.session_state["also"] = list(dict.fromkeys([*also, *(test.id for test in near)]))[:_MOST]

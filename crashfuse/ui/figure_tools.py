@@ -1,6 +1,7 @@
 """Below each figure: buttons that save it as SVG or PNG, and the numbers that it shows as CSV; and its keys.
 
-A figure that has the focus is read with the arrow keys, which move the cursor as a mouse does; Enter clicks.
+A figure that has the focus is read with the arrow keys, which move the cursor as a mouse does; Enter clicks, and Escape
+takes the cursor away, as does leaving the figure.
 """
 
 import re
@@ -28,9 +29,14 @@ const point = (area, figure, kind) => {
   const place = { clientX: box.left + right * box.width, clientY: box.top + down * box.height, bubbles: true };
   area.dispatchEvent(new MouseEvent(kind, { ...place, view: window, cancelable: true }));
 };
+const areaOf = figure => figure.matches?.(".js-plotly-plot") && figure.querySelector(".nsewdrag");
+const leave = event => {
+  const figure = event.target, area = areaOf(figure);
+  if (area && figure.cursor) point(area, figure, "mouseout");
+};
 const press = event => {
-  const figure = event.target, area = figure.querySelector?.(".nsewdrag");
-  if (!figure.matches?.(".js-plotly-plot") || !area || event.ctrlKey || event.altKey || event.metaKey) return;
+  const figure = event.target, area = areaOf(figure);
+  if (!area || event.ctrlKey || event.altKey || event.metaKey) return;
   const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
   figure.cursor ??= [0.5, 0.5];
   if (event.key in moves) {
@@ -39,6 +45,8 @@ const press = event => {
     point(area, figure, "mousemove");
   } else if (event.key === "Enter") {
     for (const kind of ["mousemove", "mousedown", "mouseup"]) point(area, figure, kind);
+  } else if (event.key === "Escape") {
+    leave(event);
   } else {
     return;
   }
@@ -47,12 +55,13 @@ const press = event => {
 const reachable = () => {
   for (const figure of document.querySelectorAll(".js-plotly-plot:not([tabindex])")) {
     figure.tabIndex = 0;
-    figure.setAttribute("aria-keyshortcuts", "ArrowLeft ArrowRight ArrowUp ArrowDown Enter");
+    figure.setAttribute("aria-keyshortcuts", "ArrowLeft ArrowRight ArrowUp ArrowDown Enter Escape");
   }
 };
 if (!window.crashfuseKeys) {  // once for all figures, also those that are drawn later
   window.crashfuseKeys = true;
   document.addEventListener("keydown", press);
+  document.addEventListener("focusout", leave);
   setInterval(reachable, 1000);
 }
 const nearest = host => [...document.querySelectorAll(".js-plotly-plot")]

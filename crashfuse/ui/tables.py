@@ -50,7 +50,7 @@ _COPY = '<button type="button" title="Copy this table for a spreadsheet">Copy</b
 _copy_button = st.components.v2.component("crashfuse_copy_table", html=_COPY, css=BUTTON_CSS, js=_JS)
 
 
-_NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| ± [\d.,]+| %)?|–|)( \[.*\]| \(.*\))?")
+_NUMBER = re.compile(r"((?:[≤≥] )?[+−-]?[\d.,]+(?:–[\d.,]+| ± [\d.,]+| %| of \d+)?|–|)( \[.*\]| \(.*\))?")
 """A cell with a number, perhaps with its interval or a remark, or without one."""
 _GRADED = re.compile(rf"\d\.\d+ ({'|'.join(GRADE_COLOURS)})")
 

@@ -56,6 +56,14 @@ def test_a_table_goes_into_a_spreadsheet_with_a_number_in_each_cell() -> None:
     np.testing.assert_array_equal(again["Best"], [0.912, 0.5, np.nan])
 
 
+def test_an_interval_that_a_record_leaves_open_has_the_ends_that_are_known() -> None:
+    """Each in its column; what is open is empty."""
+    cells = ["3.6 [≤ 4.3]", "3.5 [≥ 3.1]", "3.4 [open]", "≤ 15.3 (95 %, record too short)", "3.5 [3.1, 3.9]", "–"]
+    lines = spreadsheet_text(pd.DataFrame({"OLC": cells})).split("\n")
+    assert lines[0] == "OLC\tOLC lower\tOLC upper"
+    assert lines[1:] == ["3.6\t\t4.3", "3.5\t3.1\t", "3.4\t\t", "\t\t15.3", "3.5\t3.1\t3.9", "\t\t"]
+
+
 def test_no_cell_of_a_copied_table_is_a_formula() -> None:
     """Text that a spreadsheet would run stays text; numbers with a sign stay numbers."""
     cells = ["=HYPERLINK(1)", "+cmd|' /C calc'!A0", "-1+cmd|x", "@SUM(1)", "-5", "+0.012", "+0.01 ± 0.02", "-1.5e-3"]

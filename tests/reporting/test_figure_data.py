@@ -16,9 +16,11 @@ from crashfuse.reporting.figure_files import figures_of
 from crashfuse.reporting.plots.displacement import over_displacement
 from crashfuse.reporting.plots.display import Display
 from crashfuse.reporting.plots.pulses import add_corridors, motion, overlay
+from crashfuse.reporting.plots.rating_parts import rating_parts
 from crashfuse.reporting.plots.ratings import rating_heatmap, rating_spread
 from crashfuse.signals.metrics import Metric
 from crashfuse.signals.pulse import DT_S, GRID_S, N_SAMPLES, kinematics
+from crashfuse.signals.rating import Rating
 from crashfuse.units import MPH, MS, G
 from tests.reporting.conftest import with_and_without_band
 
@@ -105,6 +107,15 @@ def test_points_with_intervals_and_cells_of_a_heat_map() -> None:
     assert list(cells)[1:] == ["CAE", "Fused"]
     assert cells.iloc[:, 0].tolist() == ["Test T1", "Test T2", "Mean"]
     np.testing.assert_allclose(cells["Fused"], [0.9, 0.8, 0.85], rtol=1e-6)
+
+
+def test_bars_are_a_column_of_numbers() -> None:
+    """Each from zero to its value, with the name it stands at."""
+    scores = {"cae": (0.8, 0.5, 0.75, 0.25), "fused": (1.0, 0.9, 0.8, 0.7)}
+    bars = table(rating_parts({name: Rating(0.5, *parts, "Fair") for name, parts in scores.items()}))
+    assert bars["Curve"].tolist() == ["CAE"] * 4 + ["Fused"] * 4
+    assert bars["x"].tolist()[:2] == ["Corridor (40 %)", "Phase (20 %)"]
+    np.testing.assert_allclose(bars["Score"], [0.8, 0.5, 0.75, 0.25, 1.0, 0.9, 0.8, 0.7], rtol=1e-6)
 
 
 def test_a_figure_in_a_report_gives_the_same_numbers(test: CrashTest, predictions: dict[str, Prediction]) -> None:

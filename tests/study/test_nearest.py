@@ -15,6 +15,16 @@ def test_the_nearest_test_comes_first_with_its_differences(campaign: Campaign) -
     assert first.differences(condition) == "T3 (+0.2 mph, front −10 lb, rear +0 lb)"
 
 
+def test_a_test_of_this_speed_is_nearer_than_one_of_another_speed_and_the_very_weights(campaign: Campaign) -> None:
+    """At 35 mph 100 lb are less than 10 mph, however narrow the range of weights is."""
+    first, second, *_ = campaign.tests
+    fast = replace(first, condition=replace(first.condition, speed_mps=35 * MPH))
+    condition = replace(fast.condition, front_weight_kg=fast.condition.front_weight_kg + 100 * LB)
+    slower = replace(second, condition=replace(condition, speed_mps=25 * MPH))
+    both = replace(campaign, tests=(slower, fast))
+    assert [own.id for own in nearest_tests(both, condition)] == [first.id, second.id]
+
+
 def test_a_paired_run_is_the_nearest_run(campaign: Campaign) -> None:
     """Nothing lies nearer than the very condition."""
     condition = campaign.test("T2").condition

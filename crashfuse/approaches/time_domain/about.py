@@ -13,7 +13,7 @@ class AboutLfTcn(Approach):
         "the low-fidelity (LF) networks: temporal convolutional networks (TCN) trained on the CAE runs and on no test "
         "(Eq. 5)."
     )
-    colour, dash = "#CC79A7", "dot"
+    colour, dash = "#C871A1", "dot"
     preference = 40
     learns_from_tests = False
     trains_networks = True

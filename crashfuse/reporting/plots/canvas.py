@@ -25,7 +25,6 @@ _ROW_PX, _ROW_MARGIN_PX = 21, 23  # of names above a figure, and the room that t
 _LETTER_PX, _SYMBOL_PX = 6.4, 46  # of a name, on average, with the symbol and the space beside it
 _NAMES_PX = 915  # in a window of 1440 px
 _TICK_NAME = 24  # characters
-_EDGE_OPACITY = 0.6  # of a band that is outlined
 _FEW_RUNS = 150  # more are a cloud, in which tests have to be seen
 
 # tools that Plotly puts beside a figure: one would upload its pulses to somebody's cloud, the others are of no use
@@ -175,7 +174,7 @@ def add_band(
         forth, back = (np.array([x[stretch], end[stretch]]) for end in (lower, upper))
         outline += [forth, *([] if filled else [gap]), back[:, ::-1], gap]  # edges are joined by no line
     across, up = np.hstack(outline[:-1])
-    look: dict[str, Any] = {"line": {"width": 1, "color": colour}, "opacity": _EDGE_OPACITY}
+    look: dict[str, Any] = {"line": {"width": 1, "color": colour}}
     if filled:
         alpha = f"rgba{(*hex_to_rgb(colour), _BAND_ALPHA)}"
         look = {"line": {"width": 0, "color": colour}, "fill": "toself", "fillcolor": alpha}

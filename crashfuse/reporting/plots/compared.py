@@ -44,5 +44,5 @@ def rating_differences(compared: StudyComparison, window_ms: float, left_out: st
         figure.update_yaxes(range=[-_SMALL, _SMALL])
     if largest < _NONE:
         words = "Every test is rated the same in both studies."
-        figure.add_annotation(text=words, x=0.5, y=0.88, xref="paper", yref="paper", showarrow=False)
+        figure.add_annotation(text=words, x=0.25, y=0.88, xref="paper", yref="paper", showarrow=False)
     return figure

@@ -165,7 +165,7 @@ class Display:
         value, lower, upper = (
             None if each is None else each * factor for each in (metric.value, metric.lower, metric.upper)
         )
-        return Metric(metric.name, value, lower, upper, unit)
+        return Metric(metric.name, value, lower, upper, unit, metric.drawn)
 
     def words(self, text: object) -> str:
         """A sentence, a condition or a quantity in the reader's units; any other text as it is."""

@@ -50,7 +50,8 @@ def rating_heatmap(
         showscale=False,
     )
     clicked = [test for test in (*tests, "") for _ in names]  # the mean belongs to no test
-    make_clickable(figure, names, rows, clicked, size=26, hovertemplate="%{y}<extra></extra>")
+    told = [f"{row}, {name}: {text[i][j]}" for i, row in enumerate(rows) for j, name in enumerate(names)]
+    make_clickable(figure, names, rows, clicked, 26, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")
     fix_cells(figure)
     figure.update_layout(margin={"t": _NAMES_PX, "b": _BELOW_PX})
     figure.update_xaxes(
