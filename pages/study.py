@@ -23,13 +23,14 @@ tab = choose("Tab", [*TABS, LEARNING_CURVE], key="study_tab")
 if tab == LEARNING_CURVE:
     show_learning_curve(view, config)
     st.stop()
+again = ""
 if config.preset == "fast":  # a fit with the paper's settings takes minutes, or a GPU
-    config = replace(config, leave_out="both")
+    config, again = replace(config, leave_out="both"), "; then again without any other test at about its speed"
 request = StudyRequest(campaign, campaign.test_ids, config)
 study = result_of(
     request,
     invitation="How well does each approach predict a test that it has not seen? Every test is left out in turn, "
-    "predicted from all others, and rated; then again without any other test at about its speed. "
+    f"predicted from all others, and rated{again}. "
     f"This has not been run yet for the {len(campaign.tests)} tests of this campaign. "
     + explanations.patience(
         config, "It takes several minutes the first time; meanwhile you can work on the other pages."

@@ -10,6 +10,7 @@ _PRIOR_S = 3.0  # time that passes before the pace is believed more than what wa
 _PRIOR_SHARE = 0.1  # share of a step that is done before its own pace is believed more than that of all
 _LAST_SHARE = 0.1  # of a step that takes longer than expected, this share is left
 _OWN_S = 5.0  # time after which less than that share is enough
+_SETTLING_SHARE = 0.1  # of what is left, in which most of a new estimate is believed: it jumps where a step ends
 
 
 @dataclass(eq=False)
@@ -57,6 +58,7 @@ class TimeLeft:
         self._steps = {name: _Step(seconds) for name, seconds in expected_s.items()}
         self._start_s = now_s
         self._shown = 0.0
+        self._told: tuple[float, float] | None = None  # what was told last, and when
 
     def take(self, progress: Progress, now_s: float) -> None:
         """Note how far a step is."""
@@ -72,9 +74,18 @@ class TimeLeft:
                 other.mark_s, other.mark_done = now_s, other.done
 
     def left_s(self, now_s: float) -> float | None:
-        """Time left in s; None if nothing is known about the steps."""
+        """Time left in s, which goes down with the clock towards the latest estimate; None if nothing is known."""
         if not self._steps:
             return None
+        left_s = self._estimate_s(now_s)
+        if self._told is not None:
+            for_s = now_s - self._told[1]
+            before_s = max(self._told[0] - for_s, 0.0)
+            left_s += (before_s - left_s) * math.exp(-for_s / max(_SETTLING_SHARE * left_s, 0.1))
+        self._told = left_s, now_s
+        return left_s
+
+    def _estimate_s(self, now_s: float) -> float:
         steps = list(self._steps.values())
         last = max((number for number, step in enumerate(steps) if step.done), default=-1)
         pending = [step for number, step in enumerate(steps) if step.done < 1 and (step.started or number > last)]

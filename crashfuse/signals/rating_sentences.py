@@ -9,6 +9,7 @@ from crashfuse.wording import Sentence, acceleration
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
 _SEVERAL = 2  # humps: of one alone nothing is worst
 _NOTHING = 1e-9  # of a rating
+_BALANCED_MPS2 = 0.5  # a hump that differs less on average is neither too strong nor too weak
 _IN_PLACE_S = 0.0005  # a hump that comes this near to its time is not out of place
 
 
@@ -67,7 +68,7 @@ def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
     farthest = max(displaced, key=lambda hump: abs(hump.late_s or 0.0), default=None)
     if shift_s == 0:
         told = f"no shift of the {comparison} correlates better with the test"
-        return Sentence(told if farthest is None else f"{told}; {_displaced(explanation, farthest)}")
+        return Sentence(told if farthest is None else f"{told}; {_displaced(explanation, farthest, comparison)}")
     way = f"{_ms(abs(shift_s))} ms {'earlier' if shift_s > 0 else 'later'}"
     limit = ", the largest shift that is tried" if explanation.at_limit else ""
     told = f"the {comparison} correlates best with the test when moved {way}{limit}"
@@ -80,7 +81,7 @@ def _phase(explanation: RatingExplanation, comparison: str) -> Sentence:
     if named := decisive in displaced and (decisive.late_s or 0.0) * shift_s > 0:  # else it says the opposite
         told += f", which comes {_lateness(decisive)} in the {comparison}"
     if farthest is not None and not (named and farthest is decisive):
-        told += f"; {_displaced(explanation, farthest)}"
+        told += f"; {_displaced(explanation, farthest, comparison)}"
     return Sentence(told)
 
 
@@ -90,14 +91,11 @@ def _magnitude(explanation: RatingExplanation, comparison: str) -> Sentence:
     if len(explanation.humps) < _SEVERAL or explanation.warped.error == 0:
         return Sentence(told)
     worst = max(explanation.humps, key=lambda hump: hump.magnitude_share)
-    return Sentence(
-        f"{told}; {{}} % of that at the {{}} hump ({{}}), on average {{}} {{}}",
-        f"{100 * worst.magnitude_share:.0f}",
-        _nth(explanation, worst),
-        _range(worst),
-        acceleration(abs(worst.difference_mps2)),
-        _side(worst.difference_mps2),
-    )
+    told += f"; {100 * worst.magnitude_share:.0f} % of that at the {_nth(explanation, worst)} hump ({_range(worst)})"
+    if abs(worst.difference_mps2) < _BALANCED_MPS2:
+        return Sentence(f"{told}, as often too strong as too weak")
+    size, side = acceleration(abs(worst.difference_mps2)), _side(worst.difference_mps2)
+    return Sentence(f"{told}, on average {{}} {side}", size)
 
 
 def _slope(explanation: RatingExplanation, comparison: str) -> Sentence:
@@ -113,8 +111,8 @@ def _slope(explanation: RatingExplanation, comparison: str) -> Sentence:
 _REASONS = {"corridor": _corridor, "phase": _phase, "magnitude": _magnitude, "slope": _slope}
 
 
-def _displaced(explanation: RatingExplanation, hump: RatedHump) -> str:
-    return f"its {_nth(explanation, hump)} hump comes {_lateness(hump)}"
+def _displaced(explanation: RatingExplanation, hump: RatedHump, comparison: str) -> str:
+    return f"farthest out of place is the {_nth(explanation, hump)} hump, {_lateness(hump)} in the {comparison}"
 
 
 def _lateness(hump: RatedHump) -> str:

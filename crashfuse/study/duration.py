@@ -11,11 +11,11 @@ from crashfuse.campaign import Campaign
 from crashfuse.study.config import StudyConfig
 
 REPEATABILITY_S = 0.5  # of one test
-EARLY_S = 0.85  # one of many fits without the tests left out, and what it predicts, by an approach without networks
-LATE_S = 0.4  # the same once the networks are trained
+EARLY_S = 0.95  # one of many fits without the tests left out, and what it predicts, by an approach without networks
+LATE_S = 0.65  # the same once the networks are trained
 
 _EMULATOR = {"CAE emulator": 1.2}
-_TRAINING_S = {"fast": 13.0, "paper": 4 * 3600.0}
+_TRAINING_S = {"fast": 10.0, "paper": 4 * 3600.0}
 
 
 def shared_steps(approaches: Set[str], config: StudyConfig) -> dict[str, float]:
@@ -39,4 +39,4 @@ def fit_steps(approaches: Set[str], campaign: Campaign, config: StudyConfig) -> 
 def _networks(approaches: Set[str], config: StudyConfig) -> dict[str, float]:
     names = {name for name in approaches if CLASSES[name].trains_networks}
     training = {"Training LF TCN": _TRAINING_S[config.preset]} if names else {}
-    return training | ({"Derivatives of the LF networks": 2.0} if names - {"lf_tcn"} else {})
+    return training | ({"Derivatives of the LF networks": 1.0} if names - {"lf_tcn"} else {})

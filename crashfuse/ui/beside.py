@@ -124,7 +124,7 @@ def _choose_several(key: str, labels: Mapping[str, str], title: str, placeholder
     """Let the user choose of some pulses by their labels."""
     return kept_choice(
         key, list(labels), st.multiselect, title, format_func=labels.__getitem__, max_selections=_MOST,
-        placeholder=placeholder,
+        placeholder=placeholder, filter_mode="contains", select_all=False,
     )  # fmt: skip
 
 

@@ -194,13 +194,15 @@ def _choose_view(page: str, name: str, campaign: Campaign) -> View:
     address.default("system", next(name for name, system in SYSTEMS.items() if system == campaign.units))
     units = chosen_units()
     tests = {test.id: test for test in campaign.tests}
+    unused = dict(campaign.unused)
     if state["test"] not in (None, *tests):
-        _note("This link holds out {}, but no test here has that name.", state["test"])
+        why = "that test is left out of use" if state["test"] in unused else "no test here has that name"
+        _note(f"This link holds out {{}}, but {why}.", state["test"])
         state["test"] = None
     if state["test"] is None:
         state["test"] = telling_test(campaign).id
-    if campaign.unused:
-        names = ", ".join(plain(test_id) for test_id, _ in campaign.unused)
+    if unused:
+        names = ", ".join(map(plain, unused))
         st.caption(f":material/block: Left out of use: {names}")
     importing = page == "data" and bool(state["import"])
     if address.acts("test", page) and not importing:

@@ -63,6 +63,7 @@ def compare_two(studies: list[PastResult], display: Display) -> None:
     by_id = {result.id: result for result in studies}
     latest, *others = sorted(studies, key=lambda result: len(result.tests), reverse=True)  # of the largest ones
     before = next((result for result in others if result.fingerprint == latest.fingerprint), others[0])
+    before, latest = sorted((before, latest), key=lambda result: result.date)
     chosen = []
     for label, key, usual in (("First study", "first", before), ("Second study", "second", latest)):
         if st.session_state.get(key) not in by_id:
@@ -122,7 +123,9 @@ def _show(compared: StudyComparison, way: str, display: Display) -> None:
 
 def _open(result: PastResult) -> str:
     """Choose in the session whatever a result rests on; returns what is in the way, if anything."""
-    name = next((name for name in campaigns.open_campaigns() if _fingerprint(name) == result.fingerprint), None)
+    names = [name for name in campaigns.open_campaigns() if _fingerprint(name) == result.fingerprint]
+    here = st.session_state["campaign"]
+    name = here if here in names else next(iter(names), None)
     if name is None:
         return (
             f"The campaign {result.campaign} with the data {result.fingerprint[:8]} is not open on this server: open "

@@ -133,10 +133,14 @@ def displacement_figure(height: int) -> go.Figure:
 
 
 def fit_axis(figure: go.Figure) -> go.Figure:
-    """Start the axes at contact and leave some room beyond the longest curve."""
-    longest = max(float(np.max(trace.x)) for trace in figure.data)
+    """Start the axes at contact and leave some room beyond the longest curve, and the interval of its end."""
+    longest = max(float(np.max(trace.x)) + _upward(trace.error_x.array) for trace in figure.data)
     figure.update_xaxes(range=[0, 1.02 * longest])
     return figure
+
+
+def _upward(error: Sequence[float | None] | None) -> float:
+    return max((length or 0.0 for length in error), default=0.0) if error is not None else 0.0
 
 
 def _loading_phases(

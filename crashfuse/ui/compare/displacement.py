@@ -13,13 +13,13 @@ _OF_CURVES = {
         "displacement",
         "Acceleration over displacement: test {} and every prediction of it, up to maximum crush",
         "Up to maximum crush (the marks, with their 95 % interval; an open end has no bar). The area under each curve "
-        "is the absorbed energy per unit mass, ½ v0², the same for all: a lower deceleration means more crush.",
+        "is the absorbed energy per unit mass, ½ v0²: at one impact speed, a lower deceleration means more crush.",
     ),
     _ENERGY: (
         "energy",
         "Absorbed energy over crush: test {} and every prediction of it",
-        "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force; a curve that ends further right "
-        "needs more crush for the same energy.",
+        "All of ½ m v0² is absorbed at maximum crush. The slope is the crush force; of curves at one speed and "
+        "mass, one that ends further right needs more crush for the same energy.",
     ),
     _CHECK: (
         "integration",

@@ -10,6 +10,7 @@ from crashfuse.reporting.plots.display import Display
 from crashfuse.ui import address
 from crashfuse.ui.text import plain
 from crashfuse.units import LB, MPH
+from crashfuse.wording import joined
 
 DECIMALS = 9
 """Of speeds and weights in the session and the address: 56 km/h come back as 56."""
@@ -42,7 +43,7 @@ def choose_condition(campaign: Campaign, display: Display) -> Condition:
         factors=tuple((name, choice) for name, choice in factors.items() if choice),
     )
     if notes := campaign.cae.extrapolation(condition):
-        st.markdown(f":material/warning: **{plain(' '.join(notes))}**")
+        st.markdown(f":material/warning: **{plain(joined(notes))}**")
     return condition
 
 
