@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from crashfuse.campaign import Campaign
-from crashfuse.certification.earlier import Earlier
+from crashfuse.certification.earlier import FILE, Earlier
 from crashfuse.errors import DataError, Problem
 from crashfuse.execution.cache import default_folder
 from crashfuse.files.atomic import write_atomically
@@ -69,16 +69,29 @@ def _content(name: str) -> bytes | None:
 
 
 def certifications(campaign: Campaign) -> dict[str, Earlier]:
-    """Those kept that learned from a test of this campaign, by name, the latest first; of equal ones the first."""
+    """Those kept that learned from a test of this campaign, by name, the latest first."""
     own, found = {test.digest for test in campaign.tests}, {}
     for path in _home().glob("*"):
         with suppress(DataError):
             earlier = _certification(path.name)
             if own & set(earlier.tests.values()):
                 found[path.name] = earlier
-    latest_first = sorted(found.items(), key=lambda kept: kept[1].date, reverse=True)
-    first = {earlier.said: name for name, earlier in latest_first}
-    return {name: earlier for name, earlier in latest_first if first[earlier.said] == name}
+    return dict(sorted(found.items(), key=lambda kept: kept[1].date, reverse=True))
+
+
+def keep_certification(content: bytes, campaign: Campaign) -> Earlier:
+    """Keep the file of a certification of this campaign, unless one is kept that says the same; returns that which is.
+
+    Raises
+    ------
+    DataError
+        As :func:`keep`.
+    """
+    new = Earlier.parse(content)
+    before = [own for own in certifications(campaign).values() if own.said == new.said]
+    if not before:
+        keep(content, FILE)
+    return before[-1] if before else new
 
 
 @lru_cache(maxsize=200)

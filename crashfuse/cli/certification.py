@@ -49,7 +49,7 @@ def certify(arguments: argparse.Namespace) -> None:
     with replacing(arguments.out, "certification"), writing(arguments.out, FILE) as folder:
         write_certification(certification, folder, display, earlier)
     with suppress(DataError):  # where nothing can be kept, the page does not list it
-        kept_files.keep((arguments.out / FILE).read_bytes(), FILE)
+        kept_files.keep_certification((arguments.out / FILE).read_bytes(), campaign)
     print(counts_table(certification, display.units).to_string(index=False))
     print(*map(display.words, summary(certification)), sep="\n")
     if earlier is not None:

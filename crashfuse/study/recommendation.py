@@ -56,8 +56,8 @@ class Recommendation:
         if self.expected is None:
             return self.sentences
         first, *reasons = self.sentences
-        use = first.partition(". ")[0]
-        return f"{use}. {self.expected.outcome(rating)}", self.expected.sentence, *reasons
+        use = first.partition(". ")[0].removeprefix("Use ")
+        return f"Recommended was {use}. {self.expected.outcome(rating)}", self.expected.sentence, *reasons
 
 
 def recommend_for(

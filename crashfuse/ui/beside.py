@@ -23,6 +23,7 @@ from crashfuse.ui.computation import FitRequest, answers, chosen_config
 from crashfuse.ui.frame import View
 from crashfuse.ui.kept import kept_choice
 from crashfuse.ui.pins import pinned
+from crashfuse.ui.text import plain
 
 _RECOMMENDED = "recommended"  # the approach whose band is filled, unless another is chosen
 _NEAREST = 3
@@ -77,6 +78,8 @@ def choose_curves(
         "Nearest tests", icon=":material/near_me:", on_click=_add_nearest, args=(view.campaign, condition, held_out),
         help=f"Also show {_NEAREST} tests: the nearest in speed, of those at about one speed the nearest in weights.",
     )  # fmt: skip
+    if held_out and any(isinstance(own, PredictedPulse) for own in beside):
+        st.caption(f"Pinned predictions learned from {plain(held_out)}, too.", width="content")
     approaches = tuple(name for name in chosen if name in predictions)
     if offered is None and not (approaches or beside or TEST in chosen):
         st.info("No curve is chosen.", icon=":material/visibility_off:")

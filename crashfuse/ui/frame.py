@@ -124,6 +124,8 @@ def show_head(view: View, title: str, detail: str = "", config: StudyConfig | No
             colour: Literal["gray", "orange"] = "gray" if config.preset == "fast" else "orange"
             label = f"{config.preset.capitalize()} settings, seed {config.seed}"
             st.badge(label, color=colour, help="As chosen on the page Train.")
+            if config.leave_out == "speed group" and address.acts("leave_out", address.here().page):
+                st.badge("All at its speed left out", color="orange")
         if (notice := view.campaign.notice) and config is not None:
             st.badge(plain(notice.partition(":")[0]), icon=":material/science:", color="gray", help=plain(notice))
         elif notice:

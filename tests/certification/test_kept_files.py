@@ -9,6 +9,7 @@ import pytest
 
 from crashfuse.campaign import Campaign
 from crashfuse.certification import kept_files
+from crashfuse.certification.earlier import FILE, Earlier
 from crashfuse.errors import DataError
 from tests.certification.test_earlier import RECORD
 
@@ -71,20 +72,20 @@ def test_too_large_a_file_is_refused_and_a_full_disk_is_told(home: Path, monkeyp
 
 
 def test_the_certifications_of_a_vehicle_are_found_by_having_one_of_their_tests(campaign: Campaign) -> None:
-    """The latest first; not another vehicle's, no matrix, none that was changed, and of equal ones only the first."""
+    """The latest first; not another vehicle's, no matrix, none that was changed; what says the same is kept once."""
     digests = {test.id: test.digest for test in campaign.tests}
     one, *_ = digests
 
-    def kept(day: int, tests: dict[str, str], **changed: Any) -> str:
+    def kept(day: int, tests: dict[str, str], **changed: Any) -> Earlier:
         record = {**RECORD, "date": f"2026-11-{day}T12:00:00+00:00", "tests_sha256": tests, **changed}
-        return kept_files.keep(json.dumps(record).encode(), "certification.json")
+        return kept_files.keep_certification(json.dumps(record).encode(), campaign)
 
     fewer, whole = kept(20, {"renamed": digests[one]}), kept(22, digests)
-    kept(23, digests)  # says the same as the one before
+    assert kept(23, digests).date == whole.date
     kept(21, {one: "0" * 64})
     kept_files.keep(b"id,speed_mph\n", "matrix.csv")
-    spoilt = kept(24, digests, settings={"seed": "9"})
+    spoilt = kept_files.keep(json.dumps({**RECORD, "tests_sha256": digests, "run": {}}).encode(), FILE)
     (kept_files._home() / spoilt).write_bytes(json.dumps(RECORD).encode())
     found = kept_files.certifications(campaign)
-    assert list(found) == [whole, fewer]
-    assert found[fewer].tests == {"renamed": digests[one]}
+    assert [own.digest for own in found.values()] == [whole.digest, fewer.digest]
+    assert [name == own.digest[:24] for name, own in found.items()] == [True, True]

@@ -216,7 +216,7 @@ def test_of_a_single_left_out_test_it_is_what_was_recommended_without_it(campaig
     assert before.expected is not None
     rated = fold.ratings["time_domain"][60.0].overall
     assert (found.approach, found.expected) == ("time_domain", before.expected)
-    assert found.sentences[0] == f"Use the time domain. {before.expected.outcome(rated)}"
+    assert found.sentences[0] == f"Recommended was the time domain. {before.expected.outcome(rated)}"
     assert found.sentences[1] == before.expected.sentence
     assert found.sentences[2:] == before.sentences[1:]
 

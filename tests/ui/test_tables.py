@@ -58,6 +58,6 @@ def test_numbers_of_any_type_stand_at_the_right_and_words_at_the_left() -> None:
     assert shown(["0.86–0.94", "–"])[0]
     assert shown(["+0.075 ± 0.023", "−0.015"]) == (True, ["+0.075 ± 0.023", "−0.015"])
     assert not shown(["0.846 Good", "0.951 Excellent"])[0]
-    assert not shown(["11 of 11", "–"])[0]
+    assert shown(["11 of 11", "9 of 11"])[0]
     assert shown(["–", "–"])[0]
     assert not shown(["", ""])[0]

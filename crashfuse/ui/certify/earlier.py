@@ -83,8 +83,8 @@ def _read(content: bytes, campaign: Campaign) -> Earlier:
 
 def _keep(certification: Certification) -> None:
     try:
-        kept_files.keep(certification_json(certification), FILE)
-        st.toast("Kept on this machine, to be held against tests that are run from now on.", icon=":material/bookmark:")
+        kept = kept_files.keep_certification(certification_json(certification), certification.campaign)
+        st.toast(f"Kept on this machine since {kept.date}, to be held against later tests.", icon=":material/bookmark:")
     except CrashfuseError as error:
         st.session_state[_WRONG] = error
 

@@ -8,7 +8,7 @@ from crashfuse.approaches.registry import BASELINE, LABELS
 from crashfuse.reporting.paper_tables import REPEAT
 from crashfuse.ui import explanations, page_tables
 from crashfuse.ui.compare.comparison import Comparison
-from crashfuse.wording import signed
+from crashfuse.wording import joined, signed
 
 _NO_CHANGE = 0.005  # in rating
 
@@ -23,7 +23,11 @@ def show(comparison: Comparison) -> None:
     beside = []
     if (repeat := comparison.repeats.get(comparison.window_ms)) is not None:
         beside.append(repeat.sentence(rated, LABELS[advice.approach]))
-    explanations.show_recommendation(advice.after(rated), beside, "warning" if missed else "lightbulb")
+    told, *reasons = advice.after(rated)
+    raw = comparison.fold.ratings.get(BASELINE, {}).get(comparison.window_ms)
+    if raw is not None and raw.overall - rated >= _NO_CHANGE:
+        told = joined([told, f"The raw CAE model rates {raw.overall:.3f}, higher."])
+    explanations.show_recommendation([told, *reasons], beside, "warning" if missed else "lightbulb")
 
 
 def _row(comparison: Comparison) -> str:

@@ -10,6 +10,8 @@ from crashfuse.condition import Condition
 from crashfuse.readers.record import PartialCondition, Record
 from crashfuse.readers.unit_spelling import UNITS
 from crashfuse.ui.importing.session import Source
+from crashfuse.ui.text import chosen_units
+from crashfuse.wording import KPH_KG
 
 _WEIGHTS = ("front weight", "rear weight", "mass")
 _LEAST_SHARE, _MOST_SHARE = 20.0, 80.0  # per cent; a value such as 0.57 is a fraction, not a percentage
@@ -40,10 +42,10 @@ class Units:
 
 
 def units_of(source: Source) -> Units:
-    """Ask for the units; numbers already entered are converted when the units change."""
-    left, right = st.columns(2)
-    speed = _unit(left, "Speed in", "speed", ("km/h", "mph", "m/s"), ("speed",), source)
-    return Units(speed, _unit(right, "Weights in", "mass", ("kg", "lb"), _WEIGHTS, source))
+    """Ask for the units, at first those of the open campaign's pages; what is already entered follows a change."""
+    (left, right), own = st.columns(2), chosen_units() if st.session_state.get("system") else KPH_KG
+    speed = _unit(left, "Speed in", "speed", own.speed, ("km/h", "mph", "m/s"), ("speed",), source)
+    return Units(speed, _unit(right, "Weights in", "mass", own.weight, ("kg", "lb"), _WEIGHTS, source))
 
 
 def condition_of(source: Source, records: Sequence[Record], units: Units) -> tuple[PartialCondition, float | None]:
@@ -75,13 +77,20 @@ def condition_of(source: Source, records: Sequence[Record], units: Units) -> tup
 
 
 def _unit(
-    place: DeltaGenerator, label: str, quantity: str, units: Sequence[str], numbers: Sequence[str], source: Source
+    place: DeltaGenerator,
+    label: str,
+    quantity: str,
+    usual: str,
+    units: Sequence[str],
+    numbers: Sequence[str],
+    source: Source,
 ) -> str:
     key = f"{source.key} {label}"
-    was = st.session_state.get(key, units[0])
+    was = st.session_state.get(key, usual)
     unit: str = place.selectbox(
         label,
         units,
+        units.index(usual),
         key=key,
         persist_state="session",
         on_change=_convert,
