@@ -18,7 +18,7 @@ _ROW_PX, _NAMES_PX, _BELOW_PX = 31, 52, 8  # of a heat map: a row, the names of 
 def rating_heatmap(
     scores: Mapping[str, Mapping[str, float]], repeats: Mapping[str, Repeatability] | None = None
 ) -> go.Figure:
-    """Draw overall ratings by test id and approach as a table coloured by grade, with the mean over the tests below.
+    """Draw overall ratings by test id and approach as a table coloured by grade, below several their mean.
 
     Ratings that are not known yet, and their mean, are left empty. What a repeat of each test would rate is the last
     column, if it is known for all.
@@ -30,8 +30,9 @@ def rating_heatmap(
     if repeats and set(repeats) == set(tests):
         names.append("<i>A repeat</i>")
         z = np.column_stack([z, [repeats[test].value for test in tests]])
-    z = np.vstack([z, z.mean(axis=0)])
-    rows = [f"Test {test}" for test in tests] + ["<b>Mean</b>"]
+    mean = ["<b>Mean</b>"] if len(tests) > 1 else []
+    z = np.vstack([z, *(z.mean(axis=0) for _ in mean)])
+    rows = [f"Test {test}" for test in tests] + mean
     text = [["" if np.isnan(value) else f"{value:.3f} {grade(value)}" for value in row] for row in z]
     figure = new_figure(height=_NAMES_PX + _ROW_PX * len(rows) + _BELOW_PX)
     figure.add_heatmap(
@@ -49,7 +50,7 @@ def rating_heatmap(
         ygap=2,
         showscale=False,
     )
-    clicked = [test for test in (*tests, "") for _ in names]  # the mean belongs to no test
+    clicked = [test for test in (*tests, *("" for _ in mean)) for _ in names]  # the mean belongs to no test
     told = [f"{row}, {name}: {text[i][j]}" for i, row in enumerate(rows) for j, name in enumerate(names)]
     make_clickable(figure, names, rows, clicked, 26, hovertext=told, hovertemplate="%{hovertext}<extra></extra>")
     fix_cells(figure)
@@ -60,7 +61,7 @@ def rating_heatmap(
     )  # fmt: skip
     ends = [len(rows) - 0.5, -0.5]  # the marks would widen it
     figure.update_yaxes(
-        range=ends, type="category", tickvals=rows, ticktext=[f"Test {tick_name(test)}" for test in tests] + rows[-1:],
+        range=ends, type="category", tickvals=rows, ticktext=[f"Test {tick_name(test)}" for test in tests] + mean,
         ticks="", showline=False, zeroline=False, showgrid=False,
     )  # fmt: skip
     return figure

@@ -46,16 +46,17 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
         raise UsageError(f"The report cannot show {', '.join(sorted(unknown))}: the study did not leave it out.")
     if display.window_ms not in config.windows_ms:
         display = replace(display, window_ms=max(config.windows_ms))
-    worst = worst_test(study, display.window_ms)
+    worst, alone = worst_test(study, display.window_ms), len(held_out) == 1
     common: dict[str, object] = {
         "verdict": _verdict(study, display.window_ms),
         "window": f"0–{display.window_ms:g} ms",
         "result": _result(study, display),
         "notes": [(note.test, note.when, note.text) for note in options.notes if note.test in held_out],
         "weak_spots": _weak_spots(study, recommend(study).approach),
-        "worst_test": {"heading": "The worst test", "sentences": worst.sentences}
-        if len(held_out) > 1
-        else {"heading": "The test itself", "sentences": worst.sentences[1:]},  # the verdict has the first
+        "rated": "Rating of the held-out test" if alone else "Mean rating over the held-out tests",
+        "worst_test": {"heading": "The test itself", "sentences": worst.sentences[1:]}  # the verdict has the first
+        if alone
+        else {"heading": "The worst test", "sentences": worst.sentences},
     }
     whole = options.form == "whole"
     if whole:
@@ -63,7 +64,7 @@ def study_report(study: Study, display: Display = DEFAULT, options: ReportOption
     shown = options.tests or tuple(held_out if whole else [worst.test.id])
     return render(
         "study" if whole else "short",
-        f"study with each {config.split_configs[0].leave_out} left out",
+        f"test {held_out[0]} left out" if alone else f"study with each {config.split_configs[0].leave_out} left out",
         campaign,
         config,
         study_command(campaign, held_out, config, display.system),

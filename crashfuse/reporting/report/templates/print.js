@@ -1,5 +1,5 @@
 // On paper figures are narrower and lower, with smaller words, so that two or three fit a page; afterwards all is as it was.
-const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, LOWEST_PX = 225, ROW_PX = 19, WORDS_PX = 11, IN_CELLS_PX = 9;
+const WIDTH_PX = 680, SHARE = 0.4, SHARE_IN_DOSSIER = 0.8, SHARE_OF_FEW = 0.5, FEW = 3, LOWEST_PX = 225, ROW_PX = 19, WORDS_PX = 11, IN_CELLS_PX = 9;
 const MARGINS_PX = 110, LETTER_PX = 6;
 const before = new Map();
 const figures = () => document.querySelectorAll(".plotly-graph-div");
@@ -26,7 +26,8 @@ const heightOfCells = (cells, data) => { // their heads may have several lines, 
 const onPaper = figure => {
   const { layout, data } = figure, usual = layout.height;
   const changes = { autosize: false, width: WIDTH_PX };
-  const share = document.querySelector(".dossier") ? SHARE_IN_DOSSIER : SHARE; // its figures stand for themselves
+  const share = document.querySelector(".dossier") ? SHARE_IN_DOSSIER // its figures stand for themselves
+    : figures().length <= FEW ? SHARE_OF_FEW : SHARE;
   const heatMap = data.find(trace => trace.type === "heatmap");
   const rows = heatMap ? heightOfCells(heatMap, data) : Math.max(usual * share, LOWEST_PX) + underNames(data);
   Object.assign(changes, { height: Math.round(Math.min(usual, rows)), "font.size": WORDS_PX });
